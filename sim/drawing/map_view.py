@@ -18,6 +18,7 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
+from sim.world.contacts import touched
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Indices
@@ -185,7 +186,8 @@ class MapView:
         for uav, contact in latest.items():
             centre = self.pixels(snapshot.poses[uav].position[:2])
             disc(image, centre, 15.0, palette.ALARM, 3)
-            labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, palette.ALARM, True, PANEL))
+            text = f"touched {touched(contact.kind, contact.other)}"
+            labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks."""

@@ -17,6 +17,7 @@ from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered
+from sim.world.contacts import touched
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
 
@@ -158,12 +159,13 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_row(factor.label, _text(factor, _value(summary, factor)), end_section=True)
     for stage, spent in summary["seconds"].items():
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
-    touched = summary["contacts"]
-    if touched:
+    found = summary["contacts"]
+    if found:
         table.add_section()
-        table.add_row("contacts", str(len(touched)), style="bold red")
-    for contact in touched[:3]:
-        table.add_row(f"  at {contact['time']:.1f} s", f"UAV {contact['uav']}, {contact['kind']} {contact['other']}")
+        table.add_row("contacts", str(len(found)), style="bold red")
+    for contact in found[:3]:
+        text = f"UAV {contact['uav']}, {touched(contact['kind'], contact['other'])}"
+        table.add_row(f"  at {contact['time']:.1f} s", text)
     return table
 
 

@@ -16,10 +16,9 @@ from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
+from sim.world.contacts import touched
 from tracking.numerics.arrays import Indices
 from tracking.reporting import is_reported
-
-_TOUCHED = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
 
 
 def events_of(recording: Recording, scenario: Scenario, history: History | None = None) -> tuple[Event, ...]:
@@ -74,10 +73,8 @@ def _faults(recording: Recording) -> Iterator[Event]:
 def _contacts(recording: Recording) -> Iterator[Event]:
     for entry in contacts(recording):
         first, last = (int(np.argmin(np.abs(recording.times - entry[name]))) for name in ("time", "until"))
-        uav, kind = entry["uav"], entry["kind"]
-        touched = "the ground" if kind == "ground" else f"{_TOUCHED.get(kind, 'person')} {entry['other']}"
-        text = f"UAV {uav} touched {touched}"
-        yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(uav,))
+        text = f"UAV {entry['uav']} touched {touched(entry['kind'], entry['other'])}"
+        yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(entry["uav"],))
 
 
 def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:

@@ -7,6 +7,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 KINDS = ("uav", "canopy", "trunk", "person", "ground")
+_NAMES = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree", "person": "person"}
 
 
 class Contact(NamedTuple):
@@ -15,6 +16,11 @@ class Contact(NamedTuple):
     uav: int
     kind: str
     other: int
+
+
+def touched(kind: str, other: int) -> str:
+    """The body that a UAV touched in words; as in `Contact`."""
+    return "the ground" if kind == "ground" else f"{_NAMES[kind]} {other}"
 
 
 @compiled

@@ -11,6 +11,7 @@ from helpers.recordings import record
 from helpers.summaries import shown, summary
 from helpers.teams import Spy
 
+from sim.drawing.labels import Labels
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
 from sim.evaluation.fleet_facts import contacts
@@ -19,7 +20,7 @@ from sim.recording.archive import save
 from sim.recording.recording import Recorder
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
-from sim.world.contacts import Contact
+from sim.world.contacts import KINDS, Contact, touched
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree
 
@@ -96,8 +97,19 @@ def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
         assert json.loads(json.dumps(result, allow_nan=False)) == result
         texts.append(shown(result))
     assert "contacts" not in texts[0]
-    for piece in ("contacts", "at 0.6 s", "UAV 0, uav 1", "at 0.8 s", "UAV 2, canopy 7"):
+    for piece in ("contacts", "at 0.6 s", "UAV 0, UAV 1", "at 0.8 s", "UAV 2, the canopy of tree 7"):
         assert piece in texts[1]
+
+
+def test_the_map_says_in_words_what_was_touched(monkeypatch):
+    words = ["UAV 4", "the canopy of tree 4", "the trunk of tree 4", "person 4", "the ground"]
+    assert [touched(kind, 0 if kind == "ground" else 4) for kind in KINDS] == words
+    setting, texts = synthetic.scenario(), []
+    (snapshot,) = synthetic.snapshots(setting, Forest(()), 1)
+    touching = dataclasses.replace(snapshot, contacts=(Contact(0, "uav", 1), Contact(2, "ground", 0)))
+    monkeypatch.setattr(Labels, "put", lambda self, text, *_, **__: texts.append(text))
+    MapView(setting, Forest(()), (790, 540)).draw(np.zeros((540, 790, 3), dtype=np.uint8), touching)
+    assert {"touched UAV 1", "touched the ground"} <= set(texts)
 
 
 def test_the_map_marks_a_uav_for_a_second_after_its_contact():
