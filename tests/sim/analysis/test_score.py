@@ -48,7 +48,7 @@ def test_a_score_is_the_share_of_the_way_from_floor_to_bound():
     assert higher.estimate.value == pytest.approx(0.5)
 
 
-def test_a_score_on_a_metric_of_the_users_goes_the_way_that_the_metric_says(tmp_path, monkeypatch):
+def test_a_score_on_a_metric_of_the_users_has_its_direction(tmp_path, monkeypatch):
     text = (
         'from sim.evaluation.metric import Metric\n\nFOUND = Metric("found", better="higher", name="ownscore:FOUND")\n'
     )

@@ -32,7 +32,7 @@ def brute_force(pixels, people, count):
 
 
 def found_people(pixels, people, count):
-    """Whether each person is found by a detection."""
+    """List whether each person is found by a detection."""
     return (matched_detections(pixels, people, count) >= 0).tolist()
 
 
