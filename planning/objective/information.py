@@ -9,13 +9,13 @@ from tracking.numerics.exponential import logs
 
 
 @compiled
-def information_gain(P: Array, transition: tuple[float, float], noise: Array, information: Array) -> Array:
-    """Mutual information (LANES,) [nats] of a state one step later and its measurements then: ½ log det(I + J P⁻).
+def gain_transition(P: Array, transition: tuple[float, float], noise: Array, information: Array, costs: Array) -> None:
+    """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces.
 
-    P⁻ is the predicted position block, J the measurements' information; P (10 LANES,) and information (3 LANES,) as in
-    `belief_transition`. By the chain rule, the sum over steps, with P updated by each, is the mutual information of
-    the path and all measurements. It is monotone and submodular in the measurements, because these are independent
-    given the path. Source: [Krause05] for the latter.
+    It is the mutual information [nats] of a state one step later and its measurements then: ½ log det(I + J P⁻), with
+    the predicted position block P⁻ and the measurements' information J. By the chain rule, the sum over steps is the
+    mutual information of the path and all measurements. It is monotone and submodular in the measurements, because
+    these are independent given the path. Source: [Krause05] for the latter.
     """
     gains, (way, _) = np.empty(LANES), transition
     for k in range(LANES):
@@ -29,15 +29,6 @@ def information_gain(P: Array, transition: tuple[float, float], noise: Array, in
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
         gains[k] = a * d - b * c
     logs(gains)
-    for k in range(LANES):
-        gains[k] *= 0.5
-    return gains
-
-
-@compiled
-def gain_transition(P: Array, transition: tuple[float, float], noise: Array, information: Array, costs: Array) -> None:
-    """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces."""
-    gains = information_gain(P, transition, noise, information)
     belief_transition(P, transition, noise, information, costs)
     for k in range(LANES):
-        costs[k] = -gains[k]
+        costs[k] = -0.5 * gains[k]

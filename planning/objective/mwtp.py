@@ -19,28 +19,6 @@ class Match(NamedTuple):
     penalty: float  # m³; only the first match of a UAV has one
 
 
-def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views: Array) -> float:
-    """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
-
-    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
-    views (n, 5, 3): their fields of view, see `field_of_view.view_quadrangle`. `sensors` is overwritten with the
-    positions p^MDO.
-
-    Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
-    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
-    its p^MDO, the least displacement after which the field of view covers it, would be zero.
-    """
-    busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
-    busy[:, :2] = sensors
-    for i in range(len(sensors)):
-        mark_in_view(targets, seen, sensors, views, i)
-    penalty = 0.0
-    for match in matches(targets, traces, seen, busy, views):
-        penalty += match.penalty
-    sensors[:] = busy[:, :2]
-    return penalty
-
-
 @compiled
 def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav: int) -> None:
     """Mark in `seen` (T,) the targets (T, 2 or 3) m in the field of view of a UAV's sensor at (2,) m."""
@@ -52,7 +30,14 @@ def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav:
 def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: Array) -> tuple[Match, ...]:
     """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
 
-    sensors (n, 3): x, y [m] and D_i, overwritten. `mwtp_lanes` finds the penalties of many plans side by side.
+    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 3): x, y
+    [m] and D_i, overwritten with the positions p^MDO; views (n, 5, 3): their fields of view, see
+    `field_of_view.view_quadrangle`. `mwtp_lanes` finds the penalties of many plans side by side. Source: [Li22], with
+    β = 1.
+
+    Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
+    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
+    its p^MDO, the least displacement after which the field of view covers it, would be zero.
     """
     found = []
     for t in np.argsort(-traces, kind="stable").tolist():  # equal ones by index

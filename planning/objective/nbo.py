@@ -33,13 +33,6 @@ class Measure(NamedTuple):
 TRACE = Measure(gains=False, cutoff=np.inf)
 
 
-def costs(
-    belief: PredictedBelief, velocities: Array, uavs: Sequence[int], candidates: Array, beta: float, samples: int = 1
-) -> Array:
-    """Objective (N,) m² of `candidates` (N, k, H, 2) m/s for k UAVs while the others fly `velocities` (n, H, 2)."""
-    return objective(belief, velocities, uavs, beta, samples)(candidates)
-
-
 def objective(
     belief: PredictedBelief,
     velocities: Array,
@@ -57,7 +50,7 @@ def objective(
     equally probable trajectories each has its own P, and traces are their mean. The contribution of the other UAVs is
     the same for all candidates and computed once. Another `measure` puts the expected squared error up to a cut-off
     (`squared_error.cut_off`) or minus the mutual information of targets' paths and all measurements
-    (`information_gain`) in the place of each trace.
+    (`information.gain_transition`) in the place of each trace.
 
     Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
     every frame, five in a step of 1 s by default, so beliefs in people in view become narrower than predicted.

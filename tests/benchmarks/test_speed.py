@@ -12,7 +12,7 @@ from helpers.nominal import nominal, plain_cost
 from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 
 from planning.composition import Composition
-from planning.objective.nbo import costs
+from planning.objective.nbo import objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
 from sim.scenario.perception import Sensing
@@ -69,7 +69,8 @@ def test_scan(benchmark, uavs, targets):
 @pytest.mark.benchmark(group="objective")
 def test_objective_of_256_candidates(benchmark, random_team):
     situation, joint, candidates = problem(random_team)
-    values = benchmark(costs, nominal(situation, 5), joint, [0], candidates[:, None], 0.5)
+    belief = nominal(situation, 5)
+    values = benchmark(lambda: objective(belief, joint, [0], 0.5)(candidates[:, None]))
     assert values[0] == pytest.approx(plain_cost(situation, joint, 0.5)[0])
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.stats import norm
 
 from helpers.teams import among
-from planning.objective.nbo import Measure, costs, objective
+from planning.objective.mwtp import mark_in_view, matches
+from planning.objective.nbo import Measure, objective
 from planning.prediction.propagation import Nominal
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -22,13 +23,26 @@ def nominal(situation, horizon):
 
 def team_cost(belief, controls, beta, samples=1):
     """Objective of one joint plan (n, H, 2) m/s."""
-    return float(costs(belief, controls, range(len(controls)), controls[None], beta, samples)[0])
+    return float(objective(belief, controls, range(len(controls)), beta, samples)(controls[None])[0])
 
 
 def information(situation, uavs, plans, *, expected=False):
     """Mutual information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id, as if there were no others."""
     belief = Nominal(expected).predict(among(situation, uavs), plans.shape[2], np.random.default_rng(0))
     return -objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
+
+
+def weighted_trace_penalty(targets, traces, sensors, views):
+    """Multiple weighted trace penalty [m³], the sum over `matches`; `sensors` (n, 2) m are moved to their p^MDO."""
+    busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
+    busy[:, :2] = sensors
+    for i in range(len(sensors)):
+        mark_in_view(targets, seen, sensors, views, i)
+    penalty = 0.0
+    for match in matches(targets, traces, seen, busy, views):
+        penalty += match.penalty
+    sensors[:] = busy[:, :2]
+    return penalty
 
 
 def plain_mwtp(targets, traces, sensors, reach):

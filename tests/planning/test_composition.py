@@ -7,7 +7,7 @@ import pytest
 from helpers.teams import planned, refitted
 
 from planning.composition import Composition
-from planning.objective.nbo import costs
+from planning.objective.nbo import objective
 from planning.optimizers.optimizer import SearchResult
 from planning.planner import Plan
 from planning.prediction.intent import base_policy_plans, expected_plans
@@ -50,8 +50,8 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
         plans = base_policy_plans(situation, situation.own, COMMANDS[:, 0, :1], 3)[:, None]
     others = mean_velocities(response(situation.vehicles, situation.step), expected[None])[0]
     flown = mean_velocities(response([situation.own], situation.step), plans)
-    np.testing.assert_allclose(asking.values[0], costs(belief, others, uavs, flown, 0.5), rtol=1e-12)
-    assert np.mean(np.abs(asking.values[0] - costs(belief, expected, uavs, plans, 0.5)) > 1e-6) > 0.5
+    np.testing.assert_allclose(asking.values[0], objective(belief, others, uavs, 0.5)(flown), rtol=1e-12)
+    assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
 
 
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan])

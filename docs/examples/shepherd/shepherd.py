@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from planning.composition import Composition
-from planning.objective.nbo import costs
+from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import pursuits
 from planning.planner import Plan, Situation
@@ -54,13 +54,13 @@ class Herding(Composition):
         seen_from = np.array([v.position[:2] + aim_point(v) for v in vehicles])
         belief, follows = self.propagation.predict(situation, self.horizon, rng), response(vehicles, step)
 
-        def objective(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
+        def values(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
             joint = np.repeat(controls[None], len(candidates), axis=0)
             joint[:, rows] = candidates
             flown = mean_velocities(follows, joint)  # quadrotors take time to follow a command
             ends = seen_from + step * flown.sum(axis=2)  # (N, n, 2) m
             gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
-            over_horizon = costs(belief, flown[0], rows, flown[:, rows], beta=0.0)
+            over_horizon = objective(belief, flown[0], rows, 0.0)(flown[:, rows])
             return np.asarray(over_horizon + applied(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)
@@ -71,4 +71,4 @@ class Herding(Composition):
                 start[0, j] = chase
                 starts.append(start)
         speeds = np.array([vehicles[i].max_speed for i in rows])
-        return CrossEntropy(evaluations=1024).minimise(objective, np.concatenate(starts), speeds, rng).plans
+        return CrossEntropy(evaluations=1024).minimise(values, np.concatenate(starts), speeds, rng).plans

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.nominal import weighted_trace_penalty
 from scipy.spatial.transform import Rotation
 
-from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.mwtp_lanes import mark_in_view_lanes, penalties, workspace
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, belief_transition

@@ -5,11 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost
+from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost, weighted_trace_penalty
 
 from planning.composition import Composition
-from planning.objective.mwtp import weighted_trace_penalty
-from planning.objective.nbo import Measure, costs, objective
+from planning.objective.nbo import Measure, objective
 from planning.prediction.predicted_belief import predicted_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -61,7 +60,7 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
     controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 3, 4, 2))
     for uavs in ([0], [1], [2], [0, 2], [2, 1], [0, 1, 2]):
         chosen = candidates[:, : len(uavs)]
-        for value, candidate in zip(costs(view, controls, uavs, chosen, 0.5), chosen, strict=True):
+        for value, candidate in zip(objective(view, controls, uavs, 0.5)(chosen), chosen, strict=True):
             joint = controls.copy()
             joint[uavs] = candidate
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)

@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import nominal
 
 from planning.loading import load_planner
-from planning.objective.nbo import costs
+from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits, speed_limited
@@ -121,12 +121,10 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
         situation = random_team(seed, uavs=2, targets=3, spread=15.0)[0]
         view, plans = nominal(situation, 2), expected_plans(situation, 2)
 
-        def objective(c, view=view, plans=plans):
-            return costs(view, plans, [0], c, 0.5)
-
+        values = objective(view, plans, [0], 0.5)
         chases = pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
-        best = run(GridSearch(24, 3), objective, plans[None, :1]).cost
-        found = run(optimizer, objective, np.concatenate([plans[None, :1], chases]), seed)
+        best = run(GridSearch(24, 3), values, plans[None, :1]).cost
+        found = run(optimizer, values, np.concatenate([plans[None, :1], chases]), seed)
         excess.append(found.cost / best - 1.0)
     assert max(excess) <= 0.01
 

@@ -5,12 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal, plain_cost, squares, team_cost
+from helpers.nominal import nominal, plain_cost, squares, team_cost, weighted_trace_penalty
 from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
 from planning.composition import Composition
-from planning.objective.mwtp import weighted_trace_penalty
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import aim_point, points_shown, view_quadrangle, viewing_range
 from planning.prediction.intent import base_control

@@ -6,10 +6,9 @@ import math
 import numpy as np
 import pytest
 from helpers.flights import fly
-from helpers.nominal import team_cost
+from helpers.nominal import team_cost, weighted_trace_penalty
 from helpers.teams import refitted
 
-from planning.objective.mwtp import weighted_trace_penalty
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
 from planning.prediction.quadrangle import inside, shortest_move

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.nominal import weighted_trace_penalty
 from helpers.recordings import record
 
-from planning.objective.mwtp import matches, weighted_trace_penalty
-from planning.objective.nbo import costs
+from planning.objective.mwtp import matches
+from planning.objective.nbo import objective
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.propagation import Nominal
@@ -63,7 +64,7 @@ def test_matches_of_a_recording_are_those_its_plans_would_pay_for():
         situation = situation_at(recording, scenario, k, 1)
         view = Nominal().predict(situation, 5, np.random.default_rng(0))
         flown = mean_velocities(response(situation.vehicles, situation.step), controls[None])
-        paid = [float(costs(view, flown[0], range(3), flown, beta, 1)[0]) for beta in (0.0, 1.0)]
+        paid = [float(objective(view, flown[0], range(3), beta)(flown)[0]) for beta in (0.0, 1.0)]
         found = matches_at(recording, scenario, k, 1)
         assert sum(m.penalty for m, _ in found) == pytest.approx(paid[1] - paid[0])
         assert {m.target for m, _ in found} <= {t.id for t in recording.tracks_at(k, 1)}
