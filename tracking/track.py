@@ -12,6 +12,10 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array, Flags, Indices
 
+# Probability of existence up to which a track is not reported. For its existence r, the square e of its error and the
+# cut-off c, to report it costs GOSPA r e + (1 - r) c² / 2, to leave it out r c² / 2.
+UNLIKELY = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -33,6 +37,15 @@ class Track:
     existence: float = 1.0  # probability; 1 where the tracker has none, as where life is m_of_n
     # (3,) position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
+
+    @property
+    def reported(self) -> bool:
+        """True if the person more likely exists than not.
+
+        Less likely tracks are hypotheses still: planners weigh them, and a measurement may confirm them.
+        Source: [GarciaFernandez18], the first of its estimators, with the threshold of GOSPA for small errors.
+        """
+        return self.existence > UNLIKELY
 
 
 def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array) -> tuple[Track, ...]:

@@ -25,8 +25,7 @@ from tracking.plugins.containment import ForeignError, Unusable, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 from tracking.plugins.registry import InputError
 from tracking.plugins.results import change, check_positive_definite, contents
-from tracking.reporting import positions_of
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, beliefs_of
 
 _SCANS, _STEP = 25, 0.2  # and s between them
 _UAVS = 2
@@ -150,7 +149,7 @@ class _Flight:
 
     def people(self) -> tuple[int, int]:
         """People with a track in the end, and tracks of no person."""
-        places = positions_of(self.tracks[-1][0])
+        places = beliefs_of(self.tracks[-1][0])[0][:, :2]
         gaps = length(places[:, None] - _people(_SCANS - 1))
         return int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
 

@@ -11,7 +11,6 @@ from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
-from tracking.reporting import is_reported
 from tracking.track import Track
 
 Side = tuple[int, int]  # rightwards and upwards
@@ -32,7 +31,7 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
 
 def track_name(track: Track) -> str:
     """The name of a track under its number, with a question mark if it is not reported."""
-    return f"{track.id}{'' if is_reported(track) else '?'}"
+    return f"{track.id}{'' if track.reported else '?'}"
 
 
 def numbered(recording: Recording, k: int) -> Snapshot:

@@ -11,8 +11,7 @@ from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
-from tracking.reporting import UNLIKELY, positions_of, reported
-from tracking.track import beliefs_of
+from tracking.track import UNLIKELY, beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
 
@@ -36,7 +35,8 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 def true_gospa(situation: Situation, people: Array) -> float:
     """Negative GOSPA [m] of the tracks that the UAV reports to the true people, cut-off 10 m: for training alone."""
-    return -gospa(positions_of(reported(situation.tracks)), people, FAR).distance
+    means, _ = beliefs_of([t for t in situation.tracks if t.reported])
+    return -gospa(means[:, :2], people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:

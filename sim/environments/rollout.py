@@ -17,7 +17,7 @@ from sim.running.run import record
 from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.reporting import positions_of, reported
+from tracking.track import beliefs_of
 
 NAME = "environment"  # of what decides, on films and in recordings
 
@@ -80,7 +80,8 @@ class Rollout:
         metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             metrics["ospa"] = float(self.now.ospa[uav, 0])
-            metrics["gospa"] = gospa(positions_of(reported(self.now.tracks[uav])), self.people, FAR).distance
+            means, _ = beliefs_of([t for t in self.now.tracks[uav] if t.reported])
+            metrics["gospa"] = gospa(means[:, :2], self.people, FAR).distance
         return metrics
 
     def draw(self) -> NDArray[np.uint8]:

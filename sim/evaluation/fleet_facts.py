@@ -10,8 +10,7 @@ from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Flags, Indices
-from tracking.reporting import positions_of
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:
@@ -50,5 +49,6 @@ def disagreement(held: Sequence[Sequence[Track]]) -> float:
 
     held: tracks of each UAV.
     """
-    gaps = [ospa(one, other).distance for one, other in combinations(map(positions_of, held), 2)]
+    places = [beliefs_of(tracks)[0][:, :2] for tracks in held]
+    gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
     return float(np.mean(gaps)) if gaps else 0.0

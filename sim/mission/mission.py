@@ -28,8 +28,7 @@ from sim.world.world import World
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import InputError
-from tracking.reporting import positions_of, reported
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 
 class Mission:
@@ -227,7 +226,8 @@ class Mission:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks against people (P, 2) m; NaN for broken UAVs."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            errors[i] = ospa(positions_of(reported(tracks[i])), present)
+            means, _ = beliefs_of([t for t in tracks[i] if t.reported])
+            errors[i] = ospa(means[:, :2], present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:

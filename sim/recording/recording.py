@@ -18,8 +18,7 @@ from sim.world.contacts import KINDS, Contact
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.reporting import UNLIKELY
-from tracking.track import Scan, Track, tracks_of
+from tracking.track import UNLIKELY, Scan, Track, tracks_of
 
 VERSION = 1
 # Tables with a row for each scan, which snapshots hold under the same name.
@@ -144,7 +143,7 @@ class Recording:
 
     @property
     def reported(self) -> Flags:
-        """Tracks (S,) that are reported, as by `tracking.reporting.reported`; those of unknown existence are."""
+        """Tracks (S,) that are reported, as by `tracking.track.Track.reported`; those of unknown existence are."""
         return ~(self.existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:

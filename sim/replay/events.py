@@ -18,7 +18,6 @@ from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.world.contacts import touched
 from tracking.numerics.arrays import Indices
-from tracking.reporting import is_reported
 
 
 def events_of(recording: Recording, scenario: Scenario, history: History | None = None) -> tuple[Event, ...]:
@@ -215,7 +214,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
     for track in recording.tracks_at(loss.first, uav):
         if track.id == column[uav]:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
-            doubt = "" if is_reported(track) else f", but not reported (existence {track.existence:.2f})"
+            doubt = "" if track.reported else f", but not reported (existence {track.existence:.2f})"
             return f"; track {number} is {gap:.1f} m off at first{doubt}"
     return f"; track {number} is gone"
 

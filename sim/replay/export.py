@@ -16,7 +16,7 @@ from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import check_known
-from tracking.reporting import UNLIKELY
+from tracking.track import UNLIKELY
 
 Row = Sequence[float | int | str]
 Rows = Iterable[tuple[Any, ...]]

@@ -17,7 +17,7 @@ from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from tracking.numerics.arrays import Array, Indices
-from tracking.reporting import UNLIKELY
+from tracking.track import UNLIKELY
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 _LEAST = 0.005  # probability below which a measurement is not worth a line

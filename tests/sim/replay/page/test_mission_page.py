@@ -28,7 +28,6 @@ from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
 from tracking.plugins.registry import InputError
-from tracking.reporting import is_reported
 
 OPTIONS = {"explain": ({"--time", "--target"}, {"--track"}), "frames": ({"--time", "--uav"},)}
 
@@ -104,7 +103,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
             np.testing.assert_allclose(row[1:3], track.belief.mean[:2], atol=0.0051)
             along = np.array([np.cos(row[5]), np.sin(row[5])])
             spread = float(along @ track.belief.covariance[:2, :2] @ along)
-            assert bool(row[6]) == is_reported(track)
+            assert bool(row[6]) == track.reported
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
         for m, person in enumerate(Sight.of(recording, setting, k, i).people):
             shown = "seen" if person.detected else "hidden" if person.inside else "out of view"
