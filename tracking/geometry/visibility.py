@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
+from tracking.geometry.line_of_sight import Grid, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp_each
@@ -78,13 +78,6 @@ class Forest:
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _free(origins, ends, self.blockers, self.grid)
 
-    def hiding(self, camera: Array, points: Array) -> Flags:
-        """Flags (N, T) of the trees between a camera (3,) m and each point (N, 3) m."""
-        origin, ends = (np.ascontiguousarray(x, dtype=float) for x in (camera, np.atleast_2d(points)))
-        touched = _touched(origin, ends, self.blockers)
-        parts = len(self.blockers) // max(len(self.trees), 1)  # of a tree
-        return np.asarray(touched.reshape(len(ends), parts, len(self.trees)).any(axis=1), dtype=np.bool_)
-
 
 @compiled
 def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Flags:
@@ -96,16 +89,6 @@ def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Flags:
             point = points[j, 0], points[j, 1], points[j, 2]
             free[i, j] = unobstructed(camera, point, cylinders, grid)
     return free
-
-
-@compiled
-def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
-    """Flags (N, B) of the cylinders (B, 5) that segments from a camera (3,) to points (N, 3) touch."""
-    touched = np.empty((len(points), len(cylinders)), dtype=np.bool_)
-    for j in range(len(points)):
-        for b in range(len(cylinders)):
-            touched[j, b] = blocked(camera, points[j], cylinders[b])
-    return touched
 
 
 def _centroids(count: int) -> Array:

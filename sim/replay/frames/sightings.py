@@ -13,8 +13,10 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.line_of_sight import blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.compiled import compiled
 
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
@@ -98,7 +100,19 @@ def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest)
     """People (M, 2) m, NaN where absent, inside one frame (M,), and the trees (M, T) that hide each of those."""
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    return inside, np.asarray(forest.hiding(pose.position, points) & inside[:, None])
+    parts = len(forest.blockers) // max(len(forest.trees), 1)  # of a tree
+    touched = _touched(pose.position, points, forest.blockers).reshape(len(points), parts, len(forest.trees))
+    return inside, touched.any(axis=1) & inside[:, None]
+
+
+@compiled
+def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
+    """Flags (M, B) of the cylinders (B, 5) that segments from a camera (3,) to points (M, 3) touch."""
+    touched = np.empty((len(points), len(cylinders)), dtype=np.bool_)
+    for j in range(len(points)):
+        for b in range(len(cylinders)):
+            touched[j, b] = blocked(camera, points[j], cylinders[b])
+    return touched
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

@@ -8,8 +8,9 @@ from helpers.recordings import broken, record
 
 from sim.evaluation.holding import HOLDS, Holding
 from sim.replay.frames.rerender import scenario_of
-from sim.replay.frames.sightings import Sight
+from sim.replay.frames.sightings import Sight, inside_and_hiding
 from sim.replay.history import STATES, History
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
 
@@ -47,8 +48,12 @@ def test_each_tree_hides_by_itself():
     camera = np.array([0.0, 0.0, 20.0])
     points = np.column_stack([rng.uniform(-25, 25, (200, 2)), np.full(200, 0.85)])
     alone = np.stack([~Forest((tree,)).visible(camera, points)[0] for tree in trees], axis=1)
-    np.testing.assert_array_equal(Forest(trees).hiding(camera, points), alone)
-    assert alone.any() and not alone.all() and Forest(()).hiding(camera, points).shape == (200, 0)
+    frame = Camera(ALL_ROUND, 128), Pose.level(*camera), points[:, :2]
+    inside, hiding = inside_and_hiding(*frame, Forest(trees))
+    np.testing.assert_array_equal(hiding, alone)
+    assert (
+        inside.all() and alone.any() and not alone.all() and inside_and_hiding(*frame, Forest(()))[1].shape == (200, 0)
+    )
 
 
 def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
