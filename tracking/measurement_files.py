@@ -60,7 +60,9 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
         if uav in cameras:
             raise row.wrong("uav", f"UAV {uav} has a second row")
         if not 0 < fov < math.pi and fov != ALL_ROUND:
-            raise row.wrong("fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad")
+            raise row.wrong(
+                "fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad, or 2 pi: all round"
+            )
         if pixels < 1:
             raise row.wrong("pixels", f"{pixels} is not allowed; expected 1 or more")
         cameras[uav] = Camera(fov, pixels)

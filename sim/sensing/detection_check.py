@@ -10,7 +10,7 @@ from sim.sensing.sensor_mode import SensorOutput
 from tracking.detection.detector import Detections, Frame
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.plugins.containment import Unusable, numbers
-from tracking.plugins.results import check_positive_definite, checked_array
+from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
 
 _SHAPES = {"pixels": (2,), "ground": (2,), "covariances": (2, 2)}  # of one detection
 _UNITS = {"pixels": "pixels", "ground": "m"}
@@ -69,10 +69,7 @@ def _usable(name: str, given: object, count: int) -> Array:
 
 def _visible(given: object, people: Array) -> Indices:
     """Pixels (M,) that show each person; True and False count as 1 and 0."""
-    found = np.array(given)
-    if found.shape != (len(people),) or found.dtype.kind not in "biu":
-        raise Unusable(f"visible are no table ({len(people)},) of whole numbers")
-    visible = found.astype(np.int64)
+    visible = whole_numbers("visible", given, (len(people),), "biu")
     if visible.min(initial=0) < 0:
         raise Unusable("visible are below 0")
     _check_present("visible", visible > 0, people)

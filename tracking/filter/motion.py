@@ -59,18 +59,14 @@ class _Checked:
     dt: float
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        from tracking.plugins.results import check_positive_definite, checked_array
+
         with MOTION_MODELS.errors(self.name, "predict"):
             moved, spread = self.model.predict_all(means, covariances)
-            return _beliefs(moved, spread, len(means))
+            moved = checked_array("means", moved, means.shape)
+            spread = checked_array("covariances", spread, covariances.shape)
+            check_positive_definite("covariances", spread)
+            return moved, spread
 
     def observed(self, velocities: Array) -> _Checked:
         return self
-
-
-def _beliefs(means: object, covariances: object, count: int) -> tuple[Array, Array]:
-    """Means (count, 4) and covariances (count, 4, 4) that a filter can use; `Unusable` says why others are not."""
-    from tracking.plugins.results import check_positive_definite, checked_array
-
-    found = checked_array("means", means, (count, 4)), checked_array("covariances", covariances, (count, 4, 4))
-    check_positive_definite("covariances", found[1])
-    return found

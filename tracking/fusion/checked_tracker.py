@@ -13,7 +13,7 @@ from tracking.fusion.member import TRACKERS
 from tracking.fusion.message import INFORMATION, Message
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import Unusable, numbers
-from tracking.plugins.results import check_positive_definite, checked_array
+from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
 from tracking.track import Scan, Track, tracks_of
 
 _MOST = 10_000  # tracks of one UAV
@@ -124,18 +124,18 @@ def checked_message(given: object) -> Message:
     if not isinstance(given, Message):
         raise Unusable(f"it is no tracking.fusion.message.Message but {type(given).__name__}")
     count = len(given.ids)
-    _whole("scan", given.scan, ())
+    whole_numbers("scan", given.scan, ())
     _instants("time", given.time, ())
     sent = replace(
         given,
         partition=_numbered("partition", [given.partition])[0],
         deleted=_numbered("deleted", given.deleted),
-        ids=_whole("ids", given.ids, (count,)),
-        names=_whole("names", given.names, (count, 2)),
+        ids=whole_numbers("ids", given.ids, (count,)),
+        names=whole_numbers("names", given.names, (count, 2)),
         shares=checked_array("shares", given.shares, (count, INFORMATION + 2)),
         times=_instants("times", given.times, (count, 4)),
-        views=_whole("views", given.views, (count, 2)),
-        misses=_whole("misses", given.misses, (count,)),
+        views=whole_numbers("views", given.views, (count, 2)),
+        misses=whole_numbers("misses", given.misses, (count,)),
         sightings=_instants("sightings", given.sightings, (count, 3)),
         novel=checked_array("novel", given.novel, (count, *np.shape(given.novel)[-1:])),
     )
@@ -147,13 +147,6 @@ def checked_message(given: object) -> Message:
     checked_array("beliefs", means, (count, 4))
     check_positive_definite("covariances of beliefs", covariances)
     return sent
-
-
-def _whole(name: str, given: object, shape: tuple[int, ...]) -> Indices:
-    found = np.asarray(given)
-    if found.shape != shape or found.dtype.kind not in "iu":
-        raise Unusable(f"{name} are no table {shape} of whole numbers")
-    return found.astype(np.int64)
 
 
 def _numbered(name: str, given: Sequence[Any]) -> tuple[tuple[int, float], ...]:

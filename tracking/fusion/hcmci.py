@@ -27,33 +27,26 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        beliefs = local.means, local.covariances, local.weights
-        return Contribution(*_parts(local.uav, beliefs, local.prior, (local.measurements, local.gates), local.detected))
+        return _contribution(local)
 
 
 @compiled
-def _parts(
-    uav: int,
-    beliefs: tuple[Array, Array, Array],
-    prior: tuple[Array, Array],
-    measured: tuple[Array, Indices],
-    seen: Indices,
-) -> tuple[Array, Array, Array]:
-    """Information (T, 20) to average, novel information (T, 20 + uav + 1), and weights (T,) of the average."""
-    means, P, weights = beliefs
+def _contribution(local: LocalBeliefs) -> Contribution:
+    P, weights, seen = local.covariances, local.weights, local.detected
+    means, covariances = local.prior
     omega = inverses(P)
-    q = products(omega, means.reshape(-1, 4, 1))
+    q = products(omega, local.means.reshape(-1, 4, 1))
     averaged = np.concatenate((q.reshape(-1, 4), omega.reshape(-1, 16)), axis=1)
-    novel, shares = np.zeros((len(P), INFORMATION + uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
+    novel, shares = np.zeros((len(P), INFORMATION + local.uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
     if len(seen):
-        reach = largest_innovation(*prior, *measured)[seen]
-        before, spreads = prior[0][seen], prior[1][seen]
+        reach = largest_innovation(means, covariances, local.measurements, local.gates)[seen]
+        before, spreads = means[seen], covariances[seen]
         averaged[seen], gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
         novel[seen, :INFORMATION] = gained
         shares[seen] = weights[seen] / (spreads[:, 0, 0] + spreads[:, 1, 1])
         for k in range(len(seen)):
             novel[seen[k], -1] = np.any(gained[k] != 0.0)
-    return averaged, novel, shares
+    return Contribution(averaged, novel, shares)
 
 
 @compiled

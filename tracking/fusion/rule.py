@@ -59,25 +59,19 @@ class _Checked:
     rule: FusionRule
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
+        import numpy as np
+
+        from tracking.plugins.containment import Unusable
+        from tracking.plugins.results import check_positive_definite, checked_array
+
+        count = len(local.means)
         with FUSION_RULES.errors(self.name, "contribute"):
-            return _usable(self.rule.contribution(local), len(local.means))
-
-
-def _usable(given: Contribution, count: int) -> Contribution:
-    """A contribution of so many tracks with arrays of floats; `Unusable` says why another is none."""
-    import numpy as np
-
-    from tracking.plugins.containment import Unusable
-    from tracking.plugins.results import check_positive_definite, checked_array
-
-    averaged, summed, weights = given
-    found = Contribution(
-        checked_array("averaged", averaged, (count, 20)),
-        checked_array("summed", summed, (count, *np.shape(summed)[-1:])),
-        checked_array("weights", weights, (count,)),
-    )
-    if not found.summed.size:  # else the sum may hold what the average lacks
-        check_positive_definite("matrices of averaged", found.averaged[:, 4:].reshape(-1, 4, 4))
-    if count and found.weights.min() < 0.0:
-        raise Unusable("weights are negative")
-    return found
+            averaged, summed, weights = self.rule.contribution(local)
+            averaged = checked_array("averaged", averaged, (count, 20))
+            summed = checked_array("summed", summed, (count, *np.shape(summed)[-1:]))
+            weights = checked_array("weights", weights, (count,))
+            if not summed.size:  # else the sum may hold what the average lacks
+                check_positive_definite("matrices of averaged", averaged[:, 4:].reshape(-1, 4, 4))
+            if count and weights.min() < 0.0:
+                raise Unusable("weights are negative")
+            return Contribution(averaged, summed, weights)

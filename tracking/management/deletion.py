@@ -53,7 +53,8 @@ def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, 
     to one. The first is kept of two that are about as likely, else the likelier.
     Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
     """
-    rows = _with_rivals(existence, among)
+    # Those that with the least likely one add up to less than one person.
+    rows = np.flatnonzero(among & (existence < _ONE - existence[among].min(initial=np.inf)))
     if len(rows) < 2:
         return []
     means, covariances = beliefs[0][rows], beliefs[1][rows]
@@ -66,13 +67,3 @@ def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, 
             likelier = existence[second] > _LIKELIER * existence[first]
             pairs.append((second, first) if likelier else (first, second))
     return pairs
-
-
-@compiled
-def _with_rivals(existence: Array, among: Flags) -> Indices:
-    """Rows of some of the tracks, those that with the least likely one of them add up to less than `_ONE`."""
-    least = np.inf
-    for t in range(len(existence)):
-        if among[t]:
-            least = min(least, existence[t])
-    return np.flatnonzero(among & (existence < _ONE - least))

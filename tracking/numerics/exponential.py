@@ -51,6 +51,17 @@ def exp(x: float) -> float:
     return float(value if inside else outside)
 
 
+@inlined
+def _log(f: float, k: int) -> float:
+    """Natural logarithm of (1 + f) 2^k, with 1 + f in [1/√2, √2).
+
+    log((1 + s) / (1 - s)) = 2 s + s (2/3 s² + 2/5 s⁴ + ...), with 2 s = f - f²/2 + s f²/2.
+    """
+    s = f / (2.0 + f)
+    square, half = s * s, 0.5 * f * f
+    return k * _LN2_HIGH - ((half - (s * (half + square * polynomial(_LOG, square)) + k * _LN2_LOW)) - f)
+
+
 @compiled
 def log(x: float) -> float:
     """Natural logarithm of x: NaN below zero, -inf at zero."""
@@ -59,12 +70,7 @@ def log(x: float) -> float:
     mantissa, k = math.frexp(x)
     if mantissa < math.sqrt(0.5):
         mantissa, k = 2.0 * mantissa, k - 1
-    f = mantissa - 1.0
-    s = f / (2.0 + f)
-    square = s * s
-    # log((1 + s) / (1 - s)) = 2 s + s (2/3 s² + 2/5 s⁴ + ...), with 2 s = f - f²/2 + s f²/2.
-    half = 0.5 * f * f
-    return float(k * _LN2_HIGH - ((half - (s * (half + square * polynomial(_LOG, square)) + k * _LN2_LOW)) - f))
+    return float(_log(mantissa - 1.0, k))
 
 
 @compiled
@@ -73,14 +79,9 @@ def logs(x: Array) -> None:
     bits = x.view(np.int64)
     for i in range(len(x)):
         # Exponent and fraction, as of a number in [1/√2, √2): the integer part of what is left is the exponent.
-        shifted = bits[i] - _ROOT_HALF
-        k = shifted >> 52
+        k = (bits[i] - _ROOT_HALF) >> 52
         bits[i] -= k << 52
-        f = x[i] - 1.0
-        s = f / (2.0 + f)
-        square = s * s
-        half = 0.5 * f * f
-        x[i] = k * _LN2_HIGH - ((half - (s * (half + square * polynomial(_LOG, square)) + k * _LN2_LOW)) - f)
+        x[i] = _log(x[i] - 1.0, k)
 
 
 @compiled

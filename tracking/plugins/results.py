@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.factorisation import eigensystems
 from tracking.plugins.containment import Unusable, numbers
 
@@ -22,6 +22,14 @@ def checked_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
     if not np.all(np.isfinite(array)):
         raise Unusable(f"{name} are not finite")
     return array
+
+
+def whole_numbers(name: str, given: object, shape: tuple[int, ...], kinds: str = "iu") -> Indices:
+    """A new array of whole numbers of a shape; `Unusable` for anything else. kinds: of NumPy's types that count."""
+    found = np.asarray(given)
+    if found.shape != shape or found.dtype.kind not in kinds:
+        raise Unusable(f"{name} are no table {shape} of whole numbers")
+    return found.astype(np.int64)
 
 
 def check_positive_definite(name: str, matrices: Array, unit: str = "") -> None:
