@@ -92,8 +92,8 @@ class Tracker:
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
         before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
-        turned = turned_density(table.sightings, table.existence, z, R, between, p)
-        after = scan_update(before, z, R, turned, p)
+        turned = turned_density(table.sightings, table.existence, z, R, between, p.recovery)
+        after = scan_update(before, z, R, turned, p.association)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= SEEN
@@ -203,7 +203,7 @@ class Tracker:
         born = np.flatnonzero(is_new_label(table.ids, self._link.scans))
         if len(born) == 0:
             return table
-        lost = lost_tracks(table.sightings, self._link.time, p)
+        lost = lost_tracks(table.sightings, self._link.time, p.recovery[0])
         new, old = ((table.means[rows], table.covariances[rows]) for rows in (born, lost))
         pairs = reacquisitions(new, old, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
         ids = table.ids.copy()

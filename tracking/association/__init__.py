@@ -1,1 +1,1 @@
-"""Data association: gating clusters, JPDA, JIPDA."""
+"""Data association: JPDA, JIPDA."""
