@@ -3,26 +3,27 @@
 from collections.abc import Callable
 from typing import Any, cast
 
-from planning.loading import PlannerError, checked_planner, load_planner, planner_errors
+from planning.loading import PLANNER, checked_planner, load_planner
 from planning.planner import Exchange, Planner
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable
+from tracking.plugins.registry import InputError
 
 TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent
 
 
 def planner_of(given: object) -> Planner:
-    """A planner given as `load_planner` takes it, or as an object; PlannerError if it is none."""
+    """A planner given as `load_planner` takes it, or as an object; InputError if it is none."""
     if isinstance(given, str):
         return load_planner(given)
     if isinstance(given, type):
-        raise PlannerError(f"planner: {given.__qualname__} is a class; give an object of it")
+        raise InputError(f"planner: {given.__qualname__} is a class; give an object of it")
     return checked_planner(given, type(given).__qualname__)
 
 
 def exchange_of(planner: object) -> Exchange:
-    """The exchange of plans that a planner declares, else `Exchange()`; PlannerError if it cannot be asked."""
-    with planner_errors(type(planner).__qualname__, "say what it sends"):
+    """The exchange of plans that a planner declares, else `Exchange()`; InputError if it cannot be asked."""
+    with PLANNER.errors(type(planner).__qualname__, "say what it sends"):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
         # A copy, so that it stays as it was checked.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
@@ -31,21 +32,21 @@ def exchange_of(planner: object) -> Exchange:
 def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner | None, bool]:
     """The planner to fly, and True if it is an oracle, which is given the true positions first.
 
-    PlannerError if that fails.
+    InputError if that fails.
     """
-    with planner_errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
+    with PLANNER.errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
         knowing = getattr(planner, "knowing", None)
         if knowing is None:
             return planner, False
-        seer = knowing(people)
-        if not callable(getattr(seer, "plan", None)):
+        informed = knowing(people)
+        if not callable(getattr(informed, "plan", None)):
             raise Unusable("what it returns has no method plan(team, rng)")
-    return cast("Planner", seer), True
+    return cast("Planner", informed), True
 
 
 def is_stateful(planner: object) -> bool:
-    """True if a planner declares a memory; PlannerError if it has no method to reset that, or cannot be asked."""
-    with planner_errors(type(planner).__qualname__, "say what it remembers"):
+    """True if a planner declares a memory; InputError if it has no method to reset that, or cannot be asked."""
+    with PLANNER.errors(type(planner).__qualname__, "say what it remembers"):
         stateful = bool(getattr(planner, "stateful", False))
         if stateful and not callable(getattr(planner, "reset", None)):
             raise Unusable("it is stateful, but has no method reset(seed)")
@@ -53,7 +54,7 @@ def is_stateful(planner: object) -> bool:
 
 
 def reset(planner: object, seed: int) -> None:
-    """Let a stateful planner begin anew, and do nothing to others; PlannerError if that fails."""
+    """Let a stateful planner begin anew, and do nothing to others; InputError if that fails."""
     if is_stateful(planner):
-        with planner_errors(type(planner).__qualname__, "be reset"):
+        with PLANNER.errors(type(planner).__qualname__, "be reset"):
             cast("Any", planner).reset(seed)

@@ -5,60 +5,47 @@ from __future__ import annotations
 import ast
 import inspect
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from importlib.machinery import PathFinder
 from typing import TYPE_CHECKING, Any, cast
 
 from planning.planner_text import split_options
 from planning.registry import PlannerSpec, installed_planners
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.registry import InputError, imported, lack
+from tracking.plugins.registry import InputError, Registry, imported, lack
 from tracking.plugins.spelling import nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
 
 
-class PlannerError(InputError):
-    """A planner that cannot be used; the message is one line."""
-
-
-@contextmanager
-def planner_errors(name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
-    """Raises a PlannerError, "NAME cannot WHAT: why", for whatever a planner raises in the block."""
-    try:
-        with contained(*passing):
-            yield
-    except ForeignError as error:
-        raise PlannerError(f"planner: {name!r} cannot {what}: {error.explained}") from error
+PLANNER = Registry("planner", {}, ("plan(team, rng)",))  # one of any origin: errors of all are told alike
 
 
 def load_planner(text: str) -> Planner:
     """The planner "name" or "name(option=value, ...)"; the name may be an import string "package.module:Class".
 
-    PlannerError says what is wrong.
+    InputError says what is wrong.
     """
     name, options = _parsed(text)
     spec = _spec(name)
     make = _import(name, spec)
-    with planner_errors(name, "be made", PlannerError):
+    with PLANNER.errors(name, "be made", InputError):
         _check(name, make, options)
         planner = make(**{**spec.options, **options})
     return checked_planner(planner, name)
 
 
 def checked_planner(planner: object, name: str) -> Planner:
-    """The planner, which has that name; PlannerError unless it has the method plan(team, rng)."""
-    with planner_errors(name, "be made"):
-        lacking = lack(name, planner, "plan(team, rng)")
+    """The planner, which has that name; InputError unless it has the method plan(team, rng)."""
+    with PLANNER.errors(name, "be made"):
+        lacking = lack(name, planner, *PLANNER.methods)
     if lacking:
-        raise PlannerError(f"planner: {lacking}")
+        raise InputError(f"planner: {lacking}")
     return cast("Planner", planner)
 
 
 def planner_target(text: str) -> str:
-    """Import string of the class or function that makes a planner; PlannerError if there is no planner of that name."""
+    """Import string of the class or function that makes a planner; InputError if there is no planner of that name."""
     return _spec(_parsed(text)[0]).target
 
 
@@ -68,7 +55,7 @@ def _spec(name: str) -> PlannerSpec:
     if ":" in name:
         return PlannerSpec(name)
     allowed = f"allowed are {', '.join(installed_planners())}, or package.module:Class"
-    raise PlannerError(f"planner: {name!r} is unknown; {allowed}{_meant(name)}")
+    raise InputError(f"planner: {name!r} is unknown; {allowed}{_meant(name)}")
 
 
 def _meant(name: str) -> str:
@@ -85,17 +72,17 @@ def _meant(name: str) -> str:
 def _parsed(text: str) -> tuple[str, dict[str, Any]]:
     """Name and options of "name(option=value, ...)"; values are Python literals or bare words."""
     if not isinstance(text, str):
-        raise PlannerError(f"planner: {text!r} is not allowed; expected text, a name or module:Class")
+        raise InputError(f"planner: {text!r} is not allowed; expected text, a name or module:Class")
     if "(" in text and not text.strip().endswith(")"):
-        raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+        raise InputError(f"planner: {text!r} is not of the form name(option=value, ...)")
     name, parts = split_options(text)
     options: dict[str, Any] = {}
     for part in parts:
         key, equals, value = (word.strip() for word in part.partition("="))
         if not equals or not key.isidentifier() or not value:
-            raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+            raise InputError(f"planner: {text!r} is not of the form name(option=value, ...)")
         if key in options:
-            raise PlannerError(f"planner: {text!r} has the option {key!r} more than once; allowed is once")
+            raise InputError(f"planner: {text!r} has the option {key!r} more than once; allowed is once")
         options[key] = _value(value)
     return name, options
 
@@ -110,7 +97,7 @@ def _value(text: str) -> Any:  # noqa: ANN401 - any literal
 
 
 def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
-    """PlannerError if the planner lacks an option, or its default is of another kind."""
+    """InputError if the planner lacks an option, or its default is of another kind."""
     try:
         parameters = inspect.signature(make).parameters
     except (TypeError, ValueError):
@@ -120,10 +107,10 @@ def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: A
     for option, value in options.items():
         if option not in parameters:
             allowed = f"allowed are {', '.join(parameters)}" if parameters else "it has none"
-            raise PlannerError(f"planner: {name!r} has no option {option!r}; {allowed}{nearest(option, parameters)}")
+            raise InputError(f"planner: {name!r} has no option {option!r}; {allowed}{nearest(option, parameters)}")
         kind = _kind(parameters[option].default)
         if kind and kind != _kind(value):
-            raise PlannerError(f"planner: option {option} of {name!r} must be {kind}, is {value!r}")
+            raise InputError(f"planner: option {option} of {name!r} must be {kind}, is {value!r}")
 
 
 def _kind(value: object) -> str:
@@ -140,4 +127,4 @@ def _import(name: str, spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a u
         return imported(spec.target)
     except ImportError as error:
         what = f"{name!r} of {spec.source}, {spec.target!r}," if spec.source else repr(spec.target)
-        raise PlannerError(f"planner: {what} cannot be imported: {error}") from error
+        raise InputError(f"planner: {what} cannot be imported: {error}") from error

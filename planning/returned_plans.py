@@ -14,12 +14,19 @@ _MOST_OTHERS = 1000
 
 def usable_plan(plan: object) -> Plan:
     """A copy of a plan; `Unusable` says why it is none."""
+    found = shaped_plan(plan)
+    _check_finite("controls", found.controls)
+    return found
+
+
+def shaped_plan(plan: object) -> Plan:
+    """As `usable_plan`; the controls, but not those of other UAVs, may be infinite or NaN."""
     if not hasattr(plan, "controls"):
         raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
-    return Plan(_controls("controls", plan.controls), expected_of(plan))
+    return Plan(_controls("controls", plan.controls), _expected_of(plan))
 
 
-def expected_of(plan: object) -> dict[int, Array]:
+def _expected_of(plan: object) -> dict[int, Array]:
     """A copy of the controls (H, 2) m/s that a plan expects of other UAVs; `Unusable` where they are none."""
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
@@ -27,7 +34,10 @@ def expected_of(plan: object) -> dict[int, Array]:
     expected = list(islice(others.items(), _MOST_OTHERS + 1))
     if len(expected) > _MOST_OTHERS:
         raise Unusable(f"others has more than {_MOST_OTHERS} entries")
-    return {j: _controls(f"others[{j!r}]", given) for j, given in expected}
+    found = {j: _controls(f"others[{j!r}]", given) for j, given in expected}
+    for j, controls in found.items():
+        _check_finite(f"others[{j!r}]", controls)
+    return found
 
 
 def _controls(name: str, given: object) -> Array:
@@ -35,6 +45,9 @@ def _controls(name: str, given: object) -> Array:
     controls = numbers(name, given, 2 * LONGEST_PLAN)
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
         raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
+    return controls
+
+
+def _check_finite(name: str, controls: Array) -> None:
     if not np.all(np.isfinite(controls)):
         raise Unusable(f"{name} are not finite")
-    return controls

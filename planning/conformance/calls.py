@@ -20,7 +20,7 @@ import numpy as np
 from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
-from planning.returned_plans import expected_of
+from planning.returned_plans import shaped_plan
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained, numbers
 from tracking.plugins.results import change, contents
@@ -118,25 +118,15 @@ def difference(a: Array, b: Array) -> float:
 
 
 def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
-    """Copies of the controls, and the first problem of their type or shape."""
+    """Copies of the controls, up to the first plan of a wrong type or shape, and what is wrong with that."""
     copies: list[Array] = []
-    problems: list[str] = []
     for k, plan in enumerate(plans):
         try:
             with contained():
-                controls = numbers("controls", plan.controls, 2 * LONGEST_PLAN)
+                copies.append(shaped_plan(plan).controls)
         except ForeignError as error:
-            problems.append(f"plan {k} is no Plan of numbers but {type(plan).__name__}: {error}")
-            continue
-        copies.append(controls)
-        try:
-            with contained():
-                expected_of(plan)
-        except ForeignError as error:
-            problems.append(f"plan {k}: {error}")
-        if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-            problems.append(f"controls of plan {k} have the shape {controls.shape}, not (H, 2)")
-    return tuple(copies), (problems or [""])[0]
+            return tuple(copies), f"plan {k}: {error}"
+    return tuple(copies), ""
 
 
 def _defects(controls: Sequence[Array], team: Sequence[Situation]) -> dict[str, str]:

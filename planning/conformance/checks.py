@@ -16,10 +16,11 @@ from planning.conformance.situations import (
     with_other_knowledge,
 )
 from planning.contract import exchange_of, is_stateful, reset
-from planning.loading import PlannerError, checked_planner, load_planner, planner_errors
+from planning.loading import PLANNER, checked_planner, load_planner
 from planning.planner import Planner, Situation
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
+from tracking.plugins.registry import InputError
 
 _DECISIONS = 5  # that are timed
 Maker = Callable[[], Planner]
@@ -34,7 +35,7 @@ class Subject:
         self.team = ordinary_team()
         planner = self.make()
         self.remembers = is_stateful(planner)
-        with planner_errors(type(planner).__qualname__, "say whether it is decentralised"):
+        with PLANNER.errors(type(planner).__qualname__, "say whether it is decentralised"):
             self.claims = bool(getattr(planner, "decentralised", False))
         self.rounds = exchange_of(planner).rounds
         self.first = attempt(planner, self.team, watched=True)
@@ -82,9 +83,13 @@ def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
     planner = subject.make()
     if subject.remembers:
         attempt(planner, team)
-    tried = attempt(planner, team)
-    if "plans" in tried.defects:
-        raise Unfit(tried.defects["plans"])
+    return _without("plans", attempt(planner, team))
+
+
+def _without(kind: str, tried: Attempt) -> Attempt:
+    """The attempt; `Unfit` if it has a defect of that kind."""
+    if kind in tried.defects:
+        raise Unfit(tried.defects[kind])
     return tried
 
 
@@ -92,12 +97,12 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
     """Findings of all checks of a planner; it conforms if none has `passed` False.
 
     planner: text as `planning.loading.load_planner` takes it, or a class or function that makes one.
-    `other_process`: plan in another process too, which takes seconds. PlannerError if the text names no planner, or
+    `other_process`: plan in another process too, which takes seconds. InputError if the text names no planner, or
     where a planner is given, of which only one can be had.
     A defect in the ordinary situation is not reported again in each special one.
     """
     if not isinstance(planner, str) and not callable(planner):
-        raise PlannerError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
+        raise InputError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
     make = partial(load_planner, planner) if isinstance(planner, str) else partial(_made, planner)
     subject = Subject(make, planner)
     skipped = () if other_process else ("other process",)
@@ -106,30 +111,24 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
 
 def _made(maker: Maker) -> Planner:
     name = getattr(maker, "__qualname__", type(maker).__qualname__)
-    with planner_errors(name, "be made"):
+    with PLANNER.errors(name, "be made"):
         planner = maker()
     return checked_planner(planner, name)
 
 
 def _plans(subject: Subject) -> str:
-    first = subject.first
-    if "plans" in first.defects:
-        raise Unfit(first.defects["plans"])
+    first = _without("plans", subject.first)
     steps = " or ".join(str(h) for h in sorted({len(c) for c in first.controls}))
     return f"one (H, 2) for each UAV, H = {steps}"
 
 
 def _finite(subject: Subject) -> str:
-    defects = subject.planned().defects
-    if "finite" in defects:
-        raise Unfit(defects["finite"])
+    _without("finite", subject.planned())
     return "all numbers are"
 
 
 def _speed(subject: Subject) -> str:
-    defects = subject.planned().defects
-    if "speed" in defects:
-        raise Unfit(defects["speed"])
+    _without("speed", subject.planned())
     return "top speeds of " + ", ".join(f"{s.own.max_speed:g}" for s in subject.team) + " m/s are kept"
 
 

@@ -16,14 +16,14 @@ from tracking.numerics.arrays import Array
 from tracking.track import Track
 from tracking.undetected import Intensity
 
-_ASIDE = np.array([2.0, -1.0, 0.0])  # m
+_DISPLACEMENT = np.array([2.0, -1.0, 0.0])  # m, of UAVs
 # Kinds of knowledge, and how each is changed.
 KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
     "tracks": lambda s: replace(s, tracks=tuple(_displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks)),
     "received intents": lambda s: replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()}),
-    "own measured position and velocity": lambda s: replace(s, own=_moved(s.own, _ASIDE)),
+    "own measured position and velocity": lambda s: replace(s, own=_moved(s.own, _DISPLACEMENT)),
     "neighbours' positions and velocities": lambda s: replace(
-        s, neighbours=tuple(_moved(v, -_ASIDE) for v in s.neighbours)
+        s, neighbours=tuple(_moved(v, -_DISPLACEMENT) for v in s.neighbours)
     ),
     "people not found": lambda s: replace(
         s, unseen=s.unseen and replace(s.unseen, people=s.unseen.people[::-1].copy())
@@ -82,15 +82,12 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             neighbours=tuple(fleet[v.id] for v in s.neighbours),
             tracks=tuple(_displaced(track, rng.normal(0.0, 0.5, 4), 1.0) for track in s.tracks),
             intents=dict(intents),
-            unseen=_sprinkled(places),
+            unseen=Intensity(
+                np.where(places.random((20, 30)) < 0.1, places.random((20, 30)), 0.0), (-75.0, -50.0), (5.0, 5.0)
+            ),
         )
         for s in team
     ]
-
-
-def _sprinkled(rng: np.random.Generator) -> Intensity:
-    people = np.where(rng.random((20, 30)) < 0.1, rng.random((20, 30)), 0.0)
-    return Intensity(people, (-75.0, -50.0), (5.0, 5.0))
 
 
 def _moved(vehicle: Vehicle, by: Array) -> Vehicle:

@@ -76,7 +76,7 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
 def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     """All trials of a study, seed by seed and repeat by repeat, so that an interrupted one has pairs.
 
-    metrics: import strings of metrics from outside that each trial is to have. InputError or PlannerError where a trial
+    metrics: import strings of metrics from outside that each trial is to have. InputError where a trial
     cannot be flown.
     """
     listed, seeds = cells(study), integers(study.seeds, "seeds")

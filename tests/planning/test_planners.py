@@ -12,7 +12,7 @@ from scipy.stats import kstest
 from planning.baselines import Lawnmower
 from planning.composition import Composition
 from planning.coordination.schemes import Sequential
-from planning.loading import PlannerError, load_planner
+from planning.loading import load_planner
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
@@ -20,6 +20,7 @@ from planning.planner_text import split_options, with_options
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.plugins.registry import InputError
 
 
 def test_options_choose_the_pieces_of_ours_and_of_anyones_class():
@@ -89,7 +90,7 @@ WRONG = {
 
 @pytest.mark.parametrize("text", WRONG)
 def test_options_that_cannot_be_or_have_no_effect_are_refused(text):
-    with pytest.raises(PlannerError, match="^planner: .*" + ".*".join(map(re.escape, WRONG[text])) + "$") as error:
+    with pytest.raises(InputError, match="^planner: .*" + ".*".join(map(re.escape, WRONG[text])) + "$") as error:
         load_planner(text)
     name, _, options = text.removesuffix(")").partition("(")
     for option, value in re.findall(r"(?:set| or) (\w+)=([\w-]+)(?= or|$)", str(error.value)):

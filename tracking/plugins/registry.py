@@ -66,13 +66,13 @@ class Registry:
         return made
 
     @contextmanager
-    def errors(self, name: str, what: str) -> Iterator[None]:
+    def errors(self, name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
         """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
 
-        One of a built-in plug-in, which may be of another plug-in that it makes, passes as it is.
+        Errors of `passing` pass as they are, as does one of a built-in plug-in, which may be of another that it makes.
         """
         try:
-            with contained(*[InputError] * (name in self.built_in)):
+            with contained(*passing, *[InputError] * (name in self.built_in)):
                 yield
         except ForeignError as error:
             raise InputError(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error

@@ -11,13 +11,14 @@ import pytest
 from planning.composition import Composition
 from planning.conformance.checks import CHECKS, Subject, check
 from planning.coordination.schemes import Centralised, Sequential
-from planning.loading import PlannerError, load_planner
+from planning.loading import load_planner
 from planning.planner import Plan
 from planning.registry import PLANNERS
 from tracking.plugins.findings import Unfit
+from tracking.plugins.registry import InputError
 
 CLAIM = {"nothing from the unheard", "only plans from others"}
-BARE, HASHES = "plan 0 is no Plan of numbers but ndarray", "in a process with other hashes of strings, plans differ by"
+BARE, HASHES = "plan 0: it is no Plan but of type ndarray", "in a process with other hashes of strings, plans differ by"
 CHANCE, DOWN, GLOBAL = "chance only from rng", "a UAV broken down", "uses the global random numbers"
 LITTLE = {"mcr": "(samples=5, evaluations=64)"}  # effort
 LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")
@@ -269,7 +270,7 @@ BROKEN = [
     (kind("Few", plan=lambda self, team, rng: Good.plan(self, team, rng)[1:]), "plans", "2 plans for 3 UAVs"),
     (kind("Silent", plan=lambda self, team, rng: None), "plans", "TypeError: 'NoneType' object is not iterable"),
     (kind("Bare", plan=lambda *given: [p.controls for p in Good.plan(*given)]), "plans", BARE),
-    (kind("Spatial", one=always(lambda: [[0.0] * 3] * 2)), "plans", "plan 0 have the shape (2, 3), not (H, 2)"),
+    (kind("Spatial", one=always(lambda: [[0.0] * 3] * 2)), "plans", "plan 0: controls of shape (2, 3), not (H, 2)"),
     (kind("Presuming", one=lambda *given: Plan(np.zeros((1, 2)), {9: [[np.nan, 0]]})), "plans", "0: others[9] are not"),
     (kind("Endless", one=always(lambda: [[0, 1], [np.nan, 0]])), "finite", "the plan of UAV 0 is not finite"),
     (kind("Fast", one=always(lambda: [[4, 0]])), "speed limit", "the plan of UAV 2 reaches 4 m/s; 3 m/s is what"),
@@ -283,7 +284,7 @@ BROKEN = [
     (kind("Random", one=always(lambda: [[random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of random"),
     (Counting, "memory", "; a memory needs stateful = True and reset(seed)"),
     (Buffering, "memory", "a later decision changes plans that were returned before"),
-    (Fading, "memory", "no Plan of numbers but NoneType"),
+    (Fading, "memory", "no Plan but of type NoneType"),
     (Clinging, "memory", "with the same seed and calls, plans differ by"),
     (Gossip, "nothing from the unheard", "UAV 0 is out of contact, but others' tracks change the plan of UAV 0"),
     (kind("Unpicklable", __init__=lambda self: setattr(self, "speed", lambda: 1.0)), "pickling", "pickle"),
@@ -295,7 +296,7 @@ BROKEN = [
     (Telepathic, "nothing from the unheard", "UAV 1 is out of contact, but others' tracks change the plan of UAV 1"),
     (kind("Pair", one=lambda self, s, rng, team: Good.one(self, s, rng, [team[1]])), "one UAV", "IndexError"),
     (kind("Needy", one=nearest), "no tracks", "ValueError"),
-    (kind("Wooden", one=first_tree), "no trees", "controls of plan 0 have the shape (0, 2)"),
+    (kind("Wooden", one=first_tree), "no trees", "plan 0: controls of shape (0, 2)"),
     (kind("Placing", one=lambda self, s, *given: Good.one(self, given[-1][s.own.id], *given)), DOWN, "IndexError"),
     (kind("Sociable", one=first_neighbour), "out of contact", "IndexError"),
     (kind("Hasty", one=last_intent), "first decision", "ValueError"),
@@ -327,9 +328,9 @@ def test_without_plans_nothing_is_tried_and_broken_kinds_cover_every_check():
     assert [f.passed for f in findings] == [False] + [None] * (len(CHECKS) - 1)
     assert {f.seen for f in findings[1:]} == {"not tried: it does not plan"}
     assert {name for _, name, _ in BROKEN} == set(CHECKS) - {"time"}
-    with pytest.raises(PlannerError, match="did you mean hover"):
+    with pytest.raises(InputError, match="did you mean hover"):
         check("hoover")
-    with pytest.raises(PlannerError, match="is an object; expected text, or a class or function that makes one"):
+    with pytest.raises(InputError, match="is an object; expected text, or a class or function that makes one"):
         check(Good())
 
 
@@ -339,7 +340,7 @@ def test_what_makes_no_planner_is_refused_in_one_line():
         (type("Planless", (), {}), "planner: 'Planless' has no method plan(team, rng)"),
         (type("Narrow", (), {"plan": lambda self, team: []}), "planner: plan of 'Narrow' takes (team); it must take"),
     ):
-        with pytest.raises(PlannerError, match=f"^{re.escape(text)}"):
+        with pytest.raises(InputError, match=f"^{re.escape(text)}"):
             check(maker)
 
 
@@ -352,7 +353,7 @@ def test_what_makes_no_planner_is_refused_in_one_line():
     ],
 )
 def test_a_memory_that_cannot_be_reset_is_refused_in_one_line(changed, text):
-    with pytest.raises(PlannerError) as refused:
+    with pytest.raises(InputError) as refused:
         check(type("Odd", (Good,), {"stateful": True, **changed}))
     assert str(refused.value).startswith(text) and "\n" not in str(refused.value)
 
@@ -369,7 +370,7 @@ def test_a_planner_that_cannot_be_asked_is_refused_in_one_line(name, text):
     def gone(self):
         raise KeyError("gone")
 
-    with pytest.raises(PlannerError) as refused:
+    with pytest.raises(InputError) as refused:
         check(type("Odd", (Good,), {name: property(gone)}))
     assert str(refused.value).startswith(text) and "\n" not in str(refused.value)
 

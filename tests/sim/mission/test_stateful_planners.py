@@ -6,10 +6,10 @@ import pickle
 import numpy as np
 import pytest
 
-from planning.loading import PlannerError
 from planning.planner import Plan
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
+from tracking.plugins.registry import InputError
 
 SETTING = load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "trees.density=5"])
 
@@ -91,7 +91,7 @@ def test_after_a_reset_that_failed_the_step_taken_again_resets():
 
     lossy = load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "network.loss=0.3"])
     smooth, retried = (Mission(lossy, Busy(failures), seed=3) for failures in (0, 1))
-    with pytest.raises(PlannerError, match="cannot be reset: no weights yet"):
+    with pytest.raises(InputError, match="cannot be reset: no weights yet"):
         retried.step()
     np.testing.assert_array_equal(commands(retried), commands(smooth))
     assert retried.planner.heard == smooth.planner.heard  # the radio's chance is drawn once
@@ -106,7 +106,7 @@ def test_a_reset_that_fails_or_is_missing_is_one_line():
         def reset(self, seed):
             raise ValueError("no weights")
 
-    with pytest.raises(PlannerError, match=r"Silent' .* it is stateful, but has no method reset\(seed\)"):
+    with pytest.raises(InputError, match=r"Silent' .* it is stateful, but has no method reset\(seed\)"):
         Mission(SETTING, Silent())
-    with Mission(SETTING, Raising()) as mission, pytest.raises(PlannerError, match=r"cannot be reset: .*no weights"):
+    with Mission(SETTING, Raising()) as mission, pytest.raises(InputError, match=r"cannot be reset: .*no weights"):
         list(mission.fly())
