@@ -74,7 +74,7 @@ class Composition:
         return self.coordination.exchange
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """As `coordination.schemes.Decision.decide`."""
+        """As `coordination.decision.Decision.decide`."""
         belief = self.propagation.predict(situation, self.horizon, rng)
         samples = belief.points.shape[1] // len(situation.tracks) if situation.tracks else 1
         if self.existence:
@@ -96,14 +96,14 @@ class Composition:
         speeds = np.array([vehicles[i].max_speed for i in uavs])
         in_reach = targets_in_reach(belief, uavs, speeds, own)
         if self.actions == "all":
-            return self.optimizer.minimise(value, starts, speeds, rng, in_reach).plans
+            return self.optimizer.minimise(value, starts, speeds, rng, in_reach)
 
         def value_of_first(candidates: Array, ease: Array | None = None) -> Array:
             return value(self._completed(situation, uavs, candidates), ease)
 
         soon = in_reach.which[:, 1] == 0
         in_reach = in_reach._replace(which=in_reach.which[soon], places=in_reach.places[soon])
-        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, in_reach).plans
+        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, in_reach)
         return np.asarray(self._completed(situation, uavs, first[None])[0])
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:

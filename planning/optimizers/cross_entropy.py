@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.optimizers.mutations import chances, distinct, varied
-from planning.optimizers.optimizer import SearchResult, speed_limited
+from planning.optimizers.optimizer import speed_limited
 from planning.prediction.targets_in_reach import NO_TARGETS, Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 
@@ -55,14 +55,6 @@ class CrossEntropy:
     # Time [s] for which the search is repeated; no round begins later; 0: one search. Results then vary.
     seconds: float = 0.0
 
-    def __post_init__(self) -> None:
-        least = {"elites": 1, "last_elites": 1, "rounds": 1, "ease": 0, "eased_rounds": 0, "evaluations": 0}
-        for name, bound in least.items():
-            if getattr(self, name) < bound:
-                raise ValueError(f"{name} must be at least {bound}, is {getattr(self, name)}")
-        if self.eased_rounds > 1.0:
-            raise ValueError(f"eased_rounds must be at most 1, is {self.eased_rounds}")
-
     def minimise(
         self,
         objective: Objective,
@@ -70,18 +62,17 @@ class CrossEntropy:
         max_speeds: Array,
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
-    ) -> SearchResult:
+    ) -> Array:
         """As `Optimizer.minimise`."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
         found = self._search(_Task(objective, starts, max_speeds, in_reach), rng, end)
         while self.seconds and perf_counter() < end:
-            task = _Task(objective, np.concatenate([found.plans[None], starts]), max_speeds, in_reach)
-            again = self._search(task, rng, end)
-            found = again._replace(evaluations=found.evaluations + again.evaluations)
+            task = _Task(objective, np.concatenate([found[None], starts]), max_speeds, in_reach)
+            found = self._search(task, rng, end)
         return found
 
-    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> SearchResult:
+    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Array:
         """One search from the starts, which begins no round after `end` [s].
 
         The number of random draws depends on no cost, so that later draws do not depend on beliefs.
@@ -89,7 +80,7 @@ class CrossEntropy:
         in_reach = NO_TARGETS if task.in_reach is None else task.in_reach
         pool = speed_limited(task.starts, task.max_speeds)
         values = task.objective(pool)
-        start, used, ease, scale = pool[np.argmin(values)], len(pool), 0.0, 1.0
+        start, ease, scale = pool[np.argmin(values)], 0.0, 1.0
         for k in range(self.rounds):
             if perf_counter() >= end:
                 break
@@ -101,15 +92,14 @@ class CrossEntropy:
             before, ease = ease, 0.0 if task.in_reach is None else self._ease(k, count)
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
-                values, used, count = task.costs(pool, ease), used + len(pool), count - most - (not ease)
+                values, count = task.costs(pool, ease), count - most - (not ease)
             drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
-            used, scale = used + count, scale * self.shrink
+            scale *= self.shrink
         if ease:  # time is up: take the true costs of the best
             pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last_elites]]])
-            values, used = task.objective(pool), used + len(pool)
-        best = int(np.argmin(values))
-        return SearchResult(pool[best], float(values[best]), used)
+            values = task.objective(pool)
+        return np.asarray(pool[np.argmin(values)])
 
     def _ease(self, k: int, count: int) -> float:
         """Widening of fields of view in round k; zero if elites would take most evaluations."""

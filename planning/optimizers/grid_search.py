@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.optimizers.optimizer import SearchResult, speed_limited
+from planning.optimizers.optimizer import speed_limited
 from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import cos_each, sin_each
@@ -40,7 +40,7 @@ class GridSearch:
         max_speeds: Array,
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
-    ) -> SearchResult:
+    ) -> Array:
         """As `Optimizer.minimise`; ValueError where there are too many plans."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         _, k, H, _ = starts.shape
@@ -51,14 +51,12 @@ class GridSearch:
             raise ValueError(f"optimizer grid: {count} plans of {k} UAVs over {H} steps, at most {self.most} are tried")
         starts = speed_limited(starts, max_speeds)
         values = objective(starts)
-        best = int(np.argmin(values))
-        found = SearchResult(starts[best], float(values[best]), len(starts))
+        found, cost = starts[np.argmin(values)], values.min()
         plans = itertools.islice(itertools.product(*sets), tries)
         while perf_counter() < end and (chunk := list(itertools.islice(plans, 8192))):
             candidates = np.array(chunk).reshape(-1, k, H, 2)
             values = objective(candidates)
             best = int(np.argmin(values))
-            found = found._replace(evaluations=found.evaluations + len(candidates))
-            if values[best] < found.cost:
-                found = found._replace(plans=candidates[best], cost=float(values[best]))
-        return found
+            if values[best] < cost:
+                found, cost = candidates[best], values[best]
+        return np.asarray(found)

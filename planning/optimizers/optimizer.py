@@ -2,7 +2,7 @@
 
 from functools import cache
 from itertools import combinations
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -12,14 +12,6 @@ from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import cos_each, sin_each
-
-
-class SearchResult(NamedTuple):
-    """The best plans of a search, their cost and the number of evaluations."""
-
-    plans: Array  # (k, H, 2) m/s
-    cost: float
-    evaluations: int
 
 
 class Optimizer(Protocol):
@@ -32,8 +24,8 @@ class Optimizer(Protocol):
         max_speeds: Array,
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
-    ) -> SearchResult:
-        """The best plans found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
+    ) -> Array:
+        """The best plans (k, H, 2) m/s found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
 
         With targets in reach, which an optimiser may use or ignore, the objective takes `ease`, too.
         """

@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.optimizers.optimizer import SearchResult, speed_limited
+from planning.optimizers.optimizer import speed_limited
 from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 
@@ -33,7 +33,7 @@ class ParticleSwarm:
         max_speeds: Array,
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
-    ) -> SearchResult:
+    ) -> Array:
         """As `Optimizer.minimise`."""
         began = perf_counter()
         shape = (self.particles_per_step * starts.shape[2], *starts.shape[1:])
@@ -44,7 +44,7 @@ class ParticleSwarm:
         particles[: len(order)] = starts[order]
         velocities = rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None]
         best, values = particles.copy(), objective(particles)
-        used, moves = len(starts) + len(particles), math.ceil(self.evaluations / len(particles)) or 52
+        moves = math.ceil(self.evaluations / len(particles)) or 52
         for _ in range(moves - 1):
             if self.seconds and perf_counter() - began > self.seconds:
                 break
@@ -56,6 +56,4 @@ class ParticleSwarm:
             costs = objective(particles)
             better = costs < values
             best[better], values[better] = particles[better], costs[better]
-            used += len(particles)
-        k = int(np.argmin(values))
-        return SearchResult(best[k], float(values[k]), used)
+        return np.asarray(best[np.argmin(values)])

@@ -8,7 +8,6 @@ from helpers.teams import planned, refitted
 
 from planning.composition import Composition
 from planning.objective.nbo import objective
-from planning.optimizers.optimizer import SearchResult
 from planning.planner import Plan
 from planning.prediction.intent import base_policy_plans, expected_plans
 from planning.prediction.propagation import Nominal
@@ -26,7 +25,7 @@ class Asking:
     def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
         asked = COMMANDS[:, :, : starts.shape[2]]
         self.values.append(objective(asked))
-        return SearchResult(asked[0], 0.0, len(asked))
+        return asked[0]
 
 
 @pytest.mark.parametrize("actions", ["all", "first"])

@@ -71,4 +71,4 @@ class Herding(Composition):
                 start[0, j] = chase
                 starts.append(start)
         speeds = np.array([vehicles[i].max_speed for i in rows])
-        return CrossEntropy(evaluations=1024).minimise(values, np.concatenate(starts), speeds, rng).plans
+        return CrossEntropy(evaluations=1024).minimise(values, np.concatenate(starts), speeds, rng)

@@ -99,8 +99,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
     assert value(straight)[0] < value(hover)[0]
     hints = targets_in_reach(view, [0], SPEED, Response.at_once(1))
     found = CrossEntropy(4096).minimise(value, hover, SPEED, np.random.default_rng(seed), hints)
-    assert found.cost == pytest.approx(value(straight)[0], rel=1e-3)
-    assert found.cost == pytest.approx(value(found.plans[None])[0], rel=1e-12)
+    assert value(found[None])[0] == pytest.approx(value(straight)[0], rel=1e-3)
 
 
 def counting(random_team, uavs):
@@ -119,13 +118,13 @@ def counting(random_team, uavs):
 @pytest.mark.parametrize(
     "optimizer", [CrossEntropy(4096), CrossEntropy(64), CrossEntropy(5), CrossEntropy(512, rounds=1), CrossEntropy(0)]
 )
-def test_with_hints_what_is_found_is_worth_what_is_said_and_the_budget_holds(random_team, uavs, optimizer):
+def test_with_hints_no_start_is_better_and_the_budget_holds(random_team, uavs, optimizer):
     value, counted, asked, hints = counting(random_team, uavs)
     starts = np.random.default_rng(0).uniform(-3, 3, (60, uavs, 5, 2))
     found = optimizer.minimise(counted, starts, np.full(uavs, 5.0), np.random.default_rng(0), hints)
     # Plans side by side share sums, so that a batch of others may change the last bit.
-    assert found.cost == pytest.approx(value(found.plans[None])[0], rel=1e-12) and found.cost <= value(starts).min()
-    assert found.evaluations == sum(count for count, _ in asked) <= 60 + optimizer.evaluations
+    assert value(found[None])[0] <= value(starts).min() * (1 + 1e-12)
+    assert sum(count for count, _ in asked) <= 60 + optimizer.evaluations
     assert any(eased for _, eased in asked) == (optimizer.evaluations == 4096)
 
 
@@ -134,21 +133,14 @@ def test_when_time_ends_a_relaxed_search_plans_get_their_true_costs(random_team,
     ticks = itertools.count()
     monkeypatch.setattr("planning.optimizers.cross_entropy.perf_counter", lambda: next(ticks))
     starts = np.random.default_rng(0).uniform(-3, 3, (60, 1, 5, 2))
-    found = CrossEntropy(4096, seconds=4).minimise(counted, starts, SPEED, np.random.default_rng(0), hints)
+    pools = []
+
+    def kept(candidates, ease=None):
+        pools.append(candidates)
+        return counted(candidates, ease)
+
+    found = CrossEntropy(4096, seconds=4).minimise(kept, starts, SPEED, np.random.default_rng(0), hints)
     assert [eased for _, eased in asked[-3:]] == [True, True, False]
     # Plans side by side share sums, so that a batch of others may change the last bit.
-    assert found.cost == pytest.approx(value(found.plans[None])[0], rel=1e-12) and found.cost <= value(starts).min()
-    assert found.evaluations == sum(count for count, _ in asked)
-
-
-@pytest.mark.parametrize(
-    ("fields", "complaint"),
-    [
-        ({"elites": 0}, "elites must be at least 1, is 0"),
-        ({"last_elites": 0}, "last_elites must be at least 1, is 0"),
-        ({"eased_rounds": 1.5}, "eased_rounds must be at most 1, is 1.5"),
-    ],
-)
-def test_a_search_that_cannot_be_is_refused(fields, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        CrossEntropy(**fields)
+    assert value(found[None])[0] == pytest.approx(value(pools[-1]).min(), rel=1e-12)
+    assert value(found[None])[0] <= value(starts).min() * (1 + 1e-12)
