@@ -8,8 +8,8 @@ from planning.planner import Vehicle
 from tracking.geometry.camera import ALL_ROUND, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
+from tracking.numerics.matrices import applied
 from tracking.numerics.trigonometry import hypot, tan
 
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -25,19 +25,9 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
     """
     fov, height = vehicle.camera.fov, float(vehicle.position[2] - TARGET_HEIGHT)
     half = height * (1.0 if fov >= ALL_ROUND else tan(fov / 2))
-    return _on_plane(np.asarray(vehicle.attitude, dtype=float), half * marks, height)
-
-
-@compiled
-def _on_plane(attitude: Array, rays: Array, height: float) -> Array:
-    """Points (K, 2) m where rays (K, 2), given at depth `height`, meet a plane `height` m below a camera."""
-    R, points = rotation(attitude), np.empty((len(rays), 2))
-    for k in range(len(rays)):
-        east, north, up = 0.0, 0.0, 0.0
-        for axis, part in enumerate((rays[k, 0], rays[k, 1], -height)):
-            east, north, up = east + R[0, axis] * part, north + R[1, axis] * part, up + R[2, axis] * part
-        points[k, 0], points[k, 1] = east * (height / -up), north * (height / -up)
-    return points
+    rays = np.column_stack([half * marks, np.full(len(marks), -height)])
+    points = applied(rotation(np.asarray(vehicle.attitude, dtype=float)), rays)
+    return np.asarray(points[:, :2] * (height / -points[:, 2:]))
 
 
 def aim_point(vehicle: Vehicle) -> Array:

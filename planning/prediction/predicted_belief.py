@@ -8,6 +8,7 @@ import numpy as np
 
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
+from planning.prediction.quadrangle import inside
 from tracking.geometry.line_of_sight import Vector, blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -99,18 +100,15 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
     may = np.zeros(steps * targets * count, dtype=np.bool_)
     for j in range(len(uavs)):
         for step in range(steps):
-            x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
-            v = views[uavs[j]]
-            a0, b0, a1, b1, a2, b2, a3, b3 = v[0, 0], v[0, 1], v[1, 0], v[1, 1], v[2, 0], v[2, 1], v[3, 0], v[3, 1]
-            c0, c1 = v[0, 2] + max(a0 * x0, a0 * x1) + max(b0 * y0, b0 * y1), v[1, 2] + max(a1 * x0, a1 * x1)
-            c2, c3 = v[2, 2] + max(a2 * x0, a2 * x1), v[3, 2] + max(a3 * x0, a3 * x1)
-            c1, c2, c3 = c1 + max(b1 * y0, b1 * y1), c2 + max(b2 * y0, b2 * y1), c3 + max(b3 * y0, b3 * y1)
+            x0, x1, y0, y1 = boxes[j, step]
+            wide = views[uavs[j] : uavs[j] + 1].copy()
+            for side in range(4):
+                a, b = wide[0, side, 0], wide[0, side, 1]
+                wide[0, side, 2] = wide[0, side, 2] + max(a * x0, a * x1) + max(b * y0, b * y1)
             for t in range(targets):
                 for k in range(count):
-                    x, y = points[step, t, k, 0], points[step, t, k, 1]
-                    within = (a0 * x + b0 * y <= c0) & (a1 * x + b1 * y <= c1)
-                    within &= (a2 * x + b2 * y <= c2) & (a3 * x + b3 * y <= c3)
-                    may[(step * targets + t) * count + k] |= within
+                    row = (step * targets + t) * count + k
+                    may[row] |= inside(wide, 0, points[step, t, k, 0], points[step, t, k, 1])
     return may
 
 
