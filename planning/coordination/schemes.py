@@ -101,6 +101,8 @@ class Centralised:
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `composition.Coordination.plans`."""
+        if not team:
+            return []
         first = team[0]
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)

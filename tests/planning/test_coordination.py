@@ -9,6 +9,7 @@ from helpers.nominal import nominal, team_cost
 from helpers.teams import knowing, planned
 
 from planning.composition import Composition
+from planning.coordination.partitions import Partitions
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -39,7 +40,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
     )
     plans = planned(Composition(3, coordination), team, seed=9)
-    np.testing.assert_array_equal(plans, alone.plans)
+    np.testing.assert_array_equal(plans, alone)
 
 
 @pytest.mark.parametrize("order", ["fixed", "random", "worst-first"])
@@ -100,6 +101,11 @@ def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team
     team = random_team(1)
     deaf = [dataclasses.replace(s, neighbours=()) for s in team]
     np.testing.assert_array_equal(planned(centre, deaf), planned(centre, team))
+
+
+@pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), Partitions(2)])
+def test_without_uavs_there_are_no_plans(scheme):
+    assert Composition(coordination=scheme).plan([], np.random.default_rng(0)) == []
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])

@@ -1,5 +1,6 @@
 """Scans from a CSV: what is read, what is refused, and that the tracker alone repeats a mission from it."""
 
+import math
 import re
 import sys
 
@@ -16,6 +17,7 @@ from sim.running.run import run
 from sim.scenario.loading import load
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.fleet import step
+from tracking.geometry.camera import ALL_ROUND
 from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.tracker import Tracker, TrackerParameters
 
@@ -101,7 +103,7 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("0,4,128", "column fov: 4 is not allowed; expected more than 0 and less than pi rad"),
+        ("0,4,128", "column fov: 4 is not allowed; expected more than 0 and less than pi rad, or 2 pi: all round"),
         ("0,1,0", "column pixels: 0 is not allowed"),
         ("0,1,64.5", "column pixels: '64.5' is not an integer"),
         ("1,1,128", "column uav: UAV 1 has a second row"),
@@ -110,6 +112,11 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
 def test_a_camera_that_cannot_be_is_named(tmp_path, line, message):
     with pytest.raises(ValueError, match=re.escape(f"line 3, {message}")):
         read_cameras(written(tmp_path, "1,1.0,128", line, header="uav,fov,pixels"))
+
+
+def test_a_camera_that_sees_all_round_is_read(tmp_path):
+    read = read_cameras(written(tmp_path, f"1,{2 * math.pi!r},128", header="uav,fov,pixels"))
+    assert read[1].fov == ALL_ROUND
 
 
 def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):

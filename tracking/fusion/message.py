@@ -112,7 +112,7 @@ def alike(messages: Sequence[Message]) -> bool:
     same = [
         (m.partition[0], m.deleted, m.ids.tobytes(), m.names.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
     ]
-    return same.count(same[0]) == len(same)
+    return not same or same.count(same[0]) == len(same)
 
 
 @compiled

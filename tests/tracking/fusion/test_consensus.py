@@ -22,6 +22,10 @@ def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[
     return np.array(centre) + rng.normal(scale=0.3, size=(count, 4)), covariances
 
 
+def test_a_fleet_without_uavs_sends_nothing():
+    assert fuse([], np.zeros((0, 0), dtype=bool), 5).shape == (0,)
+
+
 class Heard:
     """A member that says a given message and keeps what it is left with."""
 
