@@ -45,11 +45,11 @@ class Oracle(Composed):
 
     def knowing(self, people: TruePositions) -> Planner:
         """The planner that knows these positions."""
-        return _Seer(replace(self.composition, propagation=_TruePaths(people)), people)
+        return _Knowing(replace(self.composition, propagation=_TruePaths(people)), people)
 
 
 @dataclass(frozen=True)
-class _Seer:
+class _Knowing:
     composition: Composition
     people: TruePositions
 

@@ -30,9 +30,9 @@ from tracking.track import Scan, Track, TrackTable, tracks_of
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 _VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
-_LATELY = 1.0  # s since the last detection of each of two tracks that share one person
-_BIRTHS = LABELS_PER_SCAN // 2  # new tracks of a scan, at most
-_BORN = 1.0  # s for which a new track takes the id of one whose person it shares
+_SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
+_MOST_NEW = LABELS_PER_SCAN // 2  # new tracks of a scan, at most
+_NEW_FOR = 1.0  # s for which a new track takes the id of one whose person it shares
 _BITS = np.arange(len(SAMPLES))  # of a number that holds which samples of a belief are in view
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 
@@ -113,12 +113,12 @@ class Tracker:
 
         elapsed, self._waited = self._waited, 0
         p = self.parameters
-        born, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, visible=visible_at, p=p)
+        new, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, visible=visible_at, p=p)
         # More than there are labels for begin in the next scan.
-        born, self._tentative = born[:_BIRTHS], born[_BIRTHS:] + self._tentative
-        if born:
-            known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
-            self._table += TrackTable.of(known, 1.0, scan.time)
+        new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
+        if new:
+            begun = [Track(new_label(self._link.scans, self.uav, k), t.belief, t.existence) for k, t in enumerate(new)]
+            self._table += TrackTable.of(begun, 1.0, scan.time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
@@ -164,11 +164,11 @@ class Tracker:
         gone = existence < p.doubt if p.life == "existence" else np.bitwise_count(misses) >= p.delete[0]
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
-        lately = message.times[:, 0] > now - _LATELY
+        recent = message.times[:, 0] > now - _SHARED_WITHIN
         ids = message.ids.copy()
-        for kept, other in shared_people((means, covariances), existence, ~gone & lately, p.match_gate):
+        for kept, other in shared_people((means, covariances), existence, ~gone & recent, p.match_gate):
             existence[kept], gone[other] = min(existence[kept] + existence[other], 1.0), True
-            if ids[kept] >= new_label(max(scans - round(_BORN / p.motion.dt), 1), 0, 0):
+            if ids[kept] >= new_label(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._link.accept(message)
         self._predicted = _NOTHING
@@ -200,15 +200,15 @@ class Tracker:
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        born = np.flatnonzero(is_new_label(table.ids, self._link.scans))
-        if len(born) == 0:
+        new = np.flatnonzero(is_new_label(table.ids, self._link.scans))
+        if len(new) == 0:
             return table
         lost = lost_tracks(table.sightings, self._link.time, p.recovery[0])
-        new, old = ((table.means[rows], table.covariances[rows]) for rows in (born, lost))
-        pairs = reacquisitions(new, old, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
+        of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
+        pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
         ids = table.ids.copy()
         for b, k in pairs:
-            ids[born[b]] = table.ids[lost[k]]
+            ids[new[b]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
         return replace(table, ids=ids)[order]

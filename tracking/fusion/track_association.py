@@ -127,11 +127,11 @@ def _labels(messages: Sequence[Message], tracks: Sequence[Indices], count: int) 
 
 
 def _joined(
-    states: LatestTracks, labels: Sequence[set[int]], holders: Flags, born: Flags, max_speed: float
+    states: LatestTracks, labels: Sequence[set[int]], holders: Flags, begun: Flags, max_speed: float
 ) -> tuple[Indices, Flags]:
     """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
 
-    labels: those of each track; holders (G, N): flags of the UAVs that hold each; born (G,): flags of tracks begun in
+    labels: those of each track; holders (G, N): flags of the UAVs that hold each; begun (G,): flags of tracks begun in
     this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others; new
     tracks after all others, as one and a lost one of a UAV may both be of the person that another UAV has. A group out
     of sight ends if its person was seen later, within reach, as another track of its only id.
@@ -143,7 +143,7 @@ def _joined(
     ratios = likelihood_ratios(states, max_speed) + _LABELLED * (common & together)
     every = np.arange(len(labels))
     group, known = every.copy(), np.zeros(len(labels), dtype=np.bool_)
-    for held in (*(holders & ~born[:, None]).T, *(holders & born[:, None]).T):
+    for held in (*(holders & ~begun[:, None]).T, *(holders & begun[:, None]).T):
         new, old = np.flatnonzero(held & ~known), np.flatnonzero(known & (group == every))
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):

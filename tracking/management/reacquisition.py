@@ -57,15 +57,15 @@ def farthest(unseen: Array, max_speed: float) -> Array:
 
 
 def reacquisitions(
-    born: tuple[Array, Array], lost: tuple[Array, Array], seen: Array, *, now: float, max_speed: float
+    new: tuple[Array, Array], lost: tuple[Array, Array], seen: Array, *, now: float, max_speed: float
 ) -> list[tuple[int, int]]:
-    """Pairs (b, l) of new tracks and the lost ones that they most probably continue.
+    """Pairs (n, l) of new tracks and the lost ones that they most probably continue.
 
-    born and lost: means (B or L, 4) and covariances (B or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
+    new and lost: means (N or L, 4) and covariances (N or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
     A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
     one assignment finds the likeliest, however unlikely its beliefs, which did not foresee turns behind trees.
     """
-    positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (born, lost))
+    positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (new, lost))
     cost = pair_costs(*positions)
-    gaps = length(seen[None, :, :2] - born[0][:, None, :2])
+    gaps = length(seen[None, :, :2] - new[0][:, None, :2])
     return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)

@@ -18,7 +18,7 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
 
     NaN where P is not positive definite.
     """
-    return over_stacks(squared_distances, (differences, 1), (covariances, 2))
+    return over_stacks(_squared_distances, (differences, 1), (covariances, 2))
 
 
 def pair_costs(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> Array:
@@ -43,7 +43,7 @@ def _log_determinants(matrices: Array) -> Array:
 
 
 @compiled
-def squared_distances(differences: Array, covariances: Array) -> Array:
+def _squared_distances(differences: Array, covariances: Array) -> Array:
     """Squared Mahalanobis distances (T,) of stacks (T, n) and (T, n, n), for compiled code.
 
     They are the sums of squares of the solutions y of L y = d.
