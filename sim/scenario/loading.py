@@ -93,7 +93,7 @@ def remarks(scenario: Scenario) -> list[str]:
         if unused:
             found.append(f"{unused}: not used, as people.trajectories gives all paths")
     for key, walk in (("group", "groups"), ("paths", "levy")) if not people.trajectories else ():
-        if getattr(people, key) != getattr(default, key) and walk not in people.walks:
+        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks:
             found.append(f'people.{key}: not used, as people.walks lacks "{walk}"')
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
