@@ -35,14 +35,13 @@ def value(text):
 
 
 def test_the_default_is_first_over_all_worlds_and_no_rival_ahead_in_one(page):
-    assert "the default has the lowest mean GOSPA among planners that do not know the truth." in page
-    assert "it cannot be told from that of `sma-nbo-mwtp`; it is ahead of all others by more than the interval" in page
+    assert "the default has the lowest mean GOSPA among planners that do not know the truth," in page
+    assert "ahead of each by more than the interval, paired by map." in page
     assert "No rival but the oracle is ahead of the default by more than its interval, in any world." in page
     gaps = columns(scores.gaps_table("gospa.mean_m"))
     rivals = {name: texts for name, texts in gaps.items() if name in scores.RIVALS}
     assert len(gaps["world"]) == WORLDS + 1 and list(rivals) == scores.RIVALS
-    assert all(value(texts[-1]) > 0 for texts in rivals.values())
-    assert [name for name, texts in rivals.items() if not texts[-1].startswith("**")] == ["sma-nbo-mwtp"]
+    assert all(texts[-1].startswith("**+") for texts in rivals.values())
     assert not [text for texts in rivals.values() for text in texts if text.startswith("**-")]
 
 
@@ -56,11 +55,11 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    maps = {world: list(range(20)) for world in scores.STUDY.scenarios} | {"fleet": list(range(6))}
-    assert "compare bench-1 --maps 20 --metric" in page and "compare bench-1 --maps 10 --metric" in page
+    maps = {world: list(range(50)) for world in scores.STUDY.scenarios} | {"fleet": list(range(6))}
+    assert "compare bench-1 --maps 50 --metric" in page and "compare bench-1 --maps 10 --metric" in page
     for (world, planner, _), seeds in flown.items():
-        half = planner in ("dec-mcts", "rsp", "thompson", "greedy")
-        assert sorted(seeds) == maps[world][: 10 if half else 20], (world, planner)
+        few = planner in ("dec-mcts", "rsp", "thompson", "greedy")
+        assert sorted(seeds) == maps[world][: 10 if few else 50], (world, planner)
     assert len(flown) == 9 * (7 + 4) + 1 + 7  # all worlds but fleet, lawnmower in search, fleet
 
 

@@ -27,7 +27,7 @@ def people_of(scenario, seed):
 def test_the_best_times_to_find_people_are_those_of_the_page():
     """The share of people not found falls from that outside the images at first, as fast as the images sweep."""
     scenario = load("search", [])
-    stays, speeds = zip(*(people_of(scenario, seed) for seed in range(20)), strict=True)
+    stays, speeds = zip(*(people_of(scenario, seed) for seed in range(50)), strict=True)
     edges, area = np.array([uav.footprint for uav in scenario.uavs]), scenario.area.width * scenario.area.height
     passing = np.hypot(scenario.uavs[0].max_speed, np.sqrt(np.mean(np.square(np.concatenate(speeds)))))
     outside = 1.0 - np.square(edges).sum() / area
