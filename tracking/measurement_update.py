@@ -1,9 +1,12 @@
 """Measurement update: beliefs predicted to a scan's time, associated with its measurements and updated."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 
+from tracking.association.clusters import gating_clusters
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -11,6 +14,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, power_each
 from tracking.parameters import TrackerParameters
 
+_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
 _UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
@@ -24,6 +28,12 @@ class ScanPrediction(NamedTuple):
     existence: Array  # (T,)
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), the same, less where negative information or a nearer person's measurement counts
+
+    def only(self, rows: Indices) -> ScanPrediction:
+        """Prediction of some of the tracks."""
+        means, covariances = self.undetected
+        rest = self.existence[rows], self.visible[rows], self.detectable[rows]
+        return ScanPrediction(self.means[rows], self.covariances[rows], (means[rows], covariances[rows]), *rest)
 
 
 class ScanUpdate(NamedTuple):
@@ -72,6 +82,24 @@ def _unresolved(means: Array, existence: Array) -> Array:
     return _UNRESOLVED * nearest
 
 
+def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
+    """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost (N,) as in `associate`.
+
+    Large scenes are updated by independent gating clusters. The result is the same, up to the rounding of existence.
+    """
+    count = len(before.means)
+    if count * len(z) <= _AT_ONCE:
+        return _updated(before, z, R, lost, p.association)
+    means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
+    explained, gates = np.zeros(len(z), np.bool_), []
+    for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
+        part = _updated(before.only(rows), z[columns], R[columns], lost[columns], p.association)
+        means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
+        missed[rows], explained[columns] = part.missed, part.explained
+        gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
+    return ScanUpdate(means, covariances, existence, missed, np.concatenate(gates), explained)
+
+
 @compiled
 def associate(
     before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
@@ -96,10 +124,9 @@ def associate(
 
 
 @compiled
-def scan_update(
+def _updated(
     before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
 ) -> ScanUpdate:
-    """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost and settings as in `associate`."""
     likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
     gates, count, explained = np.empty((likelihood.size, 2), np.int64), 0, np.zeros(len(z), np.bool_)

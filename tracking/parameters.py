@@ -69,11 +69,6 @@ class TrackerParameters:
         return self.gate_probability, self.clutter_density, self.detection_probability
 
     @cached_property
-    def recovery(self) -> tuple[float, float]:
-        """Time unseen [s] beyond which a track is lost, but for rounding, and `max_speed`, for compiled code."""
-        return max(self.recovery_after - self.motion.dt / 2, 0.0), self.max_speed
-
-    @cached_property
     def measurement_gate(self) -> float:
         """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
         return -2.0 * log(1.0 - self.gate_probability)

@@ -92,8 +92,8 @@ class Tracker:
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
         before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
-        turned = turned_density(table.sightings, table.existence, z, R, between, p.recovery)
-        after = scan_update(before, z, R, turned, p.association)
+        turned = turned_density(table.sightings, table.existence, z, R, between, p)
+        after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= SEEN
@@ -203,12 +203,12 @@ class Tracker:
         new = np.flatnonzero(is_new_label(table.ids, self._link.scans))
         if len(new) == 0:
             return table
-        lost = lost_tracks(table.sightings, self._link.time, p.recovery[0])
+        lost = lost_tracks(table.sightings, self._link.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
         pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
         ids = table.ids.copy()
-        for b, k in pairs:
-            ids[new[b]] = table.ids[lost[k]]
+        for n, k in pairs:
+            ids[new[n]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
         return replace(table, ids=ids)[order]

@@ -1,1 +1,1 @@
-"""Data association: JPDA, JIPDA."""
+"""Data association: gating clusters, JPDA, JIPDA."""

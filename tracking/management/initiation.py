@@ -89,7 +89,7 @@ def _updated(
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
     detectable = visible(means, covariances).mean(axis=1)
     before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
-    after = scan_update(before, z, R, np.zeros(len(z)), p.association)
+    after = scan_update(before, z, R, np.zeros(len(z)), p)
     seen = after.missed < 0.5
     rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
     grown = [

@@ -9,33 +9,43 @@ from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
+from tracking.parameters import TrackerParameters
 
 # Sum of the errors of the last measurement and of the present one, at most [m].
 _MARGIN = 1.0
 _TURN = 10.0  # s, mean time in which people turn or change speed as no motion model foresees; 3 to 20 s do as well
 
 
-def lost_tracks(sightings: Array, time: float, least: float) -> Indices:
-    """Rows of the tracks that no UAV has detected surely for more than `least` s, after the scan at `time` s.
+def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
+    """Rows of the tracks that no UAV has detected surely for `recovery_after` s, after the scan at `time` s.
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
     unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
-    return np.flatnonzero((unseen > least) & (unseen < np.inf))
+    return np.flatnonzero((unseen > _least_unseen(p)) & (unseen < np.inf))
 
 
-@compiled
+def _least_unseen(p: TrackerParameters) -> float:
+    return max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
+
+
 def turned_density(
-    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], limits: tuple[float, float]
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], p: TrackerParameters
 ) -> Array:
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
-    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s]; limits:
-    `TrackerParameters.recovery`.
+    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
     After a turn a person is about the last place, with a standard deviation of half the distance within reach.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
+    return _turned_density(sightings, existence, z, R, times, (_least_unseen(p), p.max_speed))
+
+
+@compiled
+def _turned_density(
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], limits: tuple[float, float]
+) -> Array:
     density, (least, max_speed) = np.zeros(len(z)), limits
     for t in range(len(sightings)):
         if not least < times[0] - sightings[t, 2] < np.inf:

@@ -39,7 +39,8 @@ class Association:
         Beliefs are those that the fleet agreed on at scan k - 1, predicted by the tracker's motion model. At the
         first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
 
-        Note: a recording of an earlier version is read by the rules of this one.
+        Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
+        rounds differently. A recording of an earlier version is read by the rules of this one.
         """
         takes = recording.working[:, uav]
         if not (takes[k] and scenario.has_frame(uav, k)):
@@ -64,8 +65,7 @@ class Association:
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         sightings = np.array([t.sighting for t in tracks]).reshape(-1, 3)
-        between = float(recording.times[max(k - 1, 0)]), scan.time
-        turned = turned_density(sightings, existence, z, R, between, p.recovery)
+        turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p)
         likelihood, beta, _, after = associate(before, z, R, turned, p.association)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]

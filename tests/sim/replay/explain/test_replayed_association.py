@@ -25,9 +25,9 @@ def flown(case, monkeypatch):
     """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
     spied = []
 
-    def updated(before, z, R, lost, settings):
-        beta = associate(before, z, R, lost, settings)[1]
-        spied.append((before, z, R, lost, scan_update(before, z, R, lost, settings), beta))
+    def updated(before, z, R, lost, p):
+        beta = associate(before, z, R, lost, p.association)[1]
+        spied.append((before, z, R, lost, scan_update(before, z, R, lost, p), beta))
         return spied[-1][4]
 
     monkeypatch.setattr(tracking.tracker, "scan_update", updated)

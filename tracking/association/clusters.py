@@ -1,0 +1,60 @@
+"""Independent gating clusters of a scan, so that its cost grows with the number of people, not with its square."""
+
+import math
+
+import numpy as np
+
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
+
+_TRACKS = 64  # of a cluster, at least: for smaller ones calls cost more than their arithmetic
+_ROOM = 1.001  # factor by which boxes exceed gates, for rounding
+
+
+def gating_clusters(
+    means: Array, covariances: Array, measurements: Array, noise: Array, gate: float
+) -> list[tuple[Indices, Indices]]:
+    """Tracks and measurements, ascending, of clusters without gates in common.
+
+    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate is the squared distance
+    allowed. Each track is in one cluster; a measurement near no track is in none. Connected components of the graph of
+    gates are joined to clusters of enough tracks.
+    """
+    roots = _roots(means, covariances, measurements, noise, gate)
+    firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
+    cluster = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
+    near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
+    of_measurements = np.where(firsts[near] == roots[len(means) :], cluster[near], -1)
+    numbers = np.unique(cluster).tolist()
+    return [(np.flatnonzero(cluster[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
+
+
+@compiled
+def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
+    """Roots (T + N,) of tracks, then measurements: the smallest index among all that boxes round gates connect."""
+    order = np.argsort(measurements[:, 0], kind="mergesort")
+    xs = measurements[order, 0]
+    parents = np.arange(len(means) + len(measurements))
+    widest = noise[:, 0, 0].max() if len(noise) > 0 else 0.0
+    for i in range(len(means)):
+        reach = _ROOM * math.sqrt(gate * (covariances[i, 0, 0] + widest))
+        for k in range(np.searchsorted(xs, means[i, 0] - reach), len(xs)):
+            if xs[k] > means[i, 0] + reach:
+                break
+            j = order[k]
+            dy = measurements[j, 1] - means[i, 1]
+            if dy * dy <= _ROOM * gate * (covariances[i, 1, 1] + noise[j, 1, 1]):
+                a, b = _root(parents, i), _root(parents, len(means) + j)
+                parents[max(a, b)] = min(a, b)
+    for i in range(len(parents)):
+        parents[i] = _root(parents, i)
+    return parents
+
+
+@compiled
+def _root(parents: Indices, i: int) -> int:
+    """Root of a node; the path to it is halved on the way."""
+    while parents[i] != i:
+        parents[i] = parents[parents[i]]
+        i = parents[i]
+    return i
