@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, cast
 
-from planning.loading import PLANNER, checked_planner, load_planner
+from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Exchange, Planner
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable
@@ -23,7 +23,7 @@ def planner_of(given: object) -> Planner:
 
 def exchange_of(planner: object) -> Exchange:
     """The exchange of plans that a planner declares, else `Exchange()`; InputError if it cannot be asked."""
-    with PLANNER.errors(type(planner).__qualname__, "say what it sends"):
+    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends"):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
         # A copy, so that it stays as it was checked.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
@@ -34,7 +34,7 @@ def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
 
     InputError if that fails.
     """
-    with PLANNER.errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
+    with ANY_PLANNER.errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
         knowing = getattr(planner, "knowing", None)
         if knowing is None:
             return planner, False
@@ -46,7 +46,7 @@ def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
 
 def is_stateful(planner: object) -> bool:
     """True if a planner declares a memory; InputError if it has no method to reset that, or cannot be asked."""
-    with PLANNER.errors(type(planner).__qualname__, "say what it remembers"):
+    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it remembers"):
         stateful = bool(getattr(planner, "stateful", False))
         if stateful and not callable(getattr(planner, "reset", None)):
             raise Unusable("it is stateful, but has no method reset(seed)")
@@ -56,5 +56,5 @@ def is_stateful(planner: object) -> bool:
 def reset(planner: object, seed: int) -> None:
     """Let a stateful planner begin anew, and do nothing to others; InputError if that fails."""
     if is_stateful(planner):
-        with PLANNER.errors(type(planner).__qualname__, "be reset"):
+        with ANY_PLANNER.errors(type(planner).__qualname__, "be reset"):
             cast("Any", planner).reset(seed)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
 
 
-PLANNER = Registry("planner", {}, ("plan(team, rng)",))  # one of any origin: errors of all are told alike
+# A planner of any origin: its errors are all told alike. Names and classes are found by `load_planner`.
+ANY_PLANNER = Registry("planner", {}, ("plan(team, rng)",))
 
 
 def load_planner(text: str) -> Planner:
@@ -29,16 +30,17 @@ def load_planner(text: str) -> Planner:
     name, options = _parsed(text)
     spec = _spec(name)
     make = _import(name, spec)
-    with PLANNER.errors(name, "be made", InputError):
+    with ANY_PLANNER.errors(name, "be made", InputError):
         _check(name, make, options)
+    with ANY_PLANNER.errors(name, "be made"):
         planner = make(**{**spec.options, **options})
     return checked_planner(planner, name)
 
 
 def checked_planner(planner: object, name: str) -> Planner:
     """The planner, which has that name; InputError unless it has the method plan(team, rng)."""
-    with PLANNER.errors(name, "be made"):
-        lacking = lack(name, planner, *PLANNER.methods)
+    with ANY_PLANNER.errors(name, "be made"):
+        lacking = lack(name, planner, *ANY_PLANNER.methods)
     if lacking:
         raise InputError(f"planner: {lacking}")
     return cast("Planner", planner)

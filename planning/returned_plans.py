@@ -14,16 +14,17 @@ _MOST_OTHERS = 1000
 
 def usable_plan(plan: object) -> Plan:
     """A copy of a plan; `Unusable` says why it is none."""
-    found = shaped_plan(plan)
-    _check_finite("controls", found.controls)
-    return found
+    return shaped_plan(plan, finite=True)
 
 
-def shaped_plan(plan: object) -> Plan:
-    """As `usable_plan`; the controls, but not those of other UAVs, may be infinite or NaN."""
+def shaped_plan(plan: object, *, finite: bool = False) -> Plan:
+    """As `usable_plan`; unless `finite`, the controls, but not those of other UAVs, may be infinite or NaN."""
     if not hasattr(plan, "controls"):
         raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
-    return Plan(_controls("controls", plan.controls), _expected_of(plan))
+    controls = _controls("controls", plan.controls)
+    if finite:
+        _check_finite("controls", controls)
+    return Plan(controls, _expected_of(plan))
 
 
 def _expected_of(plan: object) -> dict[int, Array]:

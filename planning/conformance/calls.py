@@ -39,7 +39,7 @@ class Attempt:
     """Plans for a team, with their defects."""
 
     plans: Sequence[Plan]  # as returned
-    controls: tuple[Array, ...]  # (H, 2) m/s, a copy; of whatever shape where a defect says so
+    controls: tuple[Array, ...]  # (H, 2) m/s, copies; with the defect "plans" those before the first that is none
     defects: Mapping[str, str]  # by kind: "plans", "finite", "speed"
     touched: str = ""  # change of the situations
     drew: str = ""  # modules of the global random numbers it used

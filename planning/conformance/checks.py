@@ -16,7 +16,7 @@ from planning.conformance.situations import (
     with_other_knowledge,
 )
 from planning.contract import exchange_of, is_stateful, reset
-from planning.loading import PLANNER, checked_planner, load_planner
+from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Planner, Situation
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
@@ -35,7 +35,7 @@ class Subject:
         self.team = ordinary_team()
         planner = self.make()
         self.remembers = is_stateful(planner)
-        with PLANNER.errors(type(planner).__qualname__, "say whether it is decentralised"):
+        with ANY_PLANNER.errors(type(planner).__qualname__, "say whether it is decentralised"):
             self.claims = bool(getattr(planner, "decentralised", False))
         self.rounds = exchange_of(planner).rounds
         self.first = attempt(planner, self.team, watched=True)
@@ -83,14 +83,15 @@ def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
     planner = subject.make()
     if subject.remembers:
         attempt(planner, team)
-    return _without("plans", attempt(planner, team))
+    tried = attempt(planner, team)
+    _check_free(tried, "plans")
+    return tried
 
 
-def _without(kind: str, tried: Attempt) -> Attempt:
-    """The attempt; `Unfit` if it has a defect of that kind."""
+def _check_free(tried: Attempt, kind: str) -> None:
+    """`Unfit` if an attempt has a defect of that kind."""
     if kind in tried.defects:
         raise Unfit(tried.defects[kind])
-    return tried
 
 
 def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
@@ -111,24 +112,24 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
 
 def _made(maker: Maker) -> Planner:
     name = getattr(maker, "__qualname__", type(maker).__qualname__)
-    with PLANNER.errors(name, "be made"):
+    with ANY_PLANNER.errors(name, "be made"):
         planner = maker()
     return checked_planner(planner, name)
 
 
 def _plans(subject: Subject) -> str:
-    first = _without("plans", subject.first)
-    steps = " or ".join(str(h) for h in sorted({len(c) for c in first.controls}))
+    _check_free(subject.first, "plans")
+    steps = " or ".join(str(h) for h in sorted({len(c) for c in subject.first.controls}))
     return f"one (H, 2) for each UAV, H = {steps}"
 
 
 def _finite(subject: Subject) -> str:
-    _without("finite", subject.planned())
+    _check_free(subject.planned(), "finite")
     return "all numbers are"
 
 
 def _speed(subject: Subject) -> str:
-    _without("speed", subject.planned())
+    _check_free(subject.planned(), "speed")
     return "top speeds of " + ", ".join(f"{s.own.max_speed:g}" for s in subject.team) + " m/s are kept"
 
 

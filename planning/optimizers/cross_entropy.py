@@ -55,6 +55,14 @@ class CrossEntropy:
     # Time [s] for which the search is repeated; no round begins later; 0: one search. Results then vary.
     seconds: float = 0.0
 
+    def __post_init__(self) -> None:
+        least = {"elites": 1, "last_elites": 1, "rounds": 1, "ease": 0, "eased_rounds": 0, "evaluations": 0}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise ValueError(f"{name} must be at least {bound}, is {getattr(self, name)}")
+        if self.eased_rounds > 1.0:
+            raise ValueError(f"eased_rounds must be at most 1, is {self.eased_rounds}")
+
     def minimise(
         self,
         objective: Objective,

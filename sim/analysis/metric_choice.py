@@ -15,10 +15,10 @@ def metric_shown(name: str) -> Metric:
 
     Nothing is imported for a name, as a store may come from any source.
     """
-    if name in METRICS:
-        return METRICS[name]
+    if name in METRICS or ":" in name:
+        return metric(name)
     unit = name[-1] if name.endswith(("_m", "_s")) else ""
-    label = name if ":" in name else name.replace("_", " ").replace(".", ": ")
+    label = name.replace("_", " ").replace(".", ": ")
     return Metric(label, unit=unit, better="neither", digits=3, name=name)
 
 
@@ -39,4 +39,4 @@ def chosen(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
     for name in asked if there else ():
         check_known("--metric", name, there)
     usual = [name for name in DEFAULT if name in there] or there[:1] or DEFAULT[:1]
-    return [metric(name) if ":" in name else metric_shown(name) for name in dict.fromkeys(asked or usual)]
+    return [metric_shown(name) for name in dict.fromkeys(asked or usual)]

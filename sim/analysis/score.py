@@ -11,7 +11,7 @@ from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.cells import Group
 from sim.analysis.differences import common_values
 from sim.analysis.intervals import Estimate, means
-from sim.analysis.metric_choice import chosen
+from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from sim.study.cells import VIEW
@@ -45,7 +45,7 @@ def scored(
     """The scores of groups of rows; None where the study has none, or no map has both floor and bound."""
     if score is None:
         return None
-    ends, (metric,) = ends_of(rows, score, given), chosen(rows, [score.metric])
+    ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
     found = scores(groups, metric, *ends)
     return Scored(found, metric, ends) if found else None
 

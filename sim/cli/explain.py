@@ -142,7 +142,7 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     loss = _longest([event for event in flight.events if event.kind in UNHELD and event.person in people])
     if loss:
-        show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:g}")
+        show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
 
 
 def _longest(events: list[Event]) -> Event | None:

@@ -21,7 +21,7 @@ from sim.scenario.loading import remarks
 from sim.scenario.random_streams import numbered
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
-from sim.study.store import Store, StoreError
+from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
@@ -49,8 +49,12 @@ def fly_study(
     kept: int | None = None
     again = 0
     try:
-        _check_worlds(listed)
+        new = not (folder / NAME).exists()
+        if new:  # before anything is left
+            _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
+            flown = store.done(listed)
+            _check_worlds([task for task in listed if not new and task.key not in flown])
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sim.drawing.lettering import Image
-from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, UNHELD, Colour
+from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, UNHELD_COLOURS, Colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
@@ -58,5 +58,5 @@ def person(image: Image, centre: Array, heading: float, *, view: str, hold: str 
     disc(image, centre, 3.4, ink)
     if view == "hidden":
         disc(image, centre, 2.0, PANEL)
-    if hold in UNHELD:
-        disc(image, centre, 11.0, UNHELD[hold], 2)
+    if hold in UNHELD_COLOURS:
+        disc(image, centre, 11.0, UNHELD_COLOURS[hold], 2)

@@ -31,7 +31,6 @@ LOST = ALARM
 NOT_FOUND_YET: Colour = (238, 170, 160)
 FALSE: Colour = (136, 34, 85)
 SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
-UNHELD: dict[str, Colour] = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 # By names of `HOLDS`, in their order.
 HOLD_COLOURS: dict[str, Colour] = {
     "absent": FAINT,
@@ -40,6 +39,7 @@ HOLD_COLOURS: dict[str, Colour] = {
     "held by some": HELD_BY_SOME,
     "held": HELD,
 }
+UNHELD_COLOURS = {name: HOLD_COLOURS[name] for name in ("lost", "not found yet")}
 
 UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
 # Darker than most colours of UAVs, so that a track is read as one on paper, under a canopy and in a camera tile.

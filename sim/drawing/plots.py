@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
@@ -56,7 +57,9 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
 def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
     """A figure of so many inches with letters of so many points, to be drawn in the block."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
-        yield Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)  # whose pixels can be asked for
+        yield figure
 
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:

@@ -164,7 +164,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         table.add_section()
         table.add_row("contacts", str(len(found)), style="bold red")
     for contact in found[:3]:
-        text = f"UAV {contact['uav']}, {touched(contact['kind'], contact['other'])}"
+        text = f"UAV {contact['uav']} touched {touched(contact['kind'], contact['other'])}"
         table.add_row(f"  at {contact['time']:.1f} s", text)
     return table
 

@@ -31,7 +31,7 @@ class Npz:
         _check_end(file, size)
         try:
             self._archive = zipfile.ZipFile(file)
-        except Exception as error:  # of many kinds, as below
+        except Exception as error:  # zipfile, zlib and struct raise errors of many kinds
             raise ValueError(f"is a damaged archive: {line(error)}") from error
         entries = self._archive.infolist()
         self.names = tuple(entry.filename.removesuffix(".npy") for entry in entries)

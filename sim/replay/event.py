@@ -62,7 +62,7 @@ class Event:
 
 
 def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
-    """Tracks that stand for no person, of events in order of time, each with a lane: the first that is free."""
+    """Events of tracks that stand for no person, each with the first lane that is free, so that none covers another."""
     ends: list[int] = []
     found = []
     for event in (event for event in events if event.kind in UNMATCHED):

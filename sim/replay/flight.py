@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -147,6 +148,7 @@ def _picture(image: Image) -> Figure:
     """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+    FigureCanvasAgg(figure)  # whose pixels can be asked for
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(image, interpolation="none", aspect="auto")
     axes.set_axis_off()

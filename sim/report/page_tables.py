@@ -23,7 +23,8 @@ def html_table(shown: Table) -> str:
     rows = []
     for cell, lines in groupby(shown.rows, lambda row: row[0]):
         if cell != ():
-            rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(cell_text(cell))}</th></tr>')
+            place = "all cells, seed by seed" if cell is None else cell_text(cell)
+            rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(place)}</th></tr>')
         for _, (first, *rest) in lines:
             entries = "".join(f"<td>{escape(text)}</td>" for text in rest)
             rows.append(f'<tr><td class="name">{escape(first)}</td>{entries}</tr>')

@@ -84,20 +84,27 @@ def remarks(scenario: Scenario) -> list[str]:
         scans = f"the last scan is at {last:g} s"
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
         found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
-    people, default = scenario.people, People()
     if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
         found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
+    if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
+        found.append("wind.gust_time: not used, as wind.gust is 0")
+    return found + _about_people(scenario.people) + _unused(scenario) + _about_false_alarms(scenario)
+
+
+def _about_people(people: People) -> list[str]:
+    """Remarks on keys of people without effect beside trajectories, or without the way of walking that they are for."""
+    default = People()
     if people.trajectories:
         given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
-        if unused:
-            found.append(f"{unused}: not used, as people.trajectories gives all paths")
-    for key, walk in (("group", "groups"), ("paths", "levy")) if not people.trajectories else ():
-        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks:
-            found.append(f'people.{key}: not used, as people.walks lacks "{walk}"')
-    if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
-        found.append("wind.gust_time: not used, as wind.gust is 0")
-    return found + _unused(scenario) + _about_false_alarms(scenario)
+        return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
+    if any(":" in walk for walk in people.walks):  # a way of the user's is given all keys
+        return []
+    return [
+        f'people.{key}: not used, as people.walks lacks "{walk}"'
+        for key, walk in (("group", "groups"), ("paths", "levy"))
+        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks
+    ]
 
 
 def _unused(scenario: Scenario) -> list[str]:

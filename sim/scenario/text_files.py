@@ -4,6 +4,7 @@ import re
 import stat
 import sys
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ else:
     import tomli as tomllib
 
 MOST_BYTES = 2**26  # of a table
+_BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, read at about a megabyte a second
 _DEEPEST = 30  # tables and lists within one another
 # Runs of parts and dots as in keys, group 1 the hundredth part of one: a parser's time grows with the square of their
@@ -30,7 +32,8 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
         if not stat.S_ISREG(path.stat().st_mode):  # before it is opened: a pipe would be waited for
             raise OSError("is no file")
         with path.open("rb") as file:
-            read = file.read(most + 1)  # what the system makes up as it is read, as in /proc, tells no size
+            # What the system makes up as it is read, as in /proc, tells no size; to read `most` would allocate as much.
+            read = b"".join(islice(iter(lambda: file.read(_BLOCK), b""), most // _BLOCK + 1))
     except (OSError, ValueError) as error:  # the latter of a path with a zero byte
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{where}: {path} cannot be read: {reason}") from error

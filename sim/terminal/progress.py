@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import timedelta
 from statistics import fmean
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
@@ -71,12 +70,14 @@ def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
 
 
 def pace(flown: int, left: int, failures: int, seconds: float) -> str:
-    """Rate, remaining time and failures in words: ", 12.0 a minute, 0:01:40 left, 2 failed"."""
+    """Rate, remaining time and failures in words: ", 12.0 a minute, 1:40 left, 2 failed"."""
     parts = []
     if flown and seconds > 0:
         parts.append(f"{60 * flown / seconds:.1f} a minute")
         if left:
-            parts.append(f"{timedelta(seconds=round(left * seconds / flown))} left")
+            minutes, rest = divmod(round(left * seconds / flown), 60)
+            hours, minutes = divmod(minutes, 60)
+            parts.append(f"{hours}:{minutes:02}:{rest:02} left" if hours else f"{minutes}:{rest:02} left")
     if failures:
         parts.append(f"{failures} failed")
     return "".join(f", {part}" for part in parts)

@@ -258,7 +258,7 @@ class World:
             self._put_uavs(self._bodies)
 
     def _put_uavs(self, bodies: Bodies) -> None:
-        """Put kinematic UAVs where they are, and all at the start."""
+        """Put UAVs where kinematic ones are now, and where all start."""
         rows = (bodies.uavs, self._positions.tolist(), self._quaternions.tolist(), self._commands.tolist())
         for body, position, quaternion, command in zip(*rows, strict=True):
             bodies.engine.resetBasePositionAndOrientation(body.id, position, quaternion)

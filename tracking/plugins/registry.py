@@ -69,7 +69,8 @@ class Registry:
     def errors(self, name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
         """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
 
-        Errors of `passing` pass as they are, as does one of a built-in plug-in, which may be of another that it makes.
+        Errors of `passing` pass as they are. So do InputErrors of a built-in plug-in, which may be of
+        another that it makes.
         """
         try:
             with contained(*passing, *[InputError] * (name in self.built_in)):

@@ -104,9 +104,10 @@ class Observer(ExitStack):
         return found
 
     def _found(self, k: int, uav: int, person: int, owners: Indices) -> PersonMeasurement | None:
-        row = next(iter(np.flatnonzero(owners == person).tolist()), None)
-        if row is None:
+        rows = np.flatnonzero(owners == person).tolist()
+        if not rows:
             return None
+        row = rows[0]
         scan, pixels = self.recording.scan_at(k, uav), self.recording.pixels_at(k, uav)
         error = scan.measurements[row] - self.recording.people[k, person]
         return PersonMeasurement(

@@ -89,7 +89,8 @@ def scans_between(
     if not found:
         near = ", ".join(f"{times[k]:g}" for k in sorted(np.argsort(np.abs(times - start))[:2].tolist()))
         raise InputError(f"{name}: no scan lies between {start:g} and {end:g} s; the nearest are at {near} s")
-    if uav is not None and not (works := recording.working[:, uav])[found].all():
+    works = recording.working[:, uav] if uav is not None else np.ones(len(times), dtype=np.bool_)
+    if not works[found].all():
         until = f"its last scan is that at {times[works][-1]:g} s" if np.any(works) else "it never worked"
         time = float(times[next(k for k in found if not works[k])])
         raise InputError(f"{name}: at {time:g} s UAV {uav} had broken down; {until}")

@@ -163,7 +163,7 @@ def _item(event: Event, recording: Recording, place: str) -> str:
 
 
 def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
-    time, folder = f"{recording.times[event.first]:g}", shlex.quote(place)
+    time, folder = f"{recording.times[event.first]:.9g}", shlex.quote(place)
     if event.track is not None:
         yield f"understory explain {folder} --track {event.track}"
     if event.person is not None:

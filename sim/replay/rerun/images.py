@@ -1,5 +1,7 @@
 """Each camera's image for the Rerun viewer: detections, projected tracks, and their data association."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import rerun as rr
@@ -16,7 +18,7 @@ from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
-from tracking.track import beliefs_of
+from tracking.track import Track, beliefs_of
 
 _QUALITY = 90  # of JPEG
 _BOX = 0.035  # of the image, half the width of what marks a detection
@@ -35,6 +37,7 @@ class Cameras:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
+        tracks = numbered(self._recording, k).tracks
         for i, uav in enumerate(self._scenario.uavs):
             association = Association.of(self._recording, self._scenario, k, i)
             if association is None:
@@ -46,7 +49,7 @@ class Cameras:
             half = np.full(inside.shape, _BOX * camera.pixels)  # as large in all images
             frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
             self._stream.log(f"{root}/detections", frames)
-            self._log_tracks(k, i, camera)
+            self._log_tracks(k, i, camera, tracks[i])
             expected = self._project(k, i, camera, association.before.means)
             self._log_weights(f"{root}/association", association, spots, expected)
             self._stream.log(f"association/{i}", rr.TextDocument(table(association), media_type="text/markdown"))
@@ -76,8 +79,7 @@ class Cameras:
         places = self._recording.scan_at(k, uav).measurements
         return pixels if len(pixels) == len(places) else self._project(k, uav, camera, places)
 
-    def _log_tracks(self, k: int, uav: int, camera: Camera) -> None:
-        tracks = numbered(self._recording, k).tracks[uav]
+    def _log_tracks(self, k: int, uav: int, camera: Camera, tracks: Sequence[Track]) -> None:
         marks = self._project(k, uav, camera, beliefs_of(tracks)[0])
         shown = np.flatnonzero(~np.isnan(marks[:, 0])).tolist()
         points = rr.Points2D(

@@ -125,16 +125,16 @@ class Scene:
             lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
             translations=_at(snapshot.people[here], 0.3),
-            colors=[palette.UNHELD.get(holds[m], PANEL) for m in here],
+            colors=[palette.UNHELD_COLOURS.get(holds[m], PANEL) for m in here],
             fill_mode="solid",
             labels=[f"person {m}" for m in here],
             show_labels=False,
         )
-        unheld = [m for m in here if holds[m] in palette.UNHELD]
+        unheld = [m for m in here if holds[m] in palette.UNHELD_COLOURS]
         names = rr.Points3D(
             _at(snapshot.people[unheld], 2 * TARGET_HEIGHT),
             radii=0.1,
-            colors=[on_dark(palette.UNHELD[holds[m]]) for m in unheld],
+            colors=[on_dark(palette.UNHELD_COLOURS[holds[m]]) for m in unheld],
             labels=[f"person {m} {holds[m]}" for m in unheld],
             show_labels=True,
         )

@@ -46,6 +46,10 @@ def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequenc
     """
     stream = _stream(flight.recording)
     with whole(path) as part:
+        try:
+            part.touch()
+        except OSError as error:
+            raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
         stream.save(part)
         try:
             _fill(stream, flight, progress, planning_s)

@@ -97,7 +97,7 @@ def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
         assert json.loads(json.dumps(result, allow_nan=False)) == result
         texts.append(shown(result))
     assert "contacts" not in texts[0]
-    for piece in ("contacts", "at 0.6 s", "UAV 0, UAV 1", "at 0.8 s", "UAV 2, the canopy of tree 7"):
+    for piece in ("contacts", "at 0.6 s", "UAV 0 touched UAV 1", "at 0.8 s", "UAV 2 touched the canopy of tree 7"):
         assert piece in texts[1]
 
 
