@@ -194,7 +194,7 @@ def _known(subject: _Subject) -> str:
 
 def _people_found(subject: _Subject) -> str:
     held, false = subject.flown().people()
-    seen = f"{held} of 4 have a track at the end, one of them unknown at the start; {false} false tracks"
+    seen = f"{held} of 4 people, one of whom was unknown at the start, have a track at the end; {false} false tracks"
     if 2 * held < len(_PEOPLE) or false > len(_PEOPLE):
         raise Unfit(seen)
     return seen

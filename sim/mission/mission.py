@@ -247,7 +247,7 @@ class Mission:
             elif self.planner is not None:
                 made, faults = checked_plans(self.planner, team, self._knowledge.plans.own, self.rng)
             else:
-                raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)}")
+                raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)} plans")
         self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)], self._knowledge.plans.end(plans)

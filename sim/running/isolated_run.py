@@ -39,7 +39,7 @@ def fly_apart(trial: Trial, results: Results, *, timeout: float | None, progress
                 _fly, trial, folder.absolute(), results, hear=hear, listening=ScanProgress, timeout=timeout
             )
         except IsolationError as error:
-            when = f"at {last.time:.1f} s" if last else "before take-off"
+            when = f"at {last.time:.1f} s" if last else "before its first scan was complete"
             raise IsolationError(f"the mission ended {when}: {error}; nothing is kept") from error
     return summary
 

@@ -160,7 +160,7 @@ def _override(data: dict[str, Any], override: str) -> None:
             node.setdefault(part, default if isinstance(default, list) else {})  # an override changes one of a list
         node = node[_place(node, part, key)]
         if not isinstance(node, dict | list):
-            raise InputError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
+            raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
     node[_place(node, last, key)] = _value(text)
 
 
@@ -169,7 +169,7 @@ def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noq
         return text
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
         allowed = f"allowed are 0 to {len(node) - 1}" if node else "the list is empty, so give all of it"
-        raise InputError(f"--set: {key}: {text!r} is not an index; {allowed}")
+        raise InputError(f"{key}: {text!r} is not an index; {allowed}")
     return int(text)
 
 

@@ -83,11 +83,15 @@ def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> b
 
 
 def _check_levels(study: Study) -> None:
+    set_by: dict[str, str] = {}  # the factor that sets a key
     for factor, levels in study.factors.items():
         if factor in ("planner", "scenario"):  # by which trials are left out, too
             raise InputError(f"factors.{factor}: is no name for a factor; list them as {factor}s of [study]")
         for level, values in levels.items():
             if not isinstance(values.get("planner", {}), Mapping):
                 raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
+        for key in sorted({key for values in levels.values() for key in flat(values)}):
+            if set_by.setdefault(key, factor) != factor:
+                raise InputError(f"factors.{factor}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
     if study.score and VIEW in study.factors:
         raise InputError(f"factors.{VIEW}: is no name for a factor beside [score], whose bound has an unlimited view")

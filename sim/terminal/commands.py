@@ -108,11 +108,11 @@ def concluded(app: Callable[..., Any]) -> None:
     _take_signals()
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
-            fail("interrupted; nothing is kept", code=1)
+            fail("interrupted; nothing new is kept", code=1)
     except (InputError, IsolationError, PlaceTaken) as error:
         fail(str(error), code=2 if isinstance(error, InputError) else 1)
     except (KeyboardInterrupt, typer.Abort):
-        fail("interrupted; nothing is kept", code=1)
+        fail("interrupted; nothing new is kept", code=1)
     except OSError as error:
         if error.errno not in (*_NO_ROOM, *_NO_PLACE):
             raise

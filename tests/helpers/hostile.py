@@ -138,7 +138,11 @@ REFUSED = {
         2,
         "rounds must be at most 1000",
     ),
-    "a module ends the process": ("os._exit(0)", 1, "before take-off: the process it ran in ended by itself"),
+    "a module ends the process": (
+        "os._exit(0)",
+        1,
+        "before its first scan was complete: the process it ran in ended by itself",
+    ),
     "a planner ends the process": (planner("os._exit(0)"), 1, "ended by itself, with exit code 0; nothing is kept"),
     "a planner crashes": (planner("os.kill(os.getpid(), signal.SIGSEGV)"), 1, "was killed by SIGSEGV"),
     "a planner hangs": (planner("while True: pass"), 1, "took longer than the timeout of 10 s; nothing is kept"),
@@ -148,7 +152,7 @@ REFUSED = {
         "took longer than the timeout",
     ),
     "a constructor hangs": ("class Mine:\n    def __init__(self): time.sleep(1e6)", 1, "took longer than the timeout"),
-    "a planner presses Ctrl-C": (planner("raise KeyboardInterrupt"), 1, "interrupted; nothing is kept"),
+    "a planner presses Ctrl-C": (planner("raise KeyboardInterrupt"), 1, "interrupted; nothing new is kept"),
 }
 
 DETECTED = {

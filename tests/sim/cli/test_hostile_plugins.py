@@ -80,7 +80,7 @@ def test_without_a_timeout_a_second_ctrl_c_ends_what_hangs(tmp_path):
         for _ in range(2):
             process.send_signal(signal.SIGINT)
             time.sleep(0.5)
-        assert process.communicate(timeout=60)[1] == "understory: interrupted; nothing is kept\n"
+        assert process.communicate(timeout=60)[1] == "understory: interrupted; nothing new is kept\n"
     assert process.returncode == 1
     assert sorted(path.name for path in tmp_path.iterdir() if path.name != "__pycache__") == ["hostile.py"]
 

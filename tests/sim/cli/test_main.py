@@ -133,4 +133,4 @@ class Half:
 concluded(lambda standalone_mode: Half())
 """
     ended = python("-c", code)
-    assert (ended.returncode, ended.stderr) == (1, "understory: interrupted; nothing is kept\n")
+    assert (ended.returncode, ended.stderr) == (1, "understory: interrupted; nothing new is kept\n")

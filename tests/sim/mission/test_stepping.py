@@ -77,7 +77,7 @@ def test_what_uavs_know_is_theirs_to_change():
 
 EACH = "expected a plan or a velocity (2,) for each of 3 UAVs"
 REFUSED = {
-    "plans: none are given, and the mission has no planner; expected 3": None,
+    "plans: none are given, and the mission has no planner; expected 3 plans": None,
     f"plans: 2 plans for 3 UAVs; {EACH}": np.zeros((2, 2)),
     f"plans: more than 3 plans for 3 UAVs; {EACH}": np.zeros((4, 2)),
     "plans: of UAV 0: velocity of shape (3,), not (2,)": np.zeros((3, 3)),

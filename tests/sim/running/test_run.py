@@ -128,7 +128,7 @@ def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_p
         assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"]
         assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", len(recording.times))
     else:
-        assert (process.returncode, err) == (1, "understory: interrupted; nothing is kept\n")
+        assert (process.returncode, err) == (1, "understory: interrupted; nothing new is kept\n")
         assert names(tmp_path) == []
 
 

@@ -230,6 +230,10 @@ WRONG = {
         "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
         "'abd' is unknown; .* did you mean abc",
     ),
+    "key of two factors": (
+        "[study]\nplanners = ['hover']\n[factors.a]\nx = {trees.density = 1}\n[factors.b]\ny = {trees = {density = 7}}",
+        "factors.b: trees.density is what factor 'a' sets; allowed is one factor",
+    ),
     "unknown planner in exclude": (
         "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hoover'",
         "mine.toml: exclude.0.planner: 'hoover' is unknown; allowed are hover; did you mean hover",
