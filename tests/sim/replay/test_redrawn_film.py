@@ -123,7 +123,11 @@ def test_people_from_a_file_that_is_gone_walk_again(pictures, tmp_path):
 def test_ctrl_c_and_a_full_disk_leave_nothing(replay, tmp_path, monkeypatch):
     add = Video.add
     full = OSError(28, "No space left on device", "replay.mp4")
-    for error, line in ((KeyboardInterrupt, "interrupted"), (full, "replay.mp4: No space left on device")):
+    said = {
+        "interrupted; nothing new is kept": KeyboardInterrupt,
+        "replay.mp4: No space left on device; nothing is kept": full,
+    }
+    for line, error in said.items():
         count = []
 
         def fail(self, *arguments, error=error, count=count):
@@ -135,7 +139,7 @@ def test_ctrl_c_and_a_full_disk_leave_nothing(replay, tmp_path, monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(module.Video, "add", fail)
             code, _, err = replay("run")
-            assert (code, err) == (1, f"understory: {line}; nothing is kept\n")
+            assert (code, err) == (1, f"understory: {line}\n")
         assert [path.name for path in (tmp_path / "run").iterdir()] == ["mission.npz"]
 
 
