@@ -22,8 +22,8 @@ TESTS = Path(__file__).parents[2]
 LANES = 2
 LONGEST = 2100  # characters of a refusal
 REMARKS = [
-    "not used, as people.trajectories",
-    "not used, as trees.per_hectare",
+    "not used, as ",
+    "not used with ",
     "no multiple of the",
     "tracks will follow",
     "weighs them",
