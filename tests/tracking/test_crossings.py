@@ -31,7 +31,7 @@ HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4
 # Tracks begin and end, with what the testbed's cameras give by default: hardly a miss, no false alarms.
 WHOLE = TrackerParameters(MOTION, recovery_after=math.inf)
 COUNTED = TrackerParameters(MOTION, life="m_of_n", recovery_after=math.inf)
-# People who were not detected in the last scan may have turned, too, which Stone Soup's JPDA does not weigh.
+# People without a detection in the last scan may have turned, too, which Stone Soup's JPDA does not weigh.
 RECOVERING = TrackerParameters(MOTION)
 CASES = {
     "association alone": (HARD, 1e-4),

@@ -28,7 +28,7 @@ REMARKS = [
     "tracks will follow",
     "weighs them",
 ]
-REMARKS += ["another version"]
+REMARKS += ["another version", "kept, not shown"]
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 ENVIRONMENT["PYTHONPATH"] = os.pathsep.join([str(TESTS.parent), str(TESTS)])
 
