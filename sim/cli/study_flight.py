@@ -53,8 +53,9 @@ def fly_study(
         if new:  # before anything is left
             _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
-            flown = store.done(listed)
-            _check_worlds([task for task in listed if not new and task.key not in flown])
+            if not new:
+                flown = store.done(listed)
+                _check_worlds([task for task in listed if task.key not in flown])
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
 

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -75,9 +76,9 @@ class MapView:
         holds = np.zeros(len(snapshot.people), dtype=np.int64) if holds is None else holds
         self.follow(snapshot)
         image[:] = self._ground
+        views = [footprint(self._scenario, i, pose) for i, pose in enumerate(snapshot.cameras)]
         for i in snapshot.working:
-            corners = footprint(self._scenario, i, snapshot.cameras[i])
-            if corners is not None:
+            if (corners := views[i]) is not None:
                 self._draw_view(image, self.pixels(corners), uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
@@ -98,7 +99,7 @@ class MapView:
         for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
             labels.reserve(self.pixels(place), 9.0)
         self._draw_contacts(image, snapshot, labels)
-        self._put_names(snapshot, holds, labels)
+        self._put_names(snapshot, holds, views, labels)
         self._draw_people(image, snapshot, holds)
 
     def recorded(self, recording: Recording, k: int, holds: Indices) -> Image:
@@ -189,15 +190,14 @@ class MapView:
             text = f"touched {touched(contact.kind, contact.other)}"
             labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
-    def _put_names(self, snapshot: Snapshot, holds: Indices, labels: Labels) -> None:
-        """Name UAVs, tracks and lost people, clear of all marks."""
+    def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:
+        """Name UAVs, tracks and lost people, clear of all marks; views: corners of what each camera shows."""
         for track in _shown(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(track_name(track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
             labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
-        for i, pose in enumerate(snapshot.cameras):
-            corners = footprint(self._scenario, i, pose)
+        for i, (pose, corners) in enumerate(zip(snapshot.cameras, views, strict=True)):
             at, style = self.pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
