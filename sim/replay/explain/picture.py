@@ -21,17 +21,27 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 _TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, between parts, width of words
-_NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in the inset, and its edge
+_NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in an inset, and its edge
 _SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
 _FRAMES = 3  # at most
 _TITLE = TextStyle(14, bold=True)
 
 
 def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
-    """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words."""
-    tiles = [("map", _map(observer, facts))]
-    tiles += [(_heading(w), _frame(observer, facts, w)) for w in _nearest(facts)]
-    words = _words(groups, camera=observer.scenario.sensing.renders)
+    """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words.
+
+    Below the words are the pixels round the person, as the cameras gave them.
+    """
+    tiles, insets = [("map", _map(observer, facts))], []
+    for w in _nearest(facts):
+        sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
+        image = observer.again.image(facts.k, w.uav)
+        frame = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
+        tiles.append((_heading(w), frame))
+        if sight.people[facts.person].pixels and w.sighting.looked:
+            place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
+            insets.append((f"pixels of UAV {w.uav}", _near(image, place)))
+    words = np.vstack([_words(groups, camera=observer.scenario.sensing.renders), *_beside(insets)])
     columns = min(len(tiles), 2)
     rows = -(-len(tiles) // columns)
     height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)
@@ -58,26 +68,22 @@ def _heading(w: PersonObservation) -> str:
     return f"UAV {w.uav}: {w.sighting.status}{found}"
 
 
-def _frame(observer: Observer, facts: PersonFacts, w: PersonObservation) -> Image:
-    """The annotated frame of one UAV, and in its corner the pixels round the person as the camera gave them."""
-    sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
-    image = observer.again.image(facts.k, w.uav)
-    tile = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
-    if sight.people[facts.person].pixels and w.sighting.looked:
-        place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
-        _inset(tile, image, place)
-    return tile
-
-
-def _inset(tile: Image, image: Image, place: Array) -> None:
-    """Enlarge the pixels round a place (2,) of the image into that corner of the tile which is farthest from it."""
+def _near(image: Image, place: Array) -> Image:
+    """The pixels round a place (2,) of an image, enlarged."""
     edge = 2 * _NEAR + 1
     low = np.clip(np.floor(place).astype(int) - _NEAR, 0, len(image) - edge)
     part = image[low[1] : low[1] + edge, low[0] : low[0] + edge]
-    large = cv2.resize(part, (_INSET, _INSET), interpolation=cv2.INTER_NEAREST)
-    x, y = (0 if c > len(image) / 2 else _TILE - _INSET - 4 for c in place.tolist())
-    tile[y : y + _INSET + 4, x : x + _INSET + 4] = PANEL
-    tile[y + 2 : y + 2 + _INSET, x + 2 : x + 2 + _INSET] = large
+    return np.asarray(cv2.resize(part, (_INSET, _INSET), interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
+
+
+def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
+    """A row of insets under their headings, as wide as the words; no row without any."""
+    row = np.full((_HEAD + _INSET + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
+    for n, (heading, inset) in enumerate(insets):
+        x = _GAP + n * (_INSET + _GAP)
+        write(row, heading, (x, _HEAD / 2), TextStyle())
+        row[_HEAD : _HEAD + _INSET, x : x + _INSET] = inset
+    return [row] if insets else []
 
 
 def _cut(image: Image, middle: Array) -> Image:

@@ -18,7 +18,9 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts
+from sim.replay.frames.annotation import annotated
 from sim.replay.frames.rerender import Rerenderer
+from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
 
 
@@ -231,18 +233,21 @@ def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):
         assert told in [line for _, lines in explanation(doubted, recording, ()) for line in lines]
 
 
-def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_facts):
-    recording, _, _, observer = mission
+def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, all_facts):
+    recording, scenario, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
     page = draw_explanation(observer, facts, explanation(facts, recording, ()))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
-    with Rerenderer(recording) as again:
-        image = again.image(facts.k, first.uav)
+    image = observer.again.image(facts.k, first.uav)
+    frame = annotated(image, Sight.of(recording, scenario, facts.k, first.uav), 512)
+    tiles, words = np.split(page, [1060], axis=1)
+    found = cv2.matchTemplate(tiles, frame, cv2.TM_SQDIFF)
+    y, x = np.unravel_index(found.argmin(), found.shape)
+    np.testing.assert_array_equal(tiles[y : y + 512, x : x + 512], frame)  # nothing stands on its names and marks
     inset = cv2.resize(image, None, fx=10, fy=10, interpolation=cv2.INTER_NEAREST)
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
-    tiles = np.ascontiguousarray(page[:, :1060])  # the words aside
-    assert cv2.matchTemplate(tiles, part, cv2.TM_SQDIFF).min() < 1.0
+    assert cv2.matchTemplate(np.ascontiguousarray(words), part, cv2.TM_SQDIFF).min() < 1.0
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
