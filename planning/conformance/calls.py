@@ -19,10 +19,10 @@ import numpy as np
 
 from planning.contract import reset
 from planning.loading import load_planner
-from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
+from planning.planner import Plan, Planner, Situation
 from planning.returned_plans import shaped_plan
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import ForeignError, contained, numbers
+from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.results import change, contents
 
 SEED = 5  # of the memory of stateful planners
@@ -39,7 +39,7 @@ class Attempt:
     """Plans for a team, with their defects."""
 
     plans: Sequence[Plan]  # as returned
-    controls: tuple[Array, ...]  # (H, 2) m/s, copies; with the defect "plans" those before the first that is none
+    copies: tuple[Plan, ...]  # with the defect "plans" those before the first that is none
     defects: Mapping[str, str]  # by kind: "plans", "finite", "speed"
     touched: str = ""  # change of the situations
     drew: str = ""  # modules of the global random numbers it used
@@ -52,10 +52,10 @@ class Attempt:
             return False
         try:
             with contained():
-                after = [numbers("controls", plan.controls, 2 * LONGEST_PLAN) for plan in self.plans]
+                after = [shaped_plan(plan) for plan in self.plans]
         except ForeignError:
             return True
-        return any(difference(now, before) > 0.0 for now, before in zip(after, self.controls, strict=True))
+        return any(any(differences(now, before)) for now, before in zip(after, self.copies, strict=True))
 
 
 def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watched: bool = False) -> Attempt:
@@ -76,10 +76,10 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
         seconds = perf_counter() - start
     if not reason and len(plans) != len(team):
         reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"
-    controls, problems = _controls(plans)
-    defects = {"plans": reason or problems} if reason or problems else _defects(controls, team)
+    copies, problems = _copies(plans)
+    defects = {"plans": reason or problems} if reason or problems else _defects(copies, team)
     touched = change(before, contents(situations, "team")) if watched else ""
-    return Attempt(plans, controls, defects, touched, " and ".join(drew), seconds)
+    return Attempt(plans, copies, defects, touched, " and ".join(drew), seconds)
 
 
 def attempt_in_other_process(planner: str | bytes, team: Sequence[Situation]) -> Attempt:
@@ -97,8 +97,8 @@ def attempt_in_other_process(planner: str | bytes, team: Sequence[Situation]) ->
         if done.returncode != 0 or not file.exists():
             last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
             return Attempt((), (), {"plans": " ".join(last) or f"the process ends with {done.returncode}"})
-        controls, defects = pickle.loads(file.read_bytes())
-    return Attempt((), controls, defects)
+        copies, defects = pickle.loads(file.read_bytes())
+    return Attempt((), copies, defects)
 
 
 def answer(path: str) -> None:
@@ -107,33 +107,42 @@ def answer(path: str) -> None:
     made = load_planner(planner) if isinstance(planner, str) else pickle.loads(planner)
     reset(made, SEED)
     found = attempt(made, team)
-    Path(path).write_bytes(pickle.dumps((found.controls, dict(found.defects))))
+    Path(path).write_bytes(pickle.dumps((found.copies, dict(found.defects))))
 
 
-def difference(a: Array, b: Array) -> float:
-    """The largest difference of two arrays; infinite where shapes or places of NaN differ."""
+def differences(a: Plan, b: Plan) -> tuple[float, float]:
+    """The largest difference of two plans' controls [m/s], and of those that they expect of other UAVs.
+
+    Infinite where UAVs, shapes or places of NaN differ.
+    """
+    same = a.others.keys() == b.others.keys()
+    others = max((_difference(a.others[j], b.others[j]) for j in a.others), default=0.0) if same else float("inf")
+    return _difference(a.controls, b.controls), others
+
+
+def _difference(a: Array, b: Array) -> float:
     if a.shape != b.shape or not np.array_equal(np.isnan(a), np.isnan(b)):
         return float("inf")
     return float(np.max(np.abs(np.nan_to_num(a) - np.nan_to_num(b)), initial=0.0))
 
 
-def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
-    """Copies of the controls, up to the first plan of a wrong type or shape, and what is wrong with that."""
-    copies: list[Array] = []
+def _copies(plans: Sequence[Any]) -> tuple[tuple[Plan, ...], str]:
+    """Copies up to the first plan of a wrong type or shape, and what is wrong with that."""
+    copies: list[Plan] = []
     for k, plan in enumerate(plans):
         try:
             with contained():
-                copies.append(shaped_plan(plan).controls)
+                copies.append(shaped_plan(plan))
         except ForeignError as error:
             return tuple(copies), f"plan {k}: {error}"
     return tuple(copies), ""
 
 
-def _defects(controls: Sequence[Array], team: Sequence[Situation]) -> dict[str, str]:
+def _defects(plans: Sequence[Plan], team: Sequence[Situation]) -> dict[str, str]:
     defects: dict[str, str] = {}
-    for s, plan in zip(team, controls, strict=True):
-        fastest = float(np.max(np.nan_to_num(np.linalg.norm(plan, axis=1), posinf=0.0)))
-        if not np.all(np.isfinite(plan)):
+    for s, plan in zip(team, plans, strict=True):
+        fastest = float(np.max(np.nan_to_num(np.linalg.norm(plan.controls, axis=1), posinf=0.0)))
+        if not np.all(np.isfinite(plan.controls)):
             defects.setdefault("finite", f"the plan of UAV {s.own.id} is not finite")
         if fastest > s.own.max_speed * (1 + 1e-6):
             limit = f"{s.own.max_speed:g} m/s is what it can"

@@ -6,7 +6,9 @@ from dataclasses import replace
 from functools import cached_property, partial
 from statistics import median
 
-from planning.conformance.calls import SEED, Attempt, attempt, attempt_in_other_process, difference
+import numpy as np
+
+from planning.conformance.calls import SEED, Attempt, attempt, attempt_in_other_process, differences
 from planning.conformance.situations import (
     KNOWLEDGE,
     SITUATIONS,
@@ -74,8 +76,9 @@ def _difference_of_plans(first: Attempt, other: Attempt, within: float = 0.0) ->
     """Difference of two attempts beyond `within` m/s, in words; empty: none."""
     if other.defects != first.defects:
         return next((text for kind, text in other.defects.items() if kind not in first.defects), "plans differ")
-    gap = max(map(difference, first.controls, other.controls), default=0.0)
-    return f"plans differ by {gap:.3g} m/s" if gap > within else ""
+    gaps = np.array([differences(a, b) for a, b in zip(first.copies, other.copies, strict=False)]).reshape(-1, 2)
+    worst = zip(("plans", "others of plans"), gaps.max(axis=0, initial=0.0), strict=True)
+    return next((f"{what} differ by {gap:.3g} m/s" for what, gap in worst if gap > within), "")
 
 
 def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
@@ -119,7 +122,7 @@ def _made(maker: Maker) -> Planner:
 
 def _plans(subject: Subject) -> str:
     _check_free(subject.first, "plans")
-    steps = " or ".join(str(h) for h in sorted({len(c) for c in subject.first.controls}))
+    steps = " or ".join(str(h) for h in sorted({len(p.controls) for p in subject.first.copies}))
     return f"one (H, 2) for each UAV, H = {steps}"
 
 
@@ -259,7 +262,7 @@ def _influence(subject: Subject, team: Sequence[Situation], changed: Sequence[in
 
     def influence(kinds: Sequence[str]) -> str:
         tried = _proper_plans(subject, with_other_knowledge(team, changed, kinds))
-        gaps = {s.own.id: gap for s, gap in zip(team, map(difference, base.controls, tried.controls), strict=True)}
+        gaps = {s.own.id: max(gap) for s, gap in zip(team, map(differences, base.copies, tried.copies), strict=True)}
         worst = max(kept, key=gaps.__getitem__)
         what = f"{', '.join(kinds)} change the plan of UAV {worst} by {gaps[worst]:.3g} m/s"
         return what if gaps[worst] > ROUNDING else ""

@@ -18,7 +18,8 @@ from tracking.plugins.findings import Unfit
 from tracking.plugins.registry import InputError
 
 CLAIM = {"nothing from the unheard", "only plans from others"}
-BARE, HASHES = "plan 0: it is no Plan but of type ndarray", "in a process with other hashes of strings, plans differ by"
+BARE, DIFFER = "plan 0: it is no Plan but of type ndarray", "plans differ by"
+HASHES, OTHERS = f"in a process with other hashes of strings, {DIFFER}", f"others of {DIFFER}"
 CHANCE, DOWN, GLOBAL = "chance only from rng", "a UAV broken down", "uses the global random numbers"
 LITTLE = {"mcr": "(samples=5, evaluations=64)"}  # effort
 LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")
@@ -99,6 +100,17 @@ class Buffering(Good):
         for row, plan in zip(self.buffer, super().plan(team, rng), strict=False):
             row[:] = plan.controls
         return [Plan(row) for row, _ in zip(self.buffer, team, strict=False)]
+
+
+class Amending(Good):
+    """Changes, at each decision, what earlier plans expect of another UAV."""
+
+    def __init__(self):
+        self.expected = np.zeros((1, 2))
+
+    def plan(self, team, rng):
+        self.expected[:] = sum(tree.x for tree in team[0].forest.trees)
+        return [Plan(plan.controls, {7: self.expected}) for plan in super().plan(team, rng)]
 
 
 class Fading(Good):
@@ -222,6 +234,13 @@ class WorstFirst(Composition):
         super().__init__(coordination=Sequential("worst-first"))
 
 
+def leaking(self, s, rng, team):
+    """Plans as it should, but expects of another UAV what those it does not hear know."""
+    unheard = [o for o in team if o.own.id not in {v.id for v in s.vehicles}]
+    expected = sum(t.belief.mean[0] for o in unheard for t in o.tracks)
+    return Plan(Good.one(self, s, rng, team).controls, {7: np.array([[expected, 0.0]])})
+
+
 def locked(self, s, rng, team):
     s.own.position.flags.writeable = False
     return Good.one(self, s, rng, team)
@@ -254,6 +273,11 @@ def twenty_speeds(self, s, rng, team):
     return Plan(speeds)
 
 
+def expecting(make):
+    """A way to plan as it should, but to expect of another UAV what `make` returns, m/s eastwards."""
+    return lambda self, s, rng, team: Plan(Good.one(self, s, rng, team).controls, {7: np.array([[make(), 0.0]])})
+
+
 def with_rng(make):
     """A way to plan with random numbers of one's own."""
     return lambda self, s, rng, team: Good.one(self, s, np.random.default_rng(make()), team)
@@ -279,13 +303,17 @@ BROKEN = [
     (kind("Locking", one=locked), "inputs untouched", "writing to team[0].own.position is changed"),
     (kind("Noting", one=noted), "inputs untouched", "team[0].intents, what it holds is changed"),
     (kind("Irreproducible", one=with_rng(lambda: None)), "same seed, same plan", "of another instance, plans differ"),
+    (kind("Guessing", one=expecting(random.SystemRandom().random)), "same seed, same plan", OTHERS),
+    (kind("Expecting", one=expecting(lambda: hash("some string") % 99)), "other process", OTHERS),
     (kind("Hashing", one=with_rng(lambda: hash("some string") % 2**32)), "other process", HASHES),
     (kind("Legacy", one=always(lambda: [[np.random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of numpy.random"),  # noqa: NPY002
     (kind("Random", one=always(lambda: [[random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of random"),
     (Counting, "memory", "; a memory needs stateful = True and reset(seed)"),
     (Buffering, "memory", "a later decision changes plans that were returned before"),
+    (Amending, "memory", "a later decision changes plans that were returned before"),
     (Fading, "memory", "no Plan but of type NoneType"),
     (Clinging, "memory", "with the same seed and calls, plans differ by"),
+    (kind("Leaking", one=leaking), "nothing from the unheard", "others' tracks change the plan of UAV 0 by"),
     (Gossip, "nothing from the unheard", "UAV 0 is out of contact, but others' tracks change the plan of UAV 0"),
     (kind("Unpicklable", __init__=lambda self: setattr(self, "speed", lambda: 1.0)), "pickling", "pickle"),
     (kind("Leaving", __getstate__=lambda self: sys.exit(3)), "pickling", "SystemExit: 3"),
