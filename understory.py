@@ -136,8 +136,8 @@ def run(
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import flown
+    from sim.scenario.loading import chosen
     from sim.scenario.quantities import seed_and_repeat
-    from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
 
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
@@ -174,8 +174,8 @@ def mission(
     """
     from planning.contract import planner_of
     from sim.mission.mission import Mission
+    from sim.scenario.loading import chosen
     from sim.scenario.quantities import seed_and_repeat
-    from sim.study.settings_text import chosen
 
     made = None if planner is None else planner_of(planner)
     return Mission(chosen(scenario, settings), made, *seed_and_repeat(seed, repeat))

@@ -23,7 +23,7 @@ import msgspec
 from planning.registry import DEFAULT_PLANNER, PLANNERS
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
-from sim.study.settings_text import toml
+from sim.scenario.settings_text import toml
 from sim.world.appearance import FULL
 from tracking.plugins.registry import imported
 

@@ -12,9 +12,9 @@ from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observati
 from sim.environments.rewards import ON_BELIEF, Reward, reward_of
 from sim.environments.rollout import Rollout
 from sim.replay.flight import Flight
+from sim.scenario.loading import chosen
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
-from sim.study.settings_text import chosen
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError, check_known
 from tracking.undetected import raster_shape

@@ -13,6 +13,7 @@ from sim.installation import ASSETS
 from sim.scenario.environment import TRAJECTORIES, People, Wind
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings_text import overrides as overrides_of
 from sim.scenario.text_files import located, toml, toml_file
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
@@ -50,6 +51,17 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
         _override(data, override)
     named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
     return _anchored(decode(data), Path() if named_here else path.parent)
+
+
+def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
+    """A packaged scenario or .toml file with settings that differ, or a scenario, checked; InputError if neither."""
+    if isinstance(scenario, str | os.PathLike):
+        return load(os.fspath(scenario), overrides_of(settings))
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
+    if settings:
+        raise InputError("settings: not allowed with a Scenario; set its fields")
+    return checked(scenario)
 
 
 def decode(data: Mapping[str, Any]) -> Scenario:

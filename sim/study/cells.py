@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Struct
 
 from planning.planner_text import with_options
-from sim.study.settings_text import flat, texts
+from sim.scenario.settings_text import flat, texts
 from sim.study.study import Study
 from tracking.plugins.registry import InputError
 

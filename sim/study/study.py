@@ -10,8 +10,8 @@ from msgspec import Meta, Struct
 from sim.installation import ASSETS
 from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer
+from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file
-from sim.study.settings_text import flat, overrides, texts
 from tracking.plugins.registry import InputError, check_known
 from tracking.plugins.spelling import did_you_mean
 

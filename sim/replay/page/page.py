@@ -23,6 +23,7 @@ from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.page.data import colours, page_data
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings_text import changed
 from tracking.plugins.registry import InputError
 
 _SHOWN = 3  # faults at the top, of different kinds
@@ -55,6 +56,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         title=escape(titled(recording)),
         warnings=_warnings(recording, scenario, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
+        settings=_settings(changed(scenario)),
         film="" if film is None else _film(film),
         lost=len(lost),
         losses=_listed("losses", lost, recording, place),
@@ -143,6 +145,18 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
     yield "page by", f"understory {version('understory')}"
 
 
+def _settings(own: Sequence[str]) -> str:
+    """Settings that are not the defaults, folded, as a fleet or paths of people are long."""
+    if not own:
+        return '<p class="settings">All settings are the defaults.</p>'
+    summary = f"<summary>Settings other than the defaults: {len(own)}</summary>"
+    return f'<details class="settings">{summary}{_codes(own)}</details>'
+
+
+def _codes(lines: Iterable[str]) -> str:
+    return "".join(f"<code>{escape(line)}</code>" for line in lines)
+
+
 def _listed(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
     """Events as buttons in a list, each with the commands that tell more."""
     if not events:
@@ -154,7 +168,7 @@ def _listed(name: str, events: Sequence[Event], recording: Recording, place: str
 def _item(event: Event, recording: Recording, place: str) -> str:
     person = "" if event.person is None else f' data-person="{event.person}"'
     why = f"<p>{escape(event.why)}</p>" if event.why else ""
-    commands = "".join(f"<code>{escape(line)}</code>" for line in _commands(event, recording, place))
+    commands = _codes(_commands(event, recording, place))
     more = f"<details><summary>Look closer</summary>{commands}</details>" if commands else ""
     return (
         f'<li data-first="{event.first}" data-last="{event.last}"{person}>'

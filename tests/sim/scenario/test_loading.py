@@ -14,6 +14,7 @@ from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import integer, integers, seconds
 from sim.scenario.scenario import Scenario, check_workload
+from sim.scenario.settings_text import changed
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
 from sim.world.trajectories import read
 from tracking.plugins.registry import InputError
@@ -22,6 +23,17 @@ REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
 ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
+
+
+def test_settings_other_than_the_defaults_make_the_scenario_again():
+    assert changed(Scenario()) == changed(load("forest", ["uavs.0.alpha=0.1"])) == []
+    mine = load(
+        "forest", ["uavs.1.rate=1", "wind.gust=0.5", "people.walks=['a:B']", "uavs.1.fails_at=3", "trees.density=75"]
+    )
+    own = ["trees.density=75.0", 'people.walks=["a:B"]', "uavs.1.rate=1", "uavs.1.fails_at=3.0", "wind.gust=0.5"]
+    assert changed(mine) == own
+    for name in SCENARIOS:
+        assert load("forest", changed(load(name))) == load(name)
 
 
 def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):

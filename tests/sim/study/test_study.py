@@ -12,8 +12,8 @@ from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import _value, load
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings_text import flat, toml
 from sim.study.cells import cells, with_trackers
-from sim.study.settings_text import flat, toml
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.study.tasks import tasks
 from tracking.geometry.visibility import TARGET_HEIGHT

@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import hashlib
+import html
 import json
 import os
 import re
@@ -26,6 +27,8 @@ from sim.replay.page.data import page_data
 from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario, resolved
+from sim.scenario.settings_text import changed
 from sim.sensing.fault import Fault
 from tracking.plugins.registry import InputError
 
@@ -71,7 +74,7 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
     assert words == ["person 2 lost 1.0 to 1.8 s", "person 1 lost at 1.6 s", "person 0 lost from 3.0 s to the end"]
     assert "track 3 stands for no person 0.0 to 0.8 s" in [shown for _, shown in sheet.of("button")]
     known = get_command(app).commands
-    lines = [shlex.split(shown) for _, shown in sheet.of("code")]
+    lines = [shlex.split(shown) for _, shown in sheet.of("code") if shown.startswith("understory ")]
     assert {line[1] for line in lines} == {"explain", "frames"}
     for program, name, place, *options in lines:
         assert (program, place) == ("understory", "runs/it's here")
@@ -163,6 +166,16 @@ def test_missions_of_any_size_and_sensing_have_a_page(changes):
     sizes = len(data["times"]), len(data["people"][0]), len(data["uavs"][0])
     assert sizes == (changes.get("scans", 6), changes.get("people", 4), changes.get("uavs", 3))
     assert "Interrupted at " in text
+
+
+def test_settings_other_than_the_defaults_stand_on_the_page():
+    recording, scenario = flown(scans=6)
+    text = page(Flight(recording)).partition("</header>")[0]
+    own = changed(scenario)
+    assert own and re.findall("<code>(.*?)</code>", text) == list(map(html.escape, own))
+    assert f"Settings other than the defaults: {len(own)}<" in text
+    plain = dataclasses.replace(recording, scenario=resolved(Scenario()))
+    assert "All settings are the defaults." in page(Flight(plain)).partition("</header>")[0]
 
 
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():

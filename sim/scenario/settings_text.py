@@ -1,12 +1,12 @@
 """Settings as text: what `--set` and `--planner` take."""
 
 import json
-import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sim.scenario.loading import checked, load
+import msgspec
+
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
@@ -38,15 +38,22 @@ def overrides(settings: Mapping[str, Any] | None) -> list[str]:
     return [f"{key}={value}" for key, value in texts(settings or {}).items()]
 
 
-def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
-    """A packaged scenario or .toml file with settings that differ, or a scenario, checked; InputError if neither."""
-    if isinstance(scenario, str | os.PathLike):
-        return load(os.fspath(scenario), overrides(settings))
-    if not isinstance(scenario, Scenario):
-        raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
-    if settings:
-        raise InputError("settings: not allowed with a Scenario; set its fields")
-    return checked(scenario)
+def changed(scenario: Scenario) -> list[str]:
+    """Settings other than the defaults, as `--set` takes them, each `key=value`."""
+    given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
+    return [f"{key}={toml(value)}" for key, value in _changes(given, default, "")]
+
+
+def _changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Dotted keys with other values than by default; lists of tables, if equally long, table by table."""
+    for key, value in given.items():
+        before = default[key]
+        if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):
+            value, before = ({str(k): row for k, row in enumerate(rows)} for rows in (value, before))
+        if isinstance(value, Mapping):
+            yield from _changes(value, before, f"{prefix}{key}.")
+        elif value != before:
+            yield f"{prefix}{key}", value
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
@@ -55,7 +62,7 @@ def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items() if v is not None) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return str(value)
