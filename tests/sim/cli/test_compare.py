@@ -4,6 +4,7 @@ import pytest
 from helpers.studies import Serial, sql
 
 from sim.recording.archive import load
+from sim.report.wide_table import main as wide_table
 from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import pace
 
@@ -75,7 +76,7 @@ def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
     assert sql(tmp_path / "runs" / "compare", "SELECT key FROM trials") == [(path.stem,)]
 
 
-def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path):
+def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path, capsys):
     backend = Serial({"hover": ["ValueError: no"] * 4})
     options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
     code, out, err = compare(*options, *FLAGS, backend=backend)
@@ -86,13 +87,16 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     backend.room = lambda: len(backend.flown) == len(read_rows(tmp_path / "s"))
     code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s", backend=backend)
     assert code == 1
-    assert err == "understory: interrupted; 2 of 10 trials are kept in s, the same command flies the rest\n"
+    rest = "the same command flies the rest; for a table of them: python -m sim.report.wide_table s"
+    assert err == f"understory: interrupted; 2 of 10 trials are kept in s, {rest}\n"
     assert len(read_rows(tmp_path / "s")) == 2
+    wide_table(tmp_path / "s")
+    assert capsys.readouterr().out.startswith("| hover |\n")
     backend = Serial({"hover": [None, KeyboardInterrupt()]})
     backend.room = lambda: len(backend.flown) < 2
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
-    rest = "in s 2 are there; without --redo, the same command flies what is missing"
-    told = f"understory: interrupted; 1 of 2 trials were flown now, {rest}\n"
+    rest = "in s 2 are there; without --redo, the same command flies what is missing; for a table of them:"
+    told = f"understory: interrupted; 1 of 2 trials were flown now, {rest} python -m sim.report.wide_table s\n"
     assert compare(*options, backend=backend)[::2] == (1, told)
 
 
@@ -107,8 +111,8 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
 
     monkeypatch.setattr(Store, "add", added)
     code, _, err = compare(*options, backend=Serial(INVENTED))
-    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest\n"
-    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}")
+    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest; for a table of them: python -m"
+    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end} sim.report.wide_table 'full[x]'\n")
     monkeypatch.setattr(Store, "add", add)
 
     def failing(*arguments):
