@@ -68,8 +68,8 @@ class MapView:
         k = round(snapshot.time * self._rate)
         self._last |= {i: snapshot for i in snapshot.working if self._scenario.has_frame(i, k)}
 
-    def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> None:
-        """Draw one snapshot into an RGB image of the map's size.
+    def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> Labels:
+        """Draw one snapshot into an RGB image of the map's size; returns its labels, for further names.
 
         holds (M,): states of people to tracks, indices into `HOLDS`; None marks no person as lost.
         """
@@ -101,17 +101,17 @@ class MapView:
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, views, labels)
         self._draw_people(image, snapshot, holds)
+        return labels
 
-    def recorded(self, recording: Recording, k: int, holds: Indices) -> Image:
-        """The map (H, W, 3) of a recording at scan k, with trails and intents.
+    def recorded(self, recording: Recording, k: int, holds: Indices) -> tuple[Image, Labels]:
+        """The map (H, W, 3) of a recording at scan k, with trails and intents; and its labels, for further names.
 
         holds (M,): states of people to tracks then, indices into `HOLDS`.
         """
         for earlier in range(max(0, k - round(self._reach * self._rate)), k):
             self.follow(numbered(recording, earlier))
         image = np.empty_like(self._ground)
-        self.draw(image, numbered(recording, k), holds)
-        return image
+        return image, self.draw(image, numbered(recording, k), holds)
 
     def pixels(self, points: Array) -> Array:
         """Pixels (..., 2) of the map at points (..., 2) m."""

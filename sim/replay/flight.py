@@ -86,7 +86,7 @@ class Flight:
         (k,) = scans_between(self.recording, time, None, name="time")
         size = (_MAP, round(_MAP / aspect(self.scenario)))
         view = MapView(self.scenario, self.recording.forest, size)
-        return _picture(view.recorded(self.recording, k, self.history.hold_states[k]))
+        return _picture(view.recorded(self.recording, k, self.history.hold_states[k])[0])
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels
 from sim.drawing.lettering import Group, Image, TextStyle, listed, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
@@ -104,12 +103,11 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     view = MapView(observer.scenario, recording.forest, (width, height))
     holds = facts.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
-    image = view.recorded(recording, facts.k, holds)
+    image, labels = view.recorded(recording, facts.k, holds)
     pixels = view.pixels
     if np.isnan(facts.place[0]):
         return _cut(image, pixels(np.zeros(2)))
     _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))
-    labels = Labels(image)
     labels.reserve(pixels(facts.place), 16.0)
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):
         place = pixels(recording.trees[tree, :2])

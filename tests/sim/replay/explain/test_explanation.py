@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import cv2
 import numpy as np
@@ -11,6 +11,7 @@ from helpers.flights import IDEAL, recorded
 from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
 
+from sim.drawing.lettering import width
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, percent_text, stretches
@@ -248,6 +249,25 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
     assert cv2.matchTemplate(np.ascontiguousarray(words), part, cv2.TM_SQDIFF).min() < 1.0
+
+
+def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
+    near = "t,id,x,y\n0,0,-28,0\n2,0,-27,0\n0,1,-25,0\n2,1,-24,0\n"  # person 1 stands where a name of person 0 would
+    (tmp_path / "people.csv").write_text(near, encoding="utf-8")
+    recording, scenario = recorded(*IDEAL, f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1)
+    boxes = {}
+
+    def written(image, text, at, style, align=0.0):
+        if len(image) > 512:  # no frame
+            reach = np.array([0.0, style.size / 2])
+            boxes[text] = (at - reach, at + reach + (width(text, style), 0.0))
+
+    monkeypatch.setattr("sim.drawing.labels.write", written)
+    with Observer(recording, scenario) as observer:
+        draw_explanation(observer, PersonFacts.of(observer, History.of(recording, scenario), 2, 0), ())
+    assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
+    for (low, high), (left, right) in combinations(boxes.values(), 2):
+        assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
