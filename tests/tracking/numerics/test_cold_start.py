@@ -105,7 +105,8 @@ def test_a_run_without_any_cache_flies_the_same(tmp_path):
     locator = "numba.core.caching.UserProvidedCacheLocator"
     nothing = {"NUMBA_CACHE_DIR": "/dev/null/cache", "NUMBA_CACHE_LOCATOR_CLASSES": locator}
     said, recording = flown(tmp_path, "uncached", **nothing)
-    assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1] and flown(tmp_path, "cached") == ([], recording)
+    assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1]
+    assert flown(tmp_path, "cached")[1] == recording
 
 
 def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
