@@ -138,9 +138,10 @@ def math(markdown: str) -> str:
 
     def drawn(formula: re.Match[str]) -> str:
         block, inline = formula.groups()
-        text = " ".join((block or inline).split())
+        text = " ".join((block or inline).split()).replace("pmatrix", "matrix")  # style.css draws the brackets
         return f'<div class="formula">{convert(text, display="block")}</div>' if block else convert(text)
 
+    markdown = re.sub(r"(?<=[^\n])\n(?=\$[^$])", " ", markdown)  # a line that begins with a tag is a paragraph
     return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", drawn, markdown, flags=re.S)
 
 
