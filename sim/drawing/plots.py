@@ -44,7 +44,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         axes.set_ylabel("OSPA [m], logarithmic above 1")
         axes.set_title(
             f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
-            f"under 1 m {100 * np.mean(distances < 1.0):.0f} %",
+            f"under 1 m {100 * np.mean(distances < 1.0):.1f} %",
             loc="left",
             fontsize=12,
             fontweight="bold",
@@ -67,7 +67,7 @@ def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
     mean = _fleet_mean(ospa)[:, 0]
     axes.plot(times, mean, color=rgb(INK), lw=width, marker=_dot(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
-    axes.set_ylabel("mean OSPA [m]")
+    axes.set_ylabel("mean OSPA [m],\nlogarithmic above 1")
 
 
 def _dot(times: Array) -> str:

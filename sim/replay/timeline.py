@@ -146,13 +146,12 @@ def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
 
 
 def _title(history: History) -> str:
-    present = np.count_nonzero(history.present)
-    if not present:
+    if not history.present.any():
         return "No people"
-    share = np.count_nonzero(history.held[history.present]) / present
+    share = _held_share(history, slice(None))
     lost = [loss for loss in history.losses if loss.found]
     times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
-    text = f"People held {100 * share:.0f} % of the time, {times}"
+    text = f"People held {100 * share:.1f} % of the time, {times}"
     if lost:
         worst = max(lost, key=lambda loss: loss.last - loss.first)
         start, end = _ends(history.times, worst.first, worst.last)
@@ -161,8 +160,15 @@ def _title(history: History) -> str:
 
 
 def _share(history: History, person: int) -> str:
-    present = history.present[:, person]
-    return f"held {100 * np.mean(history.held[present, person] > 0):.0f} %" if present.any() else "absent"
+    here = history.present[:, person].any()
+    return f"held {100 * _held_share(history, slice(person, person + 1)):.1f} %" if here else "absent"
+
+
+def _held_share(history: History, people: slice) -> float:
+    """Share of scans and UAVs that work at which people who are there are held, as in the summary."""
+    working = np.count_nonzero(history.working, axis=1)[:, None]
+    pairs = (working * history.present[:, people]).sum()
+    return float(history.held[:, people].sum() / max(pairs, 1))
 
 
 def _span(times: Array) -> tuple[float, float]:

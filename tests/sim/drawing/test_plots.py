@@ -50,7 +50,7 @@ def test_the_title_tells_mean_median_and_share():
     ospa = np.zeros((2, 2, 3))
     ospa[:, :, 0] = [[0.5, 0.25], [0.75, 4.5]]
     title = ospa_figure(times, ospa).axes[0].get_title(loc="left")
-    assert title == "OSPA: mean 1.50 m, median 0.62 m, under 1 m 75 %"
+    assert title == "OSPA: mean 1.50 m, median 0.62 m, under 1 m 75.0 %"
 
 
 @pytest.mark.parametrize(("scans", "uavs"), [(1, 1), (201, 20)])

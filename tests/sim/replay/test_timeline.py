@@ -68,10 +68,12 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
     calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
     title = timeline_figure(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
-    assert title.endswith("100 % of the time, never lost")
+    assert title.endswith("100.0 % of the time, never lost")
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
     title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
-    assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"
+    assert title == "People held 50.0 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"
+    apart = history(["x---"] * 2, ["x---"] * 2, ["x---"] * 2, [[1, -1, -1, 1], [1, 1, -1, -1]])
+    assert "held 50.0 %" in timeline_figure(apart, np.ones((4, 2, 3)), ()).axes[0].get_title("left")
 
 
 def test_breakdowns_at_one_time_are_named_beneath_one_another():
