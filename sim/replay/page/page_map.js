@@ -46,6 +46,18 @@ function drawMap() {
   data.people[k].forEach((at, m) => at && notePerson(at, k, m));
   writeNames(ctx);
   data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
+  drawScale(ctx, canvas.clientWidth - 10, canvas.clientHeight - 9);
+}
+
+// 10 m, as between the lines of the ground.
+function drawScale(ctx, right, low) {
+  const left = right - 10 * map.scale;
+  for (const [ink, width] of [[colours.panel, 5], [colours.ink, 2]]) {
+    ctx.strokeStyle = ink;
+    ctx.lineWidth = width;
+    stroke(ctx, [[left, low - 5], [left, low], [right, low], [right, low - 5]]);
+  }
+  write(ctx, "10 m", (left + right) / 2, low - 11, colours.ink, "center");
 }
 
 function drawGround(ctx) {
