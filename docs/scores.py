@@ -19,7 +19,7 @@ from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group, Run, grouped
 from sim.analysis.differences import differences, paired
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.score import SCORE, Scored, scored
+from sim.analysis.score import SCORE, NormalisedScore, Scored, scored
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import score_picture
@@ -147,8 +147,14 @@ def _markdown(heads: list[str], lines: list[list[str]]) -> str:
 
 
 def draw() -> None:
-    """The figure of scores in all worlds but `fleet`."""
-    found, _, ends = _scored(_groups())
+    """The figure of scores in all worlds but `fleet`, in the order of the tables."""
+
+    def place(score: NormalisedScore) -> tuple[int, int]:
+        world = len(STUDY.scenarios) if score.cell is None else STUDY.scenarios.index(dict(score.cell)["scenario"])
+        return world, ORDER.index(score.planner)
+
+    scores, _, ends = _scored(_groups())
+    found = sorted((score for score in scores if score.planner in ORDER), key=place)
     with whole(FIGURE) as scratch:
         scratch.write_bytes(score_picture(found, ends).png)
 

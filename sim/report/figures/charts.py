@@ -27,7 +27,7 @@ LOOK: Any = {"font.family": "DejaVu Sans", "font.size": _LETTERS, "svg.fonttype"
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 _FEW = 4  # curves with bands in one panel
-_SHAPES = "oD^s"  # of dots, where planners share a colour
+_SHAPES = "oD^s"  # of dots, in turn, so that colour is not all that tells planners apart
 
 
 def ecdf_figure(sheet: Sheet) -> Figure:
@@ -136,7 +136,7 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     """Dots with their intervals, a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
     cells = list(dict.fromkeys(cell for cell, _, _ in dots))
     planners = list(dict.fromkeys(planner for _, planner, _ in dots))
-    looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i // len(COLOURS) % 4]) for i, p in enumerate(planners)}
+    looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
     each = max(0.3, 0.07 * len(planners))  # inches of a cell
     with _drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
@@ -147,12 +147,18 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
             axes.plot([low, high], [height, height], color=colour, lw=1.5, alpha=0.7)
             axes.plot(value, height, shape, color=colour, ms=5)
         dress(axes)
-        axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
+        axes.set_yticks(range(len(cells)), [_row_text(cell) for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
         axes.spines[["top", "right"]].set_visible(False)
         _legend(figure, {p: {"color": colour, "marker": shape, "ls": ""} for p, (colour, shape) in looks.items()})
     return figure
+
+
+def _row_text(cell: Cell | None) -> str:
+    """A cell beside a line of dots; a scenario that is all of it by its name alone."""
+    named = cell is not None and [name for name, _ in cell] == ["scenario"]
+    return cell[0][1] if cell and named else cell_text(cell) or "all missions"
 
 
 def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:

@@ -64,7 +64,8 @@ def test_points_are_maps_that_both_flew():
 def test_run_times_are_means_in_their_unit():
     found = groups()
     figure = runtime_figure(found, metric_shown("planning_s_per_decision"))
-    dots = sorted(float(line.get_xdata()[0]) for line in figure.axes[0].get_lines() if line.get_marker() == "o")
+    marks = [line for line in figure.axes[0].get_lines() if line.get_marker() in tuple("oD^s")]
+    dots = sorted(float(line.get_xdata()[0]) for line in marks)
     np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
 
 
