@@ -15,7 +15,7 @@ from sim.recording.archive import load
 from sim.study.study import read
 
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in ("lost-person", "learning")]
-REFERENCE = ("api", "figures", "planners")
+REFERENCE = ("api", "metrics", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
     "index",
