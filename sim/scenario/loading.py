@@ -100,7 +100,13 @@ def remarks(scenario: Scenario) -> list[str]:
         found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
-    return found + _about_people(scenario.people) + _unused(scenario) + _about_false_alarms(scenario)
+    return (
+        found
+        + _about_people(scenario.people)
+        + _unused(scenario)
+        + _about_misses(scenario)
+        + _about_false_alarms(scenario)
+    )
 
 
 def _about_people(people: People) -> list[str]:
@@ -129,6 +135,15 @@ def _unused(scenario: Scenario) -> list[str]:
             if given[table][other] != default[table][other]:
                 found.append(f'{table}.{other}: not used with {key} = "{value}"')
     return found
+
+
+def _about_misses(scenario: Scenario) -> list[str]:
+    """A remark where the tracker expects to miss people less than half as often as they are missed."""
+    missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
+    if missed <= 2 * (1.0 - expected):
+        return []
+    probability = f"tracking.detection_probability: {expected:g} is far above the {1.0 - missed:.2g}"
+    return [f"{probability} that sensing.miss_probability means; misses will end tracks of people"]
 
 
 def _about_false_alarms(scenario: Scenario) -> list[str]:

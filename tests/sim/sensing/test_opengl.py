@@ -134,6 +134,18 @@ def test_settings_that_a_mission_does_not_follow_are_remarked_on(call, tmp_path)
     ]
 
 
+def test_misses_for_which_the_tracker_is_not_set_are_remarked_on():
+    assert remarks(load("forest", ["sensing.miss_probability=0.3"])) == [
+        "tracking.detection_probability: 0.99 is far above the 0.7 that sensing.miss_probability means; "
+        "misses will end tracks of people"
+    ]
+    for ready in (
+        ["sensing.miss_probability=0.01"],
+        ["sensing.miss_probability=0.3", "tracking.detection_probability=0.7"],
+    ):
+        assert remarks(load("forest", ready)) == []
+
+
 def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
     assert remarks(load("forest", ["sensing.false_alarms=1", "tracking.life=m_of_n"])) == [
         "tracking.clutter_density: 1e-06 per m2 is far below the 0.0025 that sensing.false_alarms means; "
