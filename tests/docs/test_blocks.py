@@ -170,6 +170,9 @@ def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
     (folder / "timeline.png").rename(folder / "first.png")
     shell.call("explain", "runs/dense/mission.npz", "--out", "again.png")
     assert (tmp_path / "again.png").read_bytes() == (folder / "first.png").read_bytes()
+    (_, frames), name = blocks(text_of("how-to/debugging.md"))[-1], "frames-uav1-3-3.4s"
+    shell.line(frames.strip())
+    assert f"`{name}`" in text_of("how-to/debugging.md") and len([*(folder / name).iterdir()]) == 3
 
 
 def test_words_of_the_page_on_debugging_are_those_of_the_program():
