@@ -20,7 +20,7 @@ def check_planner(
         str, typer.Argument(metavar="PLANNER", help="Name, with options or not, or yours, module:Class.")
     ],
 ) -> None:
-    """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
+    """Check a planner against the rules for planners, on test situations; exit code 1 if it breaks one."""
     load_planner(planner)
     from planning.conformance.checks import check
 
@@ -30,7 +30,7 @@ def check_planner(
 def check_detector(
     detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="Name, or yours, module:Class.")],
 ) -> None:
-    """Check that a detector keeps to what detectors must, on frames rendered for that; exit code 1 if it does not."""
+    """Check a detector against the rules for detectors, on test frames; exit code 1 if it breaks one."""
     DETECTORS.make(detector)
     from sim.conformance.detector import check
 
@@ -40,7 +40,7 @@ def check_detector(
 def check_tracker(
     tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Name, or yours, module:Class.")],
 ) -> None:
-    """Check that a tracker keeps to what trackers must, on scans scripted for that; exit code 1 if it does not."""
+    """Check a tracker against the rules for trackers, on test scans; exit code 1 if it breaks one."""
     TRACKERS.find(tracker)
     from sim.conformance.tracker import check
 

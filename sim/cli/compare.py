@@ -27,11 +27,11 @@ _Planners = Annotated[
 ]
 _Trackers = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."),
+    typer.Option(metavar="NAME", help="A tracker, flown with each planner; repeat for more. Default: the scenario's."),
 ]
 _Scenarios = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="Of a study's scenarios this one alone; repeat for more. Default: all."),
+    typer.Option(metavar="NAME", help="One of a study's scenarios; repeat for more. Default: all."),
 ]
 _Seeds = Annotated[
     str | None,
@@ -40,7 +40,7 @@ _Seeds = Annotated[
 _Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
 _Repeats = Annotated[
     str | None,
-    typer.Option(metavar="K", help="Flights on each map, with other noise each. Default: the study's, or 1."),
+    typer.Option(metavar="K", help="Flights on each map, each with other noise. Default: the study's, or 1."),
 ]
 _Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
 _Out = Annotated[

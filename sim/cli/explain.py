@@ -27,8 +27,10 @@ _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
 def explain(
     recorded: Recorded,
-    time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T; without, all of them.")] = None,
-    target: Annotated[str | None, typer.Option(metavar="N", help="Which person, from 0; without --time, all.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T. Default: all scans.")] = None,
+    target: Annotated[
+        str | None, typer.Option(metavar="N", help="The person, from 0. Default, without --time: all.")
+    ] = None,
     track: Annotated[str | None, typer.Option(metavar="N", help="The story of one track, by its number.")] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
 
-_Video = Annotated[bool, typer.Option("--video", help="Make the film again; so it is without an option.")]
+_Video = Annotated[bool, typer.Option("--video", help="Make the film again; this is the default.")]
 _Gui = Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")]
 _Rerun = Annotated[
     str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")

@@ -27,9 +27,11 @@ _LONGEST = 150  # characters of scenario and planner in the name of a folder, fo
 
 _Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
 _Planner = Annotated[str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")]
-_Seed = Annotated[str, typer.Option(metavar="N", help="Decides forest and people, and the chance of all else.")]
+_Seed = Annotated[
+    str, typer.Option(metavar="N", help="Seed of forest and people and, with --repeat, of all other chance.")
+]
 _Repeat = Annotated[
-    str, typer.Option(metavar="N", help="Other chance of noise, network and planner on the seed's map.")
+    str, typer.Option(metavar="N", help="Another draw of noise, network, wind and planner on the seed's map.")
 ]
 _Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
