@@ -16,11 +16,11 @@ from sim.evaluation.metric import UNKNOWN, Metric
 
 SCORES = "Normalised score of each planner [%]"  # the title of their table
 _NOTE = (
-    "In brackets: 95 % intervals over the maps (seeds). An interval 1.4 times as wide holds the mean over as many "
-    "other maps as often."
+    "In brackets: 95 % intervals over the maps (seeds). The mean over as many other maps lies as often in an interval "
+    "1.4 times as wide."
 )
 _COMPARED = "Differences are means over the maps that both flew; won, tied, lost counts these maps."
-_NEEDED = f"Maps needed: so many find a difference as large with a probability of {100 * POWER:.0f} %."
+_NEEDED = f"Maps needed: with so many, a difference as large is found with a probability of {100 * POWER:.0f} %."
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
 
