@@ -220,11 +220,13 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
 
 
 def _nearest(recording: Recording, history: History, loss: Loss) -> int:
-    """The UAV with the most telling frames of a loss: the person is inside most of them, or else it is the nearest."""
-    states = history.camera_states[loss.first : loss.last + 1, :, loss.person]
-    inside = np.count_nonzero(states >= STATES.index("hidden"), axis=0)
+    """The UAV with the most telling frames of a loss; the nearest one, if the person is inside none.
+
+    The person is inside its frame at first, and inside most of its others.
+    """
+    inside = history.camera_states[loss.first : loss.last + 1, :, loss.person] >= STATES.index("hidden")
     if inside.any():
-        return int(inside.argmax())
+        return int((inside[0] * len(inside) + np.count_nonzero(inside, axis=0)).argmax())
     gap = np.linalg.norm(recording.poses[loss.first, :, :2] - recording.people[loss.first, loss.person], axis=1)
     return int(np.where(history.working[loss.first], gap, np.inf).argmin())
 

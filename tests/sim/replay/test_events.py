@@ -89,7 +89,7 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
     none = np.zeros(history.inside.shape, dtype=np.bool_)
     parts = {name: none.copy() for name in ("inside", "shown", "detected")}
     hidden_by = np.full(history.inside.shape, -1)
-    parts["inside"][1:4, 0, 0], hidden_by[1:4, 0, 0] = True, 31
+    parts["inside"][1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
     parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
     parts["shown"][4, 1, 0] = True
     events = events_of(recording, SETTING, replace(history, hidden_by=hidden_by, **parts))
@@ -98,7 +98,7 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
         "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
         "outside every view (0.2 s); track 0 is gone"
     )
-    assert lost.when == "from 0.2 s to the end" and lost.uavs == (0,)
+    assert lost.when == "from 0.2 s to the end" and lost.uavs == (0,)  # whose frame at 0.2 s has the person
 
 
 def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
