@@ -30,6 +30,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     Where neither way is better, they are those of the least and the greatest value.
     """
     names = ("least", "greatest") if metric.better == "neither" else ("best", "worst")
+    several = any(group.cell for group in groups)  # else a column of cells would be empty
     rows, places = [], []
     for number, (group, *ends) in enumerate(_extremes(groups, metric), start=1):
         cells = []
@@ -39,10 +40,12 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
             cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
             text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
-        start = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
-        rows.append(f"<tr>{start}{''.join(cells)}</tr>")
-    first, last = names
-    heads = ["cell", "planner", f"{first} [{metric.unit}]" if metric.unit else first, "map", last, "map"]
+        cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
+        rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{"".join(cells)}</tr>')
+    unit = f" [{metric.unit}]" if metric.unit else ""
+    heads = ["cell"] * several + ["planner"]
+    for name in names:
+        heads += [f"{name}{unit}", "map"]
     return table(heads, rows, "left"), "\n".join(places)
 
 
