@@ -63,7 +63,7 @@ def on_dark(colour: Colour) -> Colour:
 
 def pale(colour: Colour) -> Colour:
     """The colour for the lesser case of what it stands for: shown but not detected, or a duplicate."""
-    return mixed(colour, PANEL, 0.45)
+    return mixed(colour, PANEL, 0.3)
 
 
 def mixed(colour: Colour, other: Colour, weight: float) -> Colour:

@@ -97,8 +97,9 @@ def _scale_errors(axes: Axes, largest: float) -> None:
     top = max(1.5, 1.15 * largest)
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     axes.set_ylim(0, top)
-    # One more shows that the axis is logarithmic there.
-    ticks = [tick for tick in (*_TICKS, 1.5 if top < 2.5 else 3) if tick <= top]
+    # One more shows that a short axis is logarithmic there.
+    more = (1.5,) if top < 2.5 else (3,) if top < 8 else ()
+    ticks = [tick for tick in (*_TICKS, *more) if tick <= top]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.spines[["top", "right"]].set_visible(False)

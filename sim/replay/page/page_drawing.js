@@ -13,7 +13,7 @@ const clamp = (k) => Math.max(0, Math.min(scans - 1, k));
 const uavColour = (i) => colours.uavs[i % colours.uavs.length];
 const pale = (colour) => { // as in the timeline of a run, on the panel
   const [a, b] = [colour, colours.panel].map((c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16)));
-  return `rgb(${a.map((v, i) => Math.round(0.45 * v + 0.55 * b[i])).join(" ")})`;
+  return `rgb(${a.map((v, i) => Math.round(0.3 * v + 0.7 * b[i])).join(" ")})`;
 };
 const trackColour = (n) => colours.tracks[n % colours.tracks.length];
 
