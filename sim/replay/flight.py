@@ -82,11 +82,14 @@ class Flight:
         return timeline_figure(self.history, self.recording.ospa, self.events)
 
     def map_figure(self, time: float) -> Figure:
-        """The map at the scan nearest to `time` s, with the trails of the seconds before."""
+        """The map at the scan nearest to `time` s, with the trails of the seconds before; its axes are in metres."""
         (k,) = scans_between(self.recording, time, None, name="time")
         size = (_MAP, round(_MAP / aspect(self.scenario)))
         view = MapView(self.scenario, self.recording.forest, size)
-        return _picture(view.recorded(self.recording, k, self.history.hold_states[k])[0])
+        edges = np.array([(0, 0), size]) - 0.5  # of the first and the last pixel, whose centres are whole numbers
+        (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
+        image, _ = view.recorded(self.recording, k, self.history.hold_states[k])
+        return _picture(image, (left, right, -bottom, -top))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
@@ -144,13 +147,14 @@ class Flight:
         )
 
 
-def _picture(image: Image) -> Figure:
-    """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
+def _picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:
+    """An image (H, W, 3) as a figure of its own size, pixel by pixel; `extent` as Matplotlib's."""
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
     FigureCanvasAgg(figure)  # whose pixels can be asked for
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.imshow(image, interpolation="none", aspect="auto")
+    axes.imshow(image, interpolation="none", aspect="auto", extent=extent)
+    axes.autoscale(False)  # whatever else is drawn
     axes.set_axis_off()
     return figure
 

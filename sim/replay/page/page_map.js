@@ -49,15 +49,15 @@ function drawMap() {
   drawScale(ctx, canvas.clientWidth - 10, canvas.clientHeight - 9);
 }
 
-// 10 m, as between the lines of the ground.
 function drawScale(ctx, right, low) {
-  const left = right - 10 * map.scale;
+  const metres = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((m) => m * map.scale > 40) || 10000;
+  const left = right - metres * map.scale;
   for (const [ink, width] of [[colours.panel, 5], [colours.ink, 2]]) {
     ctx.strokeStyle = ink;
     ctx.lineWidth = width;
     stroke(ctx, [[left, low - 5], [left, low], [right, low], [right, low - 5]]);
   }
-  write(ctx, "10 m", (left + right) / 2, low - 11, colours.ink, "center");
+  write(ctx, `${metres} m`, (left + right) / 2, low - 11, colours.ink, "center");
 }
 
 function drawGround(ctx) {
