@@ -151,6 +151,8 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     for text in (shown(rows, 120), markdown(found, "sma-nbo").replace("\\*", "*")):
         assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
         assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
+    few = shown([r for r in rows if r.seed < 6], 120)
+    assert "No difference can survive Holm's correction for all 2 differences shown (5 %) on fewer than 7 maps." in few
     assert "Holm" not in shown(repeated(), 120)
     assert "Holm" not in shown([*repeated(), row("alone", 99)], 120)  # no map in common: no second difference
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
