@@ -17,6 +17,7 @@ from sim.analysis.intervals import means, medians
 from sim.analysis.metric_choice import metric_shown
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
+GOSPA = DATA.with_name("gospa.csv")  # of bench-1 without `fleet` on seeds 0 to 49, a line each world and planner
 DOC = Path(__file__).parents[3] / "docs" / "how-to" / "reports.md"
 NUMBERS = (2, 3, 5, 8, 10, 20, 50)
 SAMPLES = 4000
@@ -24,18 +25,28 @@ MEAN, MEDIAN = ERRORS["ospa.mean_m"], ERRORS["ospa.median_m"]
 
 
 def pools(metric):
-    """The values (maps,) of every planner, and of its difference from the first, by duration."""
-    table = {}
+    """The values (maps,) of every planner, and of its difference from the first, by duration or by world."""
+    table, first = {}, "sma-nbo-mwtp"
+    if metric == "gospa.mean_m":
+        first = "sma-nbo-gospa"
+        with GOSPA.open(newline="") as file:
+            for world, planner, *values in list(csv.reader(file))[1:]:
+                table[world, planner] = dict(enumerate(map(float, values)))
+        return _with_differences(table, first)
     with DATA.open(newline="") as file:
         for line in csv.DictReader(file):
             table.setdefault((line["duration_s"], line["planner"]), {})[int(line["seed"])] = float(line[metric])
+    return _with_differences(table, first)
+
+
+def _with_differences(table, first):
     found = {}
-    for (duration, planner), values in table.items():
-        base = table[duration, "sma-nbo-mwtp"]
+    for (place, planner), values in table.items():
+        base = table[place, first]
         assert base.keys() == values.keys()
-        found[duration, planner] = np.array([values[seed] for seed in sorted(values)])
+        found[place, planner] = np.array([values[seed] for seed in sorted(values)])
         if values is not base:
-            found[duration, f"{planner} less"] = np.array([values[s] - base[s] for s in sorted(values)])
+            found[place, f"{planner} less"] = np.array([values[s] - base[s] for s in sorted(values)])
     return found
 
 
@@ -53,8 +64,9 @@ def held(metric, maps, estimates=means, truth=np.mean):
 
 def test_the_trials_are_of_many_maps_and_the_page_has_their_numbers():
     sizes = {name: len(values) for name, values in pools("ospa.mean_m").items()}
+    assert {len(values) for values in pools("gospa.mean_m").values()} == {50}
     assert sizes["20", "hover"] == 172 and sizes["40", "greedy"] >= 60 and len(sizes) == 7 + 5
-    pattern = r"^\| (\d+) " + r"\| (\d+) % " * 5 + r"\|$"
+    pattern = r"^\| (\d+) " + r"\| (\d+) % " * 7 + r"\|$"
     rows = re.findall(pattern, DOC.read_text(encoding="utf-8"), flags=re.M)
     assert [tuple(map(int, row)) for row in rows] == [
         (n, SHARES[n], *(share for counted in ERRORS.values() for share in counted[n])) for n in NUMBERS
@@ -122,7 +134,7 @@ def test_what_tables_say_follows_metric_and_number_of_maps():
 
 @pytest.mark.parametrize("maps", [3, 50])
 def test_metrics_of_which_nothing_was_counted_are_named(maps):
-    names = "contacts", "identity_switches", "nees.position", "gospa.missed", "gospa.mean_m", "wall_s", "faults", "my_m"
+    names = "contacts", "identity_switches", "nees.position", "gospa.missed", "wall_s", "faults", "my_m"
     names += "recall", "precision", "share_held"
     labels = ", ".join(metric_shown(name).label for name in names)
     said = f"How often intervals of means hold was not counted for: {labels}."
