@@ -88,7 +88,7 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
 
 
 def _corrected(pairs: Sequence[int]) -> str:
-    """What the star means, or that none can be given: no p-value of n maps is below 2 / 2ⁿ."""
+    """Note on the star, or that none can be given: no p-value of n maps is below 2 / 2ⁿ."""
     chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
     needed = math.ceil(math.log2(2 * max(len(pairs), 1) / chance))
     if max(pairs, default=needed) < needed:
