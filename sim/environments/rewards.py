@@ -7,11 +7,12 @@ import numpy as np
 
 from planning.planner import Situation
 from sim.evaluation.score import FAR
+from sim.mission.snapshot import reported_positions
 from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
-from tracking.track import UNLIKELY, beliefs_of
+from tracking.track import beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
 
@@ -29,14 +30,14 @@ def expected_gospa(situation: Situation, people: Array) -> float:
     r = np.array([track.existence for track in situation.tracks])
     unseen = 0.0 if situation.unseen is None else float(situation.unseen.people.sum())
     missed = FAR * FAR / 2
-    costs = np.where(r > UNLIKELY, r * errors + (1.0 - r) * missed, r * missed)
+    reported = [track.reported for track in situation.tracks]
+    costs = np.where(reported, r * errors + (1.0 - r) * missed, r * missed)
     return -math.sqrt(float(costs.sum()) + unseen * missed)
 
 
 def true_gospa(situation: Situation, people: Array) -> float:
     """Negative GOSPA [m] of the tracks that the UAV reports to the true people, cut-off 10 m: for training alone."""
-    means, _ = beliefs_of([t for t in situation.tracks if t.reported])
-    return -gospa(means[:, :2], people, FAR).distance
+    return -gospa(reported_positions(situation.tracks), people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:

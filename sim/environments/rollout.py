@@ -11,13 +11,12 @@ from planning.planner import Situation
 from sim.drawing.film import Film
 from sim.evaluation.score import FAR
 from sim.mission.mission import Mission
-from sim.mission.snapshot import Snapshot
+from sim.mission.snapshot import Snapshot, reported_positions
 from sim.replay.flight import Flight
 from sim.running.run import record
 from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.track import beliefs_of
 
 NAME = "environment"  # of what decides, on films and in recordings
 
@@ -80,8 +79,7 @@ class Rollout:
         metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             metrics["ospa"] = float(self.now.ospa[uav, 0])
-            means, _ = beliefs_of([t for t in self.now.tracks[uav] if t.reported])
-            metrics["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+            metrics["gospa"] = gospa(reported_positions(self.now.tracks[uav]), self.people, FAR).distance
         return metrics
 
     def draw(self) -> NDArray[np.uint8]:

@@ -13,7 +13,7 @@ from planning.planner import Plan, Planner, Situation
 from sim.mission.knowledge import Knowledge
 from sim.mission.plan_check import checked_plans, handed, usable_plans
 from sim.mission.plan_exchange import Links, lost_messages, open_links
-from sim.mission.snapshot import Snapshot
+from sim.mission.snapshot import Snapshot, reported_positions
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.wind import Air
 from sim.mission.world_setup import forest_and_people
@@ -28,7 +28,7 @@ from sim.world.world import World
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import InputError
-from tracking.track import Track, beliefs_of
+from tracking.track import Track
 
 
 class Mission:
@@ -226,8 +226,7 @@ class Mission:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks against people (P, 2) m; NaN for broken UAVs."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            means, _ = beliefs_of([t for t in tracks[i] if t.reported])
-            errors[i] = ospa(means[:, :2], present)
+            errors[i] = ospa(reported_positions(tracks[i]), present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:

@@ -1,6 +1,7 @@
 """The mission at one scan, ground truth included."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, beliefs_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,3 +46,8 @@ class Snapshot:
     def error(self) -> float:
         """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
         return float(self.ospa[self.working, 0].mean()) if self.working else math.nan
+
+
+def reported_positions(tracks: Sequence[Track]) -> Array:
+    """Positions (N, 2) m of the tracks that are reported, which metrics compare with those of people."""
+    return beliefs_of([track for track in tracks if track.reported])[0][:, :2]

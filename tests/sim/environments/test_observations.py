@@ -10,9 +10,10 @@ from helpers.teams import Spy
 
 from sim.environments.observations import Observations
 from sim.environments.rewards import expected_gospa, trace, true_gospa
+from sim.mission.snapshot import reported_positions
 from tracking.filter.kalman import Gaussian
 from tracking.metrics.gospa import gospa
-from tracking.track import Track, beliefs_of
+from tracking.track import Track
 from tracking.undetected import Intensity
 
 
@@ -97,8 +98,7 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
             if rng.random() < track.existence
         ]
         unseen = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
-        means, _ = beliefs_of([t for t in tracks if t.reported])
-        squares.append(gospa(means[:, :2], np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
+        squares.append(gospa(reported_positions(tracks), np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
     reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
     assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
     assert reward < 0
