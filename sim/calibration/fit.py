@@ -13,7 +13,7 @@ from tracking.detection.blob_detector import located_detections
 from tracking.detection.detection_errors import SPLIT, WHOLE, SplitError, WholeError, pixel_footprints, sight_axes
 from tracking.detection.ground_measurement import detections_of, split_gaps
 from tracking.detection.partial_visibility import PART, PartError, Places, places_of
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 _OTHERS = (12.0, 26.0, 34.0)  # m
@@ -21,14 +21,13 @@ _OTHERS = (12.0, 26.0, 34.0)  # m
 
 def fit_whole(seed: int, frames: int) -> WholeError:
     """The constants of people in plain view under which their errors are likeliest."""
-    rows = []
+    people: list[Sample] = []
     for k, (pixels, altitudes) in enumerate((p, a) for p in (96, 128, 192, 256) for a in (ALTITUDES, _OTHERS)):
         rng = np.random.default_rng([seed, 2, k])
         count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
-        for sample in samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes):
-            if places_of(sample.frame, sample.blob, sample.forest) is None:
-                rows.append(_errors(sample))
-    gsd, tangent, radial, tangential = np.array(rows).T
+        people += samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
+    tangent, footprints, errors = _errors(people)
+    gsd, (radial, tangential) = footprints[:, 0], errors.T  # pixels of level cameras are square on the ground
     powers = tangent[:, None] ** np.arange(3)
 
     def surprise(x: Array) -> float:
@@ -45,29 +44,28 @@ def fit_whole(seed: int, frames: int) -> WholeError:
     return error._replace(excess=excess)
 
 
-def _errors(sample: Sample) -> tuple[float, float, float, float]:
-    """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of a person seen whole."""
-    pose, camera = sample.frame.pose, sample.frame.camera
-    ground = detections_of(sample.frame, [sample.blob]).ground
-    axes, tangent = sight_axes(camera.lens(pose), ground)
-    radial, tangential = ((ground[0] - sample.person) @ axes[0]).tolist()
-    return (float(pose.position[2]) - TARGET_HEIGHT) / camera.focal, float(tangent[0]), radial, tangential
+def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
+    """Tangents (N,) off nadir of people taken to be whole, and pixel footprints and errors (N, 2) m by `sight_axes`."""
+    rows = []
+    for sample in people:
+        if places_of(sample.frame, sample.blob, sample.forest) is None:
+            lens = sample.frame.camera.lens(sample.frame.pose)
+            ground = detections_of(sample.frame, [sample.blob]).ground
+            axes, tangents = sight_axes(lens, ground)
+            error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
+            rows.append((tangents, pixel_footprints(lens, ground), error_along))
+    tangents, footprints, errors = (np.concatenate(column) for column in zip(*rows, strict=True))
+    return tangents, footprints, errors
 
 
 def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
     """Constants that level images do not tell, from tilted ones of people in plain view."""
-    cases = []
+    people: list[Sample] = []
     for k, (tilt, sway) in enumerate(TILTS):
         rng = np.random.default_rng([seed, 3, k])
         views = tilted(rng, tilt, frames, sway)
-        for sample in samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views):
-            if len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None:
-                pose, ground = sample.frame.pose, detections_of(sample.frame, [sample.blob]).ground
-                lens = sample.frame.camera.lens(pose)
-                axes, tangent = sight_axes(lens, ground)
-                error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
-                cases.append((tangent, pixel_footprints(lens, ground), error_along))
-    tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
+        people += samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
+    tangents, pixels, errors = _errors([sample for sample in people if len(sample.blobs) == 1])
     start = np.array([*WHOLE.powers, WHOLE.stretch])
     found = _minimum(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
     return _with_powers(error, found)
