@@ -14,9 +14,8 @@ from sim.replay.frames.rerender import frames_taken, scenario_of
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.plugins.registry import check_known
-from tracking.track import UNLIKELY
 
 Row = Sequence[float | int | str]
 Rows = Iterable[tuple[Any, ...]]
@@ -39,7 +38,7 @@ def export(recording: Recording, target: str, out: Path) -> None:
 def _csv(recording: Recording, folder: Path) -> None:
     """Tables that `tracking.measurement_files` reads; the truth can be flown again as `people.trajectories`."""
     _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
-    tracks = sorted([time, uav, *row] for _, uav, time, *row in _tracks(recording))
+    tracks = sorted([time, uav, *row] for _, uav, time, _, *row in _tracks(recording))
     _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)
     _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, x, y] for _, m, time, x, y, *_ in _truth(recording)))
     scenario = scenario_of(recording)
@@ -57,7 +56,7 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
     for uav in range(recording.poses.shape[1]):
         own = ([time, *row] for _, i, time, *row in found if i == uav)
         _table(folder / f"detections-uav{uav}.csv", ("time", "x", "y", "xx", "xy", "yy"), own)
-        own = ([time, *row] for _, i, time, *row in tracks if i == uav)
+        own = ([time, *row] for _, i, time, _, *row in tracks if i == uav)
         _table(folder / f"tracks-uav{uav}.csv", ("time", *_TRACK), own)
     truth = ([time, m, *state] for _, m, time, *state in _truth(recording))
     _table(folder / "groundtruth.csv", ("time", "id", *STATE), truth)
@@ -69,14 +68,13 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
 def _mot(recording: Recording, folder: Path) -> None:
     """MOTChallenge's text in its 3-D variant: a sequence for each UAV, boxes -1, positions on the ground in m."""
     scenario, found, tracks = scenario_of(recording), list(_measurements(recording)), list(_tracks(recording))
-    reported = [row for row in tracks if not row[-1] <= UNLIKELY]
     truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
     for uav in range(recording.poses.shape[1]):
         sequence = folder / f"uav{uav}"
         _table(sequence / "gt" / "gt.txt", (), truth)
         own = (_mot_row(k, -1, row[:2]) for k, i, _, *row in found if i == uav)
         _table(sequence / "det" / "det.txt", (), own)
-        own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, id_, *row in reported if i == uav)
+        own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, reported, id_, *row in tracks if i == uav and reported)
         _table(folder / "tracks" / f"uav{uav}.txt", (), own)
         pixels = scenario.uavs[uav].pixels
         facts = [f"name=uav{uav}", "imDir=img1", f"frameRate={scenario.rates.sensing}"]
@@ -110,10 +108,14 @@ def _measurements(recording: Recording) -> Rows:
 
 
 def _tracks(recording: Recording) -> Rows:
-    """Scan, UAV, time, and id, state, covariance and existence (NaN if unknown) of each track of UAVs that work."""
+    """Scan, UAV, time, and a row for each track of UAVs that work.
+
+    A row tells if the track is reported, and its id, state, covariance and existence (NaN if unknown).
+    """
     row, column = np.triu_indices(4)
     covariances = recording.track_covariances[:, row, column]
-    columns = recording.track_ids, *recording.track_means.T, *covariances.T, recording.existence
+    state = *recording.track_means.T, *covariances.T
+    columns = recording.reported, recording.track_ids, *state, recording.existence
     rows = _rows(recording, recording.cells(recording.track_offsets), *columns)
     return (row for row in rows if recording.working[row[0], row[1]])
 
@@ -124,7 +126,7 @@ def _truth(recording: Recording) -> Rows:
     return _rows(recording, cells, *recording.people[cells].T, *velocities(recording)[cells].T)
 
 
-def _rows(recording: Recording, cells: tuple[Indices, ...], *columns: Array | Indices) -> Rows:
+def _rows(recording: Recording, cells: tuple[Indices, ...], *columns: Array | Indices | Flags) -> Rows:
     """Scan, index among UAVs or people, time [s] and further columns (N,), row by row, as Python's numbers."""
     table = (*cells, recording.times[cells[0]], *columns)
     return zip(*(column.tolist() for column in table), strict=True)
