@@ -54,30 +54,6 @@ def normal_cdf_each(x: float) -> float:
     return 1.0 - tail if x > 0.0 else tail
 
 
-@compiled
-def _central_quantile(q: float) -> float:
-    """Quantile at q + 1/2 for q up to `_MIDDLE` either way."""
-    r = 0.180625 - q * q
-    return q * polynomial(_CENTRAL[0], r) / polynomial(_CENTRAL[1], r)
-
-
-@compiled
-def normal_quantile(p: float) -> float:
-    """Quantile of the standard normal distribution at p in (0, 1), to a relative error of 1e-15.
-
-    Source: M. J. Wichura, Algorithm AS 241, Applied Statistics 37, 1988.
-    """
-    q = p - 0.5
-    if abs(q) <= _MIDDLE:
-        return _central_quantile(q)
-    r = math.sqrt(-log(min(p, 1.0 - p)))
-    if r <= 5.0:
-        x = polynomial(_NEARER[0], r - 1.6) / polynomial(_NEARER[1], r - 1.6)
-    else:
-        x = polynomial(_FARTHER[0], r - 5.0) / polynomial(_FARTHER[1], r - 5.0)
-    return -x if q < 0.0 else x
-
-
 def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
     """Draw standard normal numbers by inversion; NumPy's generator calls the C library's logarithm."""
     uniform = rng.random(shape)
@@ -86,11 +62,27 @@ def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> A
 
 @compiled
 def normal_quantiles(p: Array) -> Array:
-    """`normal_quantile` of each p (N,); a first loop, which is vectorised, is right in the middle, where most are."""
+    """Quantiles of the standard normal distribution at p (N,) in (0, 1), to a relative error of 1e-15.
+
+    Source: M. J. Wichura, Algorithm AS 241, Applied Statistics 37, 1988.
+    """
     out = np.empty(len(p))
-    for k in range(len(p)):
-        out[k] = _central_quantile(p[k] - 0.5)
+    for k in range(len(p)):  # a loop without branches, which is vectorised: right in the middle, where most are
+        q = p[k] - 0.5
+        r = 0.180625 - q * q
+        out[k] = q * polynomial(_CENTRAL[0], r) / polynomial(_CENTRAL[1], r)
     for k in range(len(p)):
         if abs(p[k] - 0.5) > _MIDDLE:
-            out[k] = normal_quantile(p[k])
+            out[k] = _tail_quantile(p[k])
     return out
+
+
+@compiled
+def _tail_quantile(p: float) -> float:
+    """Quantile at p more than `_MIDDLE` from one half."""
+    r = math.sqrt(-log(min(p, 1.0 - p)))
+    if r <= 5.0:
+        x = polynomial(_NEARER[0], r - 1.6) / polynomial(_NEARER[1], r - 1.6)
+    else:
+        x = polynomial(_FARTHER[0], r - 5.0) / polynomial(_FARTHER[1], r - 5.0)
+    return -x if p < 0.5 else x
