@@ -85,7 +85,7 @@ class Tracker:
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
-        z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
+        z, R = checked_scan(scan)
         between = self._link.time, scan.time
         views = self._predict(scan.time, self._camera.lens(scan.pose))
         table = self._table

@@ -8,21 +8,22 @@ from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
+from tracking.track import Scan
 
 # Rounding may leave this share of a covariance's trace between its off-diagonal elements.
 _ASYMMETRY = 1e-9
 QUATERNION_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
 
 
-def checked_scan(time: float, pose: Pose, measurements: Array, covariances: Array) -> tuple[Array, Array]:
-    """Measurements (N, 2) and covariances (N, 2, 2) as contiguous floats, after validation of a scan.
+def checked_scan(scan: Scan) -> tuple[Array, Array]:
+    """Measurements (N, 2) and covariances (N, 2, 2) of a scan as contiguous floats, after its validation.
 
-    `pose` is that of the camera. Raises ValueError for invalid values, which would lead to tracks that are NaN.
+    Raises ValueError for invalid values, which would lead to tracks that are NaN.
     """
-    z, R = _floats("measurements", measurements), _floats("covariances", covariances)
-    if not math.isfinite(time):
-        raise ValueError(f"time of a scan must be finite, is {time}")
-    _check_pose(pose)
+    z, R = _floats("measurements", scan.measurements), _floats("covariances", scan.covariances)
+    if not math.isfinite(scan.time):
+        raise ValueError(f"time of a scan must be finite, is {scan.time}")
+    _check_pose(scan.pose)
     if z.ndim != 2 or z.shape[1] != 2:
         raise ValueError(f"measurements of a scan must be (N, 2), are {z.shape}")
     if R.shape != (len(z), 2, 2):
