@@ -69,6 +69,11 @@ class TrackerParameters:
         return self.gate_probability, self.clutter_density, self.detection_probability
 
     @cached_property
+    def loss(self) -> tuple[float, float]:
+        """Time without a sure detection beyond which a track is lost [s], and people's largest speed, likewise."""
+        return max(self.recovery_after - self.motion.dt / 2, 0.0), self.max_speed  # but for rounding
+
+    @cached_property
     def measurement_gate(self) -> float:
         """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
         return -2.0 * log(1.0 - self.gate_probability)

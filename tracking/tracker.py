@@ -92,7 +92,7 @@ class Tracker:
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
         before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
-        turned = turned_density(table.sightings, table.existence, z, R, between, p)
+        turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed

@@ -22,31 +22,22 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
     unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
-    return np.flatnonzero((unseen > _least_unseen(p)) & (unseen < np.inf))
+    return np.flatnonzero((unseen > p.loss[0]) & (unseen < np.inf))
 
 
-def _least_unseen(p: TrackerParameters) -> float:
-    return max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
-
-
+@compiled
 def turned_density(
-    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], p: TrackerParameters
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], loss: tuple[float, float]
 ) -> Array:
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
-    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
+    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
+    `TrackerParameters.loss`.
     After a turn a person is about the last place, with a standard deviation of half the distance within reach.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
-    return _turned_density(sightings, existence, z, R, times, (_least_unseen(p), p.max_speed))
-
-
-@compiled
-def _turned_density(
-    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], limits: tuple[float, float]
-) -> Array:
-    density, (least, max_speed) = np.zeros(len(z)), limits
+    density, (least, max_speed) = np.zeros(len(z)), loss
     for t in range(len(sightings)):
         if not least < times[0] - sightings[t, 2] < np.inf:
             continue

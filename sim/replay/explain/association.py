@@ -65,7 +65,7 @@ class Association:
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         sightings = np.array([t.sighting for t in tracks]).reshape(-1, 3)
-        turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p)
+        turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p.loss)
         likelihood, beta, _, after = associate(before, z, R, turned, p.association)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]

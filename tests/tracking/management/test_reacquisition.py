@@ -45,7 +45,8 @@ def test_two_new_tracks_are_two_people():
 
 def test_people_never_sighted_are_nowhere():
     never = np.array([[0.0, 0.0, -np.inf], [0.0, 0.0, np.nan]])
-    found = turned_density(never, np.ones(2), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), TrackerParameters(MOTION))
+    loss = TrackerParameters(MOTION).loss
+    found = turned_density(never, np.ones(2), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), loss)
     assert found.tolist() == [0.0]
 
 
@@ -63,7 +64,7 @@ def test_lost_people_after_a_turn_are_about_their_last_places():
         )
         for p, R in zip(z, noise, strict=True)
     ]
-    found = turned_density(sightings, existence, z, noise, (9.8, 10.0), TrackerParameters(MOTION))
+    found = turned_density(sightings, existence, z, noise, (9.8, 10.0), TrackerParameters(MOTION).loss)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
