@@ -86,8 +86,8 @@ class Tracker:
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan)
-        between = self._link.time, scan.time
-        views = self._predict(scan.time, self._camera.lens(scan.pose))
+        between, lens = (self._link.time, scan.time), self._camera.lens(scan.pose)
+        views = self._predict(scan.time, lens)
         table = self._table
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
@@ -103,22 +103,18 @@ class Tracker:
         history = _history((table.times, table.views), scores, after.gates, scan.time)
         rest = after.existence, *history, table.misses, table.sightings
         self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
-        self._initiate(scan, z[~after.explained], R[~after.explained])
+        self._initiate(lens, z[~after.explained], R[~after.explained])
 
-    def _initiate(self, scan: Scan, z: Array, R: Array) -> None:
+    def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
-
-        def visible_at(means: Array, covariances: Array) -> Flags:
-            return visible_samples(self._forest, (means, covariances), self._camera.lens(scan.pose))[:, 0]
-
         elapsed, self._waited = self._waited, 0
-        p = self.parameters
-        new, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, visible=visible_at, p=p)
+        view = self._forest, lens
+        new, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, view=view, p=self.parameters)
         # More than there are labels for begin in the next scan.
         new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
         if new:
             begun = [Track(new_label(self._link.scans, self.uav, k), t.belief, t.existence) for k, t in enumerate(new)]
-            self._table += TrackTable.of(begun, 1.0, scan.time)
+            self._table += TrackTable.of(begun, 1.0, self._link.time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""

@@ -9,12 +9,15 @@ from helpers.scenes import ABOVE, ALONE, AWAY, MOTION, H, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import ALL_ROUND, Camera
+from tracking.geometry.visibility import Forest
 from tracking.management.initiation import Tentative, initiated
 from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
 FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "max_variance": 1e9, "recovery_after": math.inf}
+IN_VIEW = Forest(()), Camera(ALL_ROUND, 128).lens(ABOVE)  # everything
 
 
 def normal(x, covariance):
@@ -123,10 +126,6 @@ def known(people):
     return [Track(a.label, Gaussian(a.mean, a.covariance), a.r) for a in people]
 
 
-def in_view(means, covariances):
-    return np.ones((len(means), 36), bool)
-
-
 def same(tracks, people):
     assert len(tracks) == len(people)
     for t, a in zip(tracks, people, strict=True):
@@ -188,7 +187,7 @@ def test_a_measurement_without_a_track_is_new_by_the_poisson_intensities(count):
     for j, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
         r = math.fsum(w for kinds, w in weights.items() if kinds[j]) / math.fsum(weights.values())
         people.append(Person(j, r, H.T @ z, H.T @ R @ H + spread))
-    _, born = initiated([], scan.measurements, scan.covariances, elapsed=1, visible=in_view, p=p)
+    _, born = initiated([], scan.measurements, scan.covariances, elapsed=1, view=IN_VIEW, p=p)
     same(born, people)
 
 
@@ -205,6 +204,6 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
             misses = [1 - p.detection_probability * p.gate_probability] * len(people)
             people, _ = after(people, scan, misses, p)
             measurements = scan.measurements, scan.covariances
-            _, tentative = initiated(tentative, *measurements, elapsed=1, visible=in_view, p=p)
+            _, tentative = initiated(tentative, *measurements, elapsed=1, view=IN_VIEW, p=p)
             same(tentative[: len(people)], people)
             tentative = tentative[: len(people)]

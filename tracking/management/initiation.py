@@ -1,18 +1,17 @@
 """Track initiation: from measurements that no track explains to confirmed tracks."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tracking.filter.kalman import Gaussian
+from tracking.geometry.lens import Lens
+from tracking.geometry.visibility import Forest, visible_samples
 from tracking.measurement_update import ScanPrediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 
-# Flags (T, K) of visible samples of beliefs, means (T, 4) and covariances (T, 4, 4).
-VisibleSamples = Callable[[Array, Array], Flags]
 PATIENCE = 1.0  # s without a measurement after which a tentative track ends: later ones could be another person's
 
 
@@ -28,11 +27,11 @@ class Tentative:
 
 
 def initiated(
-    tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, visible: VisibleSamples, p: TrackerParameters
+    tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, view: tuple[Forest, Lens], p: TrackerParameters
 ) -> tuple[list[Tentative], list[Tentative]]:
     """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; visible: function that flags samples in view.
+    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; view: map of trees, and the camera of the scan.
     A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
     at `sure`, and ends below `doubt` times its start, or after `PATIENCE` s without a measurement. By m of n, it needs
     so many measurements within its first n scans. A measurement counts that is the track's with a probability above
@@ -40,7 +39,7 @@ def initiated(
     """
     if not tentative and not len(z):
         return [], []
-    grown, known = _updated(tentative, z, R, (elapsed, visible), p)
+    grown, known = _updated(tentative, z, R, (elapsed, view), p)
     grown += [_started(z[j], R[j], p) for j in np.flatnonzero(~known).tolist()]
     verdicts = [_verdict(t, p) for t in grown]
     confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
@@ -78,16 +77,16 @@ def _verdict(track: Tentative, p: TrackerParameters) -> bool | None:
 
 
 def _updated(
-    tentative: list[Tentative], z: Array, R: Array, step: tuple[int, VisibleSamples], p: TrackerParameters
+    tentative: list[Tentative], z: Array, R: Array, step: tuple[int, tuple[Forest, Lens]], p: TrackerParameters
 ) -> tuple[list[Tentative], Flags]:
     """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
-    elapsed, visible = step
+    elapsed, (forest, lens) = step
     means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
     covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
     for _ in range(elapsed):
         means, covariances = p.motion.predict_all(means, covariances)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
-    detectable = visible(means, covariances).mean(axis=1)
+    detectable = visible_samples(forest, (means, covariances), lens)[:, 0].mean(axis=1)
     before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
     after = scan_update(before, z, R, np.zeros(len(z)), p)
     seen = after.missed < 0.5
