@@ -37,11 +37,6 @@ class Group:
         """The metric of each trial done (n,); NaN where it is undefined."""
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)
 
-    @property
-    def runs(self) -> list[Run]:
-        """Seed and repeat of each trial done (n,)."""
-        return [(row.seed, row.repeat) for row in self.done]
-
     def table(self, metrics: Sequence[Metric]) -> Array:
         """The metrics of each trial done (n, metrics); NaN where they are undefined."""
         return np.array([self.values(metric.name) for metric in metrics]).reshape(len(metrics), len(self.done)).T
@@ -49,7 +44,7 @@ class Group:
     def by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
         """The metrics of each run; all NaN of one that failed."""
         failed = {(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
-        return failed | dict(zip(self.runs, self.table(metrics), strict=True))
+        return failed | {(row.seed, row.repeat): own for row, own in zip(self.done, self.table(metrics), strict=True)}
 
     @property
     def ospa(self) -> Array:
