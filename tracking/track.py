@@ -49,8 +49,12 @@ class Track:
 
 
 def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array) -> tuple[Track, ...]:
-    """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3)."""
-    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), sightings.copy(), strict=True)
+    """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3).
+
+    A sighting of a time below 0, or that is no number, is none.
+    """
+    known = np.where(sightings[:, 2:] >= 0.0, sightings, np.nan)
+    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True)
     return tuple(Track(id, Gaussian(mean, covariance), r, sighting) for id, mean, covariance, r, sighting in rows)
 
 

@@ -77,8 +77,7 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        sightings = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
-        return tracks_of(table.ids, table.means, table.covariances, table.existence, sightings)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, table.sightings)
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""

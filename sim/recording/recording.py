@@ -123,10 +123,8 @@ class Recording:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
         certain = np.nan_to_num(self.existence[rows], nan=1.0)
-        stored = self.track_sightings[rows]
-        sightings = np.where(stored[:, 2:] >= 0.0, stored, math.nan)
         beliefs = self.track_means[rows], self.track_covariances[rows]
-        return tracks_of(self.track_ids[rows], *beliefs, certain, sightings)
+        return tracks_of(self.track_ids[rows], *beliefs, certain, self.track_sightings[rows])
 
     def track_ids_at(self, k: int, uav: int) -> Indices:
         """Ids (N,) of the tracks of one UAV after scan k."""

@@ -90,7 +90,7 @@ def _sightings(tracks: Sequence[Any]) -> Array:
     found = numbers("sightings of tracks", given, 3 * _MOST)
     if found.shape != (len(tracks), 3):
         raise Unusable(f"sightings of tracks are no table ({len(tracks)}, 3) of numbers")
-    found[~(np.isfinite(found).all(axis=1) & (found[:, 2] >= 0.0))] = np.nan
+    found[~np.isfinite(found).all(axis=1)] = np.nan
     return found
 
 
