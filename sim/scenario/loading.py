@@ -174,11 +174,17 @@ def _anchored(scenario: Scenario, folder: Path) -> Scenario:
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
 
 
-def _override(data: dict[str, Any], override: str) -> None:
-    key, equals, text = override.partition("=")
-    if not equals or not key.strip():
+def key_and_value(override: str) -> tuple[str, str]:
+    """Key and value of an override, as text; InputError unless it is of the form key=value."""
+    key, equals, text = (part.strip() for part in override.partition("="))
+    if not equals or not key:
         raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
-    *path, last = key.strip().split(".", _DEEPEST)
+    return key, text
+
+
+def _override(data: dict[str, Any], override: str) -> None:
+    key, text = key_and_value(override)
+    *path, last = key.split(".", _DEEPEST)
     node: Any = data
     default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
     for i, part in enumerate(path):

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.loading import STUDY_TABLES
+from sim.scenario.loading import STUDY_TABLES, key_and_value
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer
 from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file
@@ -103,9 +103,7 @@ def adapted(
         check_known("--scenario", scenario, study.scenarios)
     added: dict[str, str] = {}
     for override in overrides:
-        key, equals, value = (part.strip() for part in override.partition("="))
-        if not equals or not key:
-            raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
+        key, value = key_and_value(override)
         for factor, levels in study.factors.items():
             varied = [f"{other}." for level in levels.values() for other in flat(level)]
             if any(other.startswith(f"{key}.") or f"{key}.".startswith(other) for other in varied):
