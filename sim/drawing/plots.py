@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
+from sim.evaluation.fleet_facts import mean_ospa
 from sim.recording.atomic_files import whole
 from tracking.numerics.arrays import Array
 
@@ -26,7 +27,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     """
     with new_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
-        mean = _fleet_mean(ospa)
+        mean = mean_ospa(ospa)
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -64,7 +65,7 @@ def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
     """Mean OSPA of the UAVs that work over time, with the line of 1 m; `width` of the curve in points."""
-    mean = _fleet_mean(ospa)[:, 0]
+    mean = mean_ospa(ospa)[:, 0]
     axes.plot(times, mean, color=rgb(INK), lw=width, marker=_dot(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
     axes.set_ylabel("mean OSPA [m],\nlogarithmic above 1")
@@ -73,14 +74,6 @@ def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
 def _dot(times: Array) -> str:
     """The marker of a curve, which a single scan has instead of a line."""
     return "." if len(times) == 1 else ""
-
-
-def _fleet_mean(ospa: Array) -> Array:
-    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
-    count = np.sum(~np.isnan(ospa), axis=1)
-    mean = np.full(count.shape, np.nan)
-    np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
-    return mean
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Facts of a fleet that no single UAV has: contacts, bytes sent, and disagreement on tracks."""
+"""Facts of a fleet that no single UAV has: mean OSPA, contacts, bytes sent, and disagreement on tracks."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -9,8 +9,16 @@ import numpy as np
 from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
-from tracking.numerics.arrays import Flags, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Track, beliefs_of
+
+
+def mean_ospa(ospa: Array) -> Array:
+    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
+    count = np.sum(~np.isnan(ospa), axis=1)
+    mean = np.full(count.shape, np.nan)
+    np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
+    return mean
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:

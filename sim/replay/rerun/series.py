@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sim.drawing import palette
 from sim.drawing.palette import Colour, on_dark, pale, track_colour, uav_colour
+from sim.evaluation.fleet_facts import mean_ospa
 from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
@@ -48,10 +49,9 @@ class Series(NamedTuple):
 
 
 def _ospa(recording: Recording) -> list[Series]:
-    errors, on = recording.ospa[:, :, 0], recording.working
-    mean = np.where(on.any(axis=1), np.nansum(errors, axis=1) / np.maximum(on.sum(axis=1), 1), np.nan)
+    errors, means = recording.ospa[:, :, 0], mean_ospa(recording.ospa)[:, 0]
     each = [Series(f"ospa/uav{i}", f"UAV {i}", uav_colour(i), error) for i, error in enumerate(errors.T)]
-    return [*each, Series("ospa/mean", "mean", (255, 255, 255), mean)]
+    return [*each, Series("ospa/mean", "mean", (255, 255, 255), means)]
 
 
 def _tracks(recording: Recording) -> list[Series]:
