@@ -1,4 +1,4 @@
-"""The UAVs of a recording, nearly as planners knew them."""
+"""The UAVs of a recording and the map of trees, nearly as planners knew them."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -9,6 +9,13 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of
 from tracking.filter.motion import MotionModel
+from tracking.geometry.visibility import Forest
+
+
+@lru_cache(maxsize=1)  # with its grid
+def known_forest(recording: Recording, scenario: Scenario) -> Forest:
+    """The map of trees as trackers and planners took it to hide people."""
+    return Forest(recording.forest.trees, scenario.sensing.occlusion)
 
 
 def vehicles_at(recording: Recording, scenario: Scenario, k: int) -> list[Vehicle]:

@@ -6,11 +6,11 @@ import numpy as np
 
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import motion_at
+from sim.replay.recorded_fleet import known_forest, motion_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.negative_information import miss_likelihood
-from tracking.geometry.visibility import Forest, visible_samples
+from tracking.geometry.visibility import visible_samples
 from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -55,11 +55,10 @@ class Association:
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
         camera = view_of(scenario.uavs[uav], scenario)
-        forest = Forest(recording.forest.trees, scenario.sensing.occlusion)  # as trackers take it to hide people
         frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
         last = next(frames, None)
         lenses = camera.lens(scan.pose), camera.lens(last.pose) if last else None
-        views = visible_samples(forest, (means, covariances), *lenses)
+        views = visible_samples(known_forest(recording, scenario), (means, covariances), *lenses)
         elapsed = np.full(len(means), scan.time - last.time if last else np.inf)
         missed = miss_likelihood(means, covariances, views, elapsed, p.detection_probability)
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)

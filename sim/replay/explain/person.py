@@ -12,12 +12,12 @@ from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.history import History
-from sim.replay.recorded_fleet import motion_at, vehicles_at
+from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 
@@ -83,7 +83,7 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
 
 def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
-    camera, trees = view_of(scenario.uavs[uav], scenario), Forest(recording.forest.trees, scenario.sensing.occlusion)
+    camera, trees = view_of(scenario.uavs[uav], scenario), known_forest(recording, scenario)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
         point = np.append(place, TARGET_HEIGHT)[None]

@@ -9,9 +9,8 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import motion_at, vehicles_at
+from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
 from sim.scenario.scenario import Scenario
-from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 
@@ -48,7 +47,7 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
         own=next(v for v in fleet if v.id == uav),
         neighbours=tuple(v for v in fleet if v.id != uav),
         tracks=recording.tracks_at(k, uav),
-        forest=Forest(recording.forest.trees, scenario.sensing.occlusion),
+        forest=known_forest(recording, scenario),
         area=(scenario.area.width, scenario.area.height),
         motion=planned_motion(scenario, motion_at(recording, scenario, k, uav)),
     )
