@@ -61,7 +61,7 @@ def _joined(lens: Lens, blobs: list[Array], origins: Sequence[int]) -> tuple[lis
         return blobs, list(origins)
     blobs, origins = list(blobs), list(origins)
     centres = np.array([blob.mean(axis=0) for blob in blobs])
-    reach = length(sizes_at(lens, centres)[1])
+    reach = length(sizes_at(lens, centres).extents)
     joins = [0] * len(blobs)  # of each blob so far; pairs found before the last join are out of date
     pairs = [(distance, i, j, 0, 0) for k in range(len(blobs)) for distance, i, j in _near(centres, reach, k, k)]
     heapq.heapify(pairs)
@@ -74,7 +74,7 @@ def _joined(lens: Lens, blobs: list[Array], origins: Sequence[int]) -> tuple[lis
             continue
         origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
         blobs[i], centres[i], centres[j] = both, both.mean(axis=0), math.nan
-        reach[i] = length(sizes_at(lens, centres[i : i + 1])[1])[0]
+        reach[i] = length(sizes_at(lens, centres[i : i + 1]).extents)[0]
         joins[i], joins[j] = joins[i] + 1, -1
         for distance, low, high in _near(centres, reach, i, len(blobs)):
             heapq.heappush(pairs, (distance, low, high, joins[low], joins[high]))

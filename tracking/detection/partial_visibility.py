@@ -115,7 +115,7 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
     The clearing around the blob's centroid has the shadows that may matter; the area is in pixels.
     """
     centre = blob[:, 0].mean(), blob[:, 1].mean()
-    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
+    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre])).areas[0]
     growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
     clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
     # At the horizon sizes are not finite.

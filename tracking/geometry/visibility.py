@@ -122,12 +122,11 @@ def visible_samples(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens 
 
 @compiled
 def _seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    origin = lens[0][0], lens[0][1], lens[0][2]
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
             point = x, y, TARGET_HEIGHT
-            seen[i, k] = in_image(point, lens) and unobstructed(origin, point, cylinders, grid)
+            seen[i, k] = in_image(point, lens) and unobstructed(lens.eye, point, cylinders, grid)
     return seen
