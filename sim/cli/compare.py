@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from planning.loading import load_planner
 from planning.registry import COMPARED
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.perception import SENSOR_MODES
@@ -87,8 +88,8 @@ def compare(
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
     changes = with_options(overrides, duration, _checked_mode(sensing))
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
-    begun = _study(study, tracker or (), scenario or ())
-    chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
+    begun = _study(study, planner or (), tracker or (), scenario or ())
+    chosen = adapted(begun, seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = _workers(workers, dask)
     limit = None if timeout is None else seconds(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
@@ -105,11 +106,13 @@ def compare(
     show_study(rows, folder, facts)
 
 
-def _study(name: str, trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
-    """A packaged study, a study file, or one made of a scenario and flags, with trackers and scenarios as given."""
+def _study(name: str, planners: Sequence[str], trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
+    """A packaged study, a study file, or one made of a scenario and flags, with what flags name in place of its own."""
+    for planner in planners:
+        load_planner(planner)
     for tracker in trackers:
-        replace(TRACKERS, field="--tracker").check(tracker)
-    return adapted(with_trackers(_named(name), trackers), scenarios=scenarios)
+        replace(TRACKERS, field="--tracker").find(tracker)
+    return adapted(with_trackers(_named(name), trackers), planners=planners, scenarios=scenarios)
 
 
 def _named(name: str) -> Study:

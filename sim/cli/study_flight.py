@@ -37,7 +37,7 @@ def facts_of(
     baseline_of(listed, baseline, given)
     if study.score:
         ends_of(listed, study.score, given)
-        check_known("score.metric", study.score.metric, [*METRICS, *metrics])
+        check_known(study.at("score.metric"), study.score.metric, [*METRICS, *metrics])
     return About(study.name, study.description, baseline=baseline, labels=given, metrics=metrics, score=study.score)
 
 
@@ -85,7 +85,11 @@ def _check_worlds(listed: Sequence[Task]) -> None:
     """InputError unless forest and people of each setting can be placed, tried with its first seed."""
     first = {msgspec.json.encode(task.setting): task for task in reversed(listed)}
     for task in first.values():
-        forest_and_people(task.setting, task.seed)
+        try:
+            forest_and_people(task.setting, task.seed)
+        except InputError as error:
+            place = ", ".join([f"study {task.study}", *(f"{name} {level}" for name, level in task.factors)])
+            raise InputError(f"{place}: {error}" if task.factors else str(error)) from error
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:

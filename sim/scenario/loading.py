@@ -5,7 +5,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import msgspec
 
@@ -36,6 +36,7 @@ _UNUSED = {
 _DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
+_Kind = TypeVar("_Kind")
 # Types in the words of TOML.
 _KINDS = {"object": "a table", "array": "a list", "str": "text", "float": "a number", "int": "an integer"}
 
@@ -68,8 +69,13 @@ def decode(data: Mapping[str, Any]) -> Scenario:
     """A scenario from plain data, strictly: every key known, every value of its type and range."""
     _check_keys(data, Scenario, "")
     _check_finite(data, "")
+    return converted(data, Scenario)
+
+
+def converted(data: Mapping[str, Any], kind: type[_Kind]) -> _Kind:
+    """Plain data as a struct; InputError names the field, its value and what is allowed."""
     try:
-        return msgspec.convert(data, Scenario)
+        return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
         raise InputError(_readable(str(error), data)) from error
 
@@ -267,6 +273,9 @@ def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
     value = data
     for part in parts:
         value = value[int(part)] if isinstance(value, list | tuple) else value.get(part)
+    missing = re.fullmatch(r"Object missing required field `(\w+)`", text)
+    if missing:
+        return f"{'.'.join([*parts, missing[1]])}: is missing, and has no default"
     text = text[0].lower() + text[1:].replace("`", "")
     for kind, name in _KINDS.items():
         text = re.sub(rf"(expected|got) {kind}\b", rf"\1 {name}", text)

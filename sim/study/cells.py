@@ -1,9 +1,10 @@
 """Cells of a study: its scenarios by the levels of its factors by its planners."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -20,19 +21,31 @@ ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
 
 
+class StudyTable(NamedTuple):
+    """Settings by one table of a study."""
+
+    name: str  # of the table; empty: from outside of the study's file
+    settings: dict[str, str]  # overrides
+    options: dict[str, str]  # of planners
+
+
 class Cell(Struct, frozen=True):
     """One scenario with one level of each factor, and one planner."""
 
     scenario: str
     factors: tuple[tuple[str, str], ...]
-    settings: dict[str, str]  # overrides
+    tables: tuple[StudyTable, ...]  # later ones count
     planner: str  # as `Study.planners` has it
-    options: dict[str, str]  # of the planner, by the levels
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """Overrides."""
+        return {key: value for table in self.tables for key, value in table.settings.items()}
 
     @property
     def spec(self) -> str:
         """The planner with the options of the cell."""
-        return with_options(self.planner, self.options)
+        return with_options(self.planner, {key: text for table in self.tables for key, text in table.options.items()})
 
 
 def cells(study: Study) -> list[Cell]:
@@ -41,29 +54,45 @@ def cells(study: Study) -> list[Cell]:
     planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
     count = math.prod([len(study.scenarios), len(planners) + bool(study.score), *map(len, study.factors.values())])
     if count > _MOST_CELLS:  # before they are listed: factors multiply
-        raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
+        raise InputError(f"{study.at('study')}: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     stems = [Path(scenario).stem for scenario in study.scenarios]
     shown_as = dict(zip(study.scenarios, stems if len(set(stems)) == len(stems) else study.scenarios, strict=True))
     found = []
     for scenario, *chosen in product(study.scenarios, *study.factors.values()):
         levels = tuple(zip(study.factors, chosen, strict=True))
         shown = (("scenario", shown_as[scenario]), *levels) if len(stems) > 1 else levels
-        settings, options = dict(study.settings), dict[str, str]()
-        for factor, level in levels:
-            values = dict(study.factors[factor][level])
-            options |= {key: str(value) for key, value in values.pop("planner", {}).items()}
-            settings |= texts(values)
-        made = [Cell(scenario, shown, settings, planner, options) for planner in planners]
+        tables = (
+            StudyTable("study", {}, {}),
+            StudyTable("set", study.settings, {}),
+            StudyTable("", study.given, {}),
+            *_tables(study, levels),
+        )
+        made = [Cell(scenario, shown, tables, planner) for planner in planners]
         if study.score:
-            seen = (*shown, (VIEW, "unlimited"))
-            made.append(Cell(scenario, seen, settings | _UNLIMITED, study.score.bound, options))
+            seen, unlimited = (*shown, (VIEW, "unlimited")), (*tables, StudyTable("score", _UNLIMITED, {}))
+            made.append(Cell(scenario, seen, unlimited, study.score.bound))
         for cell in made:
             place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
             if not any(_matches(rule, place) for rule in study.exclude):
                 found.append(cell)
     if not found:
-        raise InputError(f"study: {study.name} has no trial: no planner, no level, or all is excluded")
+        raise InputError(f"{study.at('study')}: {study.name} has no trial: {_lacking(study) or 'all is excluded'}")
     return found
+
+
+def _lacking(study: Study) -> str:
+    """Lists of a study that are empty, in words."""
+    lists = {"planner": study.planners, "scenario": study.scenarios}
+    lists |= {f"level of factor {factor!r}": tuple(levels) for factor, levels in study.factors.items()}
+    return ", ".join(f"no {name}" for name, entries in lists.items() if not entries)
+
+
+def _tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTable]:
+    """The tables of some levels of factors."""
+    for factor, level in levels:
+        values = dict(study.factors[factor][level])
+        options = {key: str(value) for key, value in values.pop("planner", {}).items()}
+        yield StudyTable(f"factors.{factor}.{level}", texts(values), options)
 
 
 def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
@@ -78,20 +107,23 @@ def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
     return msgspec.structs.replace(study, factors={**others, TRACKER: own})
 
 
-def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:
+def _matches(rule: Mapping[str, Any], place: Mapping[str, str]) -> bool:
     return all(place[key] in ([value] if isinstance(value, str) else value) for key, value in rule.items())
 
 
 def _check_levels(study: Study) -> None:
     set_by: dict[str, str] = {}  # the factor that sets a key
     for factor, levels in study.factors.items():
+        where = study.at(f"factors.{factor}")
         if factor in ("planner", "scenario"):  # by which trials are left out, too
-            raise InputError(f"factors.{factor}: is no name for a factor; list them as {factor}s of [study]")
+            raise InputError(f"{where}: is no name for a factor; list them as {factor}s of [study]")
         for level, values in levels.items():
-            if not isinstance(values.get("planner", {}), Mapping):
-                raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
+            options = values.get("planner", {})
+            if not isinstance(options, Mapping):
+                raise InputError(f"{where}.{level}.planner: {options!r} is not allowed; expected {{option = value}}")
         for key in sorted({key for values in levels.values() for key in flat(values)}):
             if set_by.setdefault(key, factor) != factor:
-                raise InputError(f"factors.{factor}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
+                raise InputError(f"{where}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
     if study.score and VIEW in study.factors:
-        raise InputError(f"factors.{VIEW}: is no name for a factor beside [score], whose bound has an unlimited view")
+        where = study.at(f"factors.{VIEW}")
+        raise InputError(f"{where}: is no name for a factor beside [score], whose bound has an unlimited view")

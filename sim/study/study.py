@@ -1,5 +1,6 @@
 """Studies: scenarios by overrides by planners by seeds, from TOML or flags."""
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Annotated, Any
@@ -8,8 +9,8 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.loading import STUDY_TABLES, key_and_value
-from sim.scenario.quantities import MOST_LISTED, REPEATS, integer
+from sim.scenario.loading import STUDY_TABLES, converted, key_and_value
+from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers
 from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file
 from tracking.plugins.registry import InputError, check_known
@@ -18,7 +19,7 @@ from tracking.plugins.spelling import did_you_mean
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 
 
-class ScoreScale(Struct, frozen=True, forbid_unknown_fields=True):
+class ScoreScale(Struct, frozen=True):
     """Ends of the normalised score of a study; both are flown, whatever planners are compared."""
 
     floor: str  # a planner
@@ -37,8 +38,14 @@ class Study(Struct, frozen=True):
     scenarios: tuple[str, ...] = ("forest",)
     settings: dict[str, str] = {}  # overrides for all trials, values as --set takes them
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
-    exclude: tuple[dict[str, str | list[str]], ...] = ()  # trials that match all entries of one are left out
+    exclude: tuple[dict[str, Any], ...] = ()  # trials that match all entries of one are left out
     score: ScoreScale | None = None
+    file: str = ""  # or the name of a packaged study; empty: made of flags
+    given: dict[str, str] = {}  # overrides from outside of the file, for all trials
+
+    def at(self, field: str) -> str:
+        """The beginning of an error message: the study's file, if it has one, and a field in it."""
+        return f"{self.file}: {field}" if self.file else field
 
 
 def read(name: str) -> Study:
@@ -46,19 +53,24 @@ def read(name: str) -> Study:
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
     _check_keys(data, STUDY_TABLES, f"{name}: ")
-    for key in ("study", "set"):
-        if not isinstance(data.get(key, {}), Mapping):
-            raise InputError(f"{name}: {key}: {data[key]!r} is not allowed; expected a table [{key}]")
+    for key in ("study", "set", "factors", "score"):
+        _check_table(data.get(key, {}), f"{name}: {key}")
     table = data.get("study", {})
     _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
-    content = {"name": path.stem, **table, "settings": texts(data.get("set", {}))}
+    _check_keys(data.get("score", {}), ScoreScale.__struct_fields__, f"{name}: score.")
+    for factor, levels in data.get("factors", {}).items():
+        _check_table(levels, f"{name}: factors.{factor}")
+        for level, values in levels.items():
+            _check_table(values, f"{name}: factors.{factor}.{level}")
+    content = {"name": path.stem, **table, "settings": texts(data.get("set", {})), "file": name}
     content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
-        study = msgspec.convert(content, Study)
-    except msgspec.ValidationError as error:
-        text, _, where = str(error).replace("`", "").partition(" - at $.")
-        raise InputError(f"{name}: {where or 'study'}: {text[0].lower()}{text[1:]}") from error
-    _check_excluded(study, name)
+        study = converted(content, Study)
+    except InputError as error:
+        inside = "" if re.match(r"(exclude|score)\b", str(error)) else "study."
+        raise InputError(f"{name}: {inside}{error}") from error
+    integers(study.seeds, study.at("study.seeds"))
+    _check_excluded(study)
 
     def anchored(scenarios: Sequence[str]) -> list[str]:
         return [str(path.parent / s) if s.endswith(".toml") else s for s in scenarios]
@@ -70,20 +82,29 @@ def read(name: str) -> Study:
     return msgspec.structs.replace(study, scenarios=tuple(anchored(study.scenarios)), exclude=tuple(rules))
 
 
-def _listed(value: str | list[str]) -> list[str]:
+def _listed(value: object) -> list[Any]:
     """The values of an entry of `exclude`, which may be one."""
-    return [value] if isinstance(value, str) else value
+    return value if isinstance(value, list) else [value]
 
 
-def _check_excluded(study: Study, where: str) -> None:
+def _check_table(given: object, where: str) -> None:
+    """InputError, which begins with `where`, unless a value is a table."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"{where}: {given!r} is not allowed; expected a table")
+
+
+def _check_excluded(study: Study) -> None:
     """InputError where a study leaves out a planner, scenario or level that it has not."""
     ends = (study.score.floor, study.score.bound) if study.score else ()
     known = {"planner": (*study.planners, *ends), "scenario": study.scenarios, **study.factors}
     for i, rule in enumerate(study.exclude):
-        _check_keys(rule, known, f"{where}: exclude.{i}.")
+        where = study.at(f"exclude.{i}.")
+        _check_keys(rule, known, where)
         for key, value in rule.items():
             for name in _listed(value):
-                check_known(f"{where}: exclude.{i}.{key}", name, known[key])
+                if not isinstance(name, str):
+                    raise InputError(f"{where}{key}: {name!r} is not allowed; expected text, or a list of texts")
+                check_known(f"{where}{key}", name, known[key])
 
 
 def adapted(
@@ -115,7 +136,7 @@ def adapted(
         scenarios=tuple(dict.fromkeys(scenarios)) or study.scenarios,
         seeds=study.seeds if seeds is None else seeds,
         repeats=study.repeats if repeats is None else repeats,
-        settings={**study.settings, **added},
+        given={**study.given, **added},
     )
 
 

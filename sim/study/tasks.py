@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+import msgspec
 import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.text_files import content
-from sim.study.cells import cells
+from sim.study.cells import Cell, cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
 from tracking.numerics.arrays import Array
@@ -82,18 +83,20 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     listed, seeds = cells(study), integers(study.seeds, "seeds")
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
         text = f"{len(listed)} cells by {len(seeds)} seeds by {study.repeats} repeats are {count} trials"
-        raise InputError(f"study: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
+        raise InputError(f"{study.at('study')}: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
     found, number = [], release()
     for cell in listed:
-        setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-        found.append((cell, setting, _digest_of(setting, cell.spec)))
+        try:
+            found.append((cell, cell.settings, *_loaded(cell)))
+        except InputError as error:
+            raise InputError(_told(study, cell) or str(error)) from error
     made = [
         Task(
             key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
             study=study.name,
             scenario=cell.scenario,
             factors=cell.factors,
-            settings=cell.settings,
+            settings=settings,
             setting=setting,
             planner=cell.spec,
             seed=seed,
@@ -103,9 +106,9 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
         )
         for repeat in range(study.repeats)
         for seed in seeds
-        for cell, setting, digest in found
+        for cell, settings, setting, digest in found
     ]
-    _check_distinct(made[: len(found)])
+    _check_distinct(study, made[: len(found)])
     return made
 
 
@@ -120,6 +123,33 @@ def release() -> str:
         data = (ROOT / name).read_bytes()
         digest.update(f"{name} {len(data)}\n".encode() + data)
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
+
+
+def _loaded(cell: Cell) -> tuple[Scenario, str]:
+    """Scenario and digest of a cell; InputError where it cannot be flown."""
+    setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
+    return setting, _digest_of(setting, cell.spec)
+
+
+def _told(study: Study, cell: Cell) -> str:
+    """The error of a cell, with the study's file and the first of its tables with which it cannot be flown."""
+    for count in range(1, len(cell.tables) + 1):
+        name = cell.tables[count - 1].name
+        try:
+            _loaded(msgspec.structs.replace(cell, tables=cell.tables[:count]))
+        except InputError as error:
+            if not study.file or not name:
+                return str(error)
+            return study.at(f"{name}: {error}" if count > 1 else _told_of_head(study, cell, str(error)))
+    return ""  # a plug-in that failed does not fail again
+
+
+def _told_of_head(study: Study, cell: Cell, error: str) -> str:
+    """An error of a cell's scenario or planner with the key of the study's file that names it."""
+    field, _, why = error.partition(": ")
+    if field == "planner":
+        return f"study.planners: {why}" if cell.planner in study.planners else f"score: {error}"
+    return f"study.scenarios: {why if field == 'scenario' else f'{cell.scenario}: {error}'}"
 
 
 def _digest_of(setting: Scenario, planner: str) -> str:
@@ -151,13 +181,15 @@ def _digest(path: Path) -> str:
         return ""  # building the world says what is wrong with it
 
 
-def _check_distinct(first: Sequence[Task]) -> None:
+def _check_distinct(study: Study, first: Sequence[Task]) -> None:
     """InputError if two cells are the same trials, which would count them twice."""
     known: dict[str, Task] = {}
     for task in first:
         if task.key in known:
             one, other = (_place(known[task.key]), _place(task))
-            raise InputError(f"study: {task.study}: {one} and {other} are the same trials; each counts once")
+            raise InputError(
+                f"{study.at('study')}: {study.name}: {one} and {other} are the same trials; each counts once"
+            )
         known[task.key] = task
 
 

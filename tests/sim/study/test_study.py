@@ -204,25 +204,52 @@ def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
 WRONG = {
     "misspelt key": ("[study]\nplaners = ['hover']", "study.planers: unknown key; .* did you mean planners"),
     "misspelt table": ("[study]\nplanners = ['hover']\n[factor.x]", "factor: unknown key; .* did you mean factors"),
-    "no planner": ("[study]\nseeds = '0'", "missing required field planners"),
+    "no planner": ("[study]\nseeds = '0'", "mine.toml: study.planners: is missing, and has no default"),
     "empty": ("[study]\nplanners = []", "no trial"),
     "all excluded": ("[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hover'", "no trial"),
     "factor without level": ("[study]\nplanners = ['hover']\n[factors.x]", "no trial"),
-    "no repeat": ("[study]\nplanners = ['hover']\nrepeats = 0", "mine.toml: repeats: expected int >= 1"),
-    "too many repeats": ("[study]\nplanners = ['hover']\nrepeats = 10001", "repeats: expected int <= 10000"),
-    "broken repeat": ("[study]\nplanners = ['hover']\nrepeats = 1.5", "repeats: expected int, got float"),
-    "wrong type": ("[study]\nplanners = ['hover']\nseeds = 3", "study.*seeds.*expected str, got int"),
-    "wrong seeds": ("[study]\nplanners = ['hover']\nseeds = '3-1'", "seeds: '3-1' is not allowed"),
-    "level that is no table": ("[study]\nplanners = ['hover']\n[factors]\nx = { y = 3 }", "factors.*expected object"),
-    "unknown scenario": ("[study]\nplanners = ['hover']\nscenarios = ['forrest']", "did you mean forest"),
-    "unknown planner": ("[study]\nplanners = ['hoover']", "did you mean hover"),
-    "unknown setting": ("[study]\nplanners = ['hover']\n[set]\ntrees.densty = 3", "did you mean density"),
-    "setting out of range": ("[study]\nplanners = ['hover']\n[factors.x]\ny.trees.density = -3", "trees.density: -3"),
+    "no repeat": (
+        "[study]\nplanners = ['hover']\nrepeats = 0",
+        "mine.toml: study.repeats: 0 is not allowed; expected an integer >= 1",
+    ),
+    "too many repeats": (
+        "[study]\nplanners = ['hover']\nrepeats = 10001",
+        "repeats: 10001 is not allowed; expected an integer <= 10000",
+    ),
+    "broken repeat": (
+        "[study]\nplanners = ['hover']\nrepeats = 1.5",
+        "repeats: 1.5 is not allowed; expected an integer, got a number",
+    ),
+    "wrong type": (
+        "[study]\nplanners = ['hover']\nseeds = 3",
+        "mine.toml: study.seeds: 3 is not allowed; expected text, got an integer",
+    ),
+    "wrong seeds": ("[study]\nplanners = ['hover']\nseeds = '3-1'", "mine.toml: study.seeds: '3-1' is not allowed"),
+    "level that is no table": (
+        "[study]\nplanners = ['hover']\n[factors]\nx = { y = 3 }",
+        r"mine.toml: factors.x.y: 3 is not allowed; expected a table",
+    ),
+    "unknown scenario": (
+        "[study]\nplanners = ['hover']\nscenarios = ['forrest']",
+        "mine.toml: study.scenarios: 'forrest' .* forest",
+    ),
+    "unknown planner": ("[study]\nplanners = ['hoover']", "mine.toml: study.planners: 'hoover' is .* mean hover"),
+    "unknown setting": (
+        "[study]\nplanners = ['hover']\n[set]\ntrees.densty = 3",
+        "mine.toml: set: trees.densty: .* density",
+    ),
+    "setting out of range": (
+        "[study]\nplanners = ['hover']\n[factors.x]\ny.trees.density = -3",
+        "mine.toml: factors.x.y: trees.density: -3",
+    ),
     "option that a planner has not": (
         "[study]\nplanners = ['greedy']\n[factors.H]\n1.planner.horizon = 1",
-        "'greedy' has no option 'horizon'",
+        "mine.toml: factors.H.1: planner: 'greedy' has no option 'horizon'",
     ),
-    "planner as a level": ("[study]\nplanners = ['hover']\n[factors.p]\nx.planner = 'hover'", "expected options"),
+    "planner as a level": (
+        "[study]\nplanners = ['hover']\n[factors.p]\nx.planner = 'hover'",
+        "p.x.planner: 'hover' is not allowed; expected {option",
+    ),
     "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "no name for a factor"),
     "same level twice": ("[study]\nplanners = ['hover']\n[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
     "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
@@ -250,16 +277,34 @@ WRONG = {
         "11 cells by 100000 seeds by 1 repeats are 1100000 trials; at most 1000000 are allowed",
     ),
     "no TOML": ("[study", "mine.toml: Expected"),
-    "score without bound": ("[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'", "missing required field bound"),
+    "score without bound": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'",
+        "mine.toml: score.bound: is missing",
+    ),
     "misspelt key of a score": (
         "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\nfloot = 3",
-        "unknown field floot",
+        "score.floot: unknown key; .* did you mean floor",
     ),
     "factor of the bound's name": (
         "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
         "factors.view: is no name for a factor",
     ),
     "table as value": ("study = 3", "expected a table"),
+    "list of levels": ("[factors]\nx = [15, 45]", "mine.toml: factors.x: .15, 45. is not allowed; expected a table"),
+    "number left out": (
+        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 3",
+        "exclude.0.planner: 3 is not allowed",
+    ),
+    "number for a planner": ("[study]\nplanners = [3]", "study.planners.0: 3 is not allowed; expected text"),
+    "unknown floor": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hoover'\nbound = 'oracle'",
+        "mine.toml: score: planner: 'hoover' is unknown",
+    ),
+    "two levels that go wrong together": (
+        "[study]\nplanners = ['hover']\n[factors.a]\nx = {area.width = 60}\n"
+        "[factors.b]\ny = {people.count = 1}\nz = {uavs = [{start = [-50, 0]}]}",
+        "mine.toml: factors.b.z: ",
+    ),
 }
 
 
@@ -270,6 +315,14 @@ def test_a_wrong_study_is_one_line(written, content, message):
     assert "\n" not in str(raised.value)
 
 
+def test_errors_name_the_file_of_a_scenario_and_blame_no_study_for_flags(written, tmp_path):
+    (tmp_path / "grove.toml").write_text("trees.densty = 3\n")
+    with pytest.raises(InputError, match=r"mine.toml: study.scenarios: .*grove.toml: trees.densty: unknown key"):
+        tasks(read(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
+    with pytest.raises(InputError, match=r"^trees.densty: unknown key"):
+        tasks(adapted(read("faults"), overrides=["trees.densty=3"]))
+
+
 def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
     with pytest.raises(InputError, match=r"sensing\.mode is what factor 'sensing' of study pixels-vs-ideal varies"):
         adapted(read("pixels-vs-ideal"), overrides=["sensing.mode=ideal"])
@@ -278,7 +331,7 @@ def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
     with pytest.raises(InputError, match="key=value"):
         adapted(read("faults"), overrides=["network"])
     study = adapted(read("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
-    assert (study.planners, study.seeds, study.settings) == (("hover",), "7", {"duration": "1"})
+    assert (study.planners, study.seeds, study.given) == (("hover",), "7", {"duration": "1"})
     assert {cell.settings["duration"] for cell in cells(study)} == {"1"}
 
 
