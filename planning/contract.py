@@ -23,7 +23,7 @@ def planner_of(given: object) -> Planner:
 
 def exchange_of(planner: object) -> Exchange:
     """The exchange of plans that a planner declares, else `Exchange()`; InputError if it cannot be asked."""
-    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends"):
+    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends", called=(planner, "exchange")):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
         # A copy, so that it stays as it was checked.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
@@ -34,7 +34,9 @@ def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
 
     InputError if that fails.
     """
-    with ANY_PLANNER.errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
+    with ANY_PLANNER.errors(
+        type(planner).__qualname__, "be given the truth by its method `knowing`", called=(planner, "knowing")
+    ):
         knowing = getattr(planner, "knowing", None)
         if knowing is None:
             return planner, False

@@ -1,6 +1,6 @@
 """Plans as planners of any origin return them, copied and checked."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 
 import numpy as np
@@ -10,6 +10,18 @@ from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable, numbers
 
 _MOST_OTHERS = 1000
+
+
+def proposed_plans(plans: Iterable[object] | None, uavs: int) -> list[object]:
+    """Plans that a planner returned; `Unusable` if they are not as many as UAVs."""
+    if plans is None:
+        raise Unusable(f"None in place of plans for {uavs} UAVs")
+    found = list(islice(plans, uavs + 1))
+    if found and not uavs:
+        raise Unusable("none are due between decisions")
+    if len(found) != uavs:
+        raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
+    return found
 
 
 def usable_plan(plan: object) -> Plan:

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -20,7 +19,7 @@ import numpy as np
 from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import Plan, Planner, Situation
-from planning.returned_plans import shaped_plan
+from planning.returned_plans import proposed_plans, shaped_plan
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.results import change, contents
@@ -65,18 +64,17 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
     """
     situations = copy.deepcopy(list(team))
     before = contents(situations, "team") if watched else {}
-    rng, plans, reason = np.random.default_rng(0), [], ""
+    rng, reason = np.random.default_rng(0), ""
+    plans: list[Any] = []
     with _global_chance(world) as drew:
         start = perf_counter()
         try:
-            with contained():
-                plans = list(islice(planner.plan(situations, rng), len(team) + 1))
+            with contained(called=(planner, "plan")):
+                plans = proposed_plans(planner.plan(situations, rng), len(team))
         except ForeignError as error:
             reason = error.whole
         seconds = perf_counter() - start
-    if not reason and len(plans) != len(team):
-        reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"
-    copies, problems = _copies(plans)
+    copies, problems = _copies(planner, plans)
     defects = {"plans": reason or problems} if reason or problems else _defects(copies, team)
     touched = change(before, contents(situations, "team")) if watched else ""
     return Attempt(plans, copies, defects, touched, " and ".join(drew), seconds)
@@ -126,15 +124,15 @@ def _difference(a: Array, b: Array) -> float:
     return float(np.max(np.abs(np.nan_to_num(a) - np.nan_to_num(b)), initial=0.0))
 
 
-def _copies(plans: Sequence[Any]) -> tuple[tuple[Plan, ...], str]:
+def _copies(planner: Planner, plans: Sequence[Any]) -> tuple[tuple[Plan, ...], str]:
     """Copies up to the first plan of a wrong type or shape, and what is wrong with that."""
     copies: list[Plan] = []
     for k, plan in enumerate(plans):
         try:
-            with contained():
+            with contained(called=(planner, "plan")):
                 copies.append(shaped_plan(plan))
         except ForeignError as error:
-            return tuple(copies), f"plan {k}: {error}"
+            return tuple(copies), f"plan {k}: {error.whole}"
     return tuple(copies), ""
 
 

@@ -98,7 +98,7 @@ class _Subject:
 
         def detect(view: StagedFrame) -> Detections:
             try:
-                with contained():
+                with contained(called=(made, "detect")):
                     frame = deepcopy(view.frame)
                     if isinstance(made, MaskDetector):
                         return made.detect(frame, view.rendered.people)

@@ -121,7 +121,9 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
     for name in asked:
         try:
             with contained():
-                value = metric(name)(outcome)
+                asked_for = metric(name)
+            with contained(called=(asked_for, "of")):
+                value = asked_for(outcome)
                 found[name] = None if value is None or not math.isfinite(value) else float(value)
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"

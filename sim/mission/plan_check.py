@@ -2,13 +2,12 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from itertools import islice
 
 import numpy as np
 
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
-from planning.returned_plans import usable_plan
+from planning.returned_plans import proposed_plans, usable_plan
 from sim.sensing.fault import Fault
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
@@ -26,14 +25,14 @@ def checked_plans(
     """
     time = team[0].time
     try:
-        with contained():
-            proposed = _proposed(planner.plan([handed(situation) for situation in team], rng), len(team))
+        with contained(called=(planner, "plan")):
+            proposed = proposed_plans(planner.plan([handed(situation) for situation in team], rng), len(team))
     except ForeignError as error:
         return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
     plans, faults = [], []
     for situation, given in zip(team, proposed, strict=True):
         try:
-            with contained():
+            with contained(called=(planner, "plan")):
                 plan = usable_plan(given)
         except ForeignError as error:
             plans.append(_shifted(last.get(situation.own.id)))
@@ -52,7 +51,7 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
     faults: list[Fault] = []
     try:
         with contained():
-            proposed = _proposed(given, len(team))
+            proposed = proposed_plans(given, len(team))
     except ForeignError as error:
         expected = f"; expected a plan or a velocity (2,) for each of {len(team)} UAVs" if team else ""
         raise InputError(f"plans: {error}{expected}") from error
@@ -90,16 +89,6 @@ def handed(situation: Situation) -> Situation:
     """A copy that a planner may do anything to; map, cameras and motion model are planners' own already."""
     cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
     return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion, *cameras)})
-
-
-def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
-    """Plans that a planner returned; `Unusable` if they are not as many as UAVs."""
-    found = list(islice(plans, uavs + 1))
-    if found and not uavs:
-        raise Unusable("none are due between decisions")
-    if len(found) != uavs:
-        raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
-    return found
 
 
 def _shifted(plan: Plan | None) -> Plan:

@@ -20,6 +20,8 @@ _MOST = 200  # detections of a plug-in in one frame: trackers take seconds over 
 
 def usable_detections(found: Detections) -> Detections:
     """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
+    if not all(hasattr(found, name) for name in _SHAPES):
+        raise Unusable(f"it is no Detections but of type {type(found).__name__}")
     arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
     if not any(array.size for array in arrays.values()):
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))

@@ -55,7 +55,7 @@ class RenderedMode:
         if isinstance(self._detector, MaskDetector):
             return self._detector.detect(frame, rendered.people), ()
         try:
-            with contained():
+            with contained(called=(self._detector, "detect")):
                 # A copy, so that a plug-in cannot change scans, recordings and videos.
                 return usable_detections(self._detector.detect(deepcopy(frame))), ()
         except ForeignError as error:

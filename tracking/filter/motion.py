@@ -61,7 +61,7 @@ class _Checked:
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         from tracking.plugins.results import check_positive_definite, checked_array
 
-        with MOTION_MODELS.errors(self.name, "predict"):
+        with MOTION_MODELS.errors(self.name, "predict", called=(self.model, "predict_all")):
             moved, spread = self.model.predict_all(means, covariances)
             moved = checked_array("means", moved, means.shape)
             spread = checked_array("covariances", spread, covariances.shape)

@@ -34,25 +34,25 @@ class CheckedTracker:
     def tracks(self) -> tuple[Track, ...]:
         """As `Member.tracks`, by ascending id."""
         if self._read is None:
-            with self._errors("give its tracks"):
+            with self._errors("give its tracks", "tracks"):
                 self._read = checked_tracks(self._made.tracks)
         return self._read
 
     def step(self, scan: Scan) -> None:
         """As `Member.step`."""
         self._begin(scan.time)
-        with self._errors("take a scan"):
+        with self._errors("take a scan", "step"):
             self._made.step(deepcopy(scan))
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""
         self._begin(time)
-        with self._errors("coast"):
+        with self._errors("coast", "coast"):
             self._made.coast(time)
 
     def message(self, degree: int) -> Message:
         """As `Member.message`."""
-        with self._errors("give a message"):
+        with self._errors("give a message", "message"):
             given = checked_message(self._made.message(degree))
             if (given.scan, given.time) != (self._scans, self._time):
                 here = f"scan {self._scans} at {self._time} s"
@@ -62,7 +62,7 @@ class CheckedTracker:
     def accept(self, message: Message) -> None:
         """As `Member.accept`."""
         self._read = None
-        with self._errors("accept a message"):
+        with self._errors("accept a message", "accept"):
             self._made.accept(deepcopy(message))
         _ = self.tracks
 
@@ -70,8 +70,8 @@ class CheckedTracker:
         self._read = None
         self._scans, self._time = self._scans + 1, time
 
-    def _errors(self, what: str) -> AbstractContextManager[None]:
-        return TRACKERS.errors(self._name, what)
+    def _errors(self, what: str, method: str) -> AbstractContextManager[None]:
+        return TRACKERS.errors(self._name, what, called=(self._made, method))
 
 
 def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:

@@ -65,7 +65,7 @@ class _Checked:
         from tracking.plugins.results import check_positive_definite, checked_array
 
         count = len(local.means)
-        with FUSION_RULES.errors(self.name, "contribute"):
+        with FUSION_RULES.errors(self.name, "contribute", called=(self.rule, "contribution")):
             averaged, summed, weights = self.rule.contribution(local)
             averaged = checked_array("averaged", averaged, (count, 20))
             summed = checked_array("summed", summed, (count, *np.shape(summed)[-1:]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import sys
 import traceback
@@ -10,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a while
     from tracking.numerics.arrays import Array
@@ -53,9 +54,11 @@ class ForeignError(Exception):
 
 
 @contextmanager
-def contained(*passing: type[BaseException]) -> Iterator[None]:
+def contained(*passing: type[BaseException], called: tuple[object, str] | None = None) -> Iterator[None]:
     """Raise a `ForeignError` for any exception of the block, but for those `passing` and the user's KeyboardInterrupt.
 
+    called: a plug-in and the method that gives what the block uses. An error outside of the plug-in's own code is one
+    of what it gave, and has the line that defines the method.
     Settings of the process that the block changes are restored: NumPy's handling of overflows, filters of warnings, and
     the limit of recursion.
     """
@@ -66,11 +69,11 @@ def contained(*passing: type[BaseException]) -> Iterator[None]:
         with np.errstate():
             yield
     except Unusable as error:
-        raise ForeignError("", str(error)) from None
+        raise ForeignError("", str(error), _definition(called)) from None
     except BaseException as error:
         if isinstance(error, (KeyboardInterrupt, ForeignError, *passing)):
             raise
-        raise _described(error) from None
+        raise _described(error, called) from None
     finally:
         if sys.getrecursionlimit() != depth:
             sys.setrecursionlimit(depth)
@@ -130,7 +133,7 @@ def _too_many(name: str, most: int) -> str:
     return f"{name} are more than {most} numbers"
 
 
-def _described(error: BaseException) -> ForeignError:
+def _described(error: BaseException, called: tuple[object, str] | None) -> ForeignError:
     """Exception as text; its class and methods may be the plug-in's own."""
     try:
         kind = one_line(str.__str__(type(error).__name__), 100)
@@ -140,7 +143,7 @@ def _described(error: BaseException) -> ForeignError:
         text = one_line(str.__str__(str(error)))
     except BaseException:
         text = "what it says cannot be read"
-    return ForeignError(kind, text, _places(error))
+    return ForeignError(kind, text, _places(error) or _definition(called))
 
 
 def _places(error: BaseException) -> tuple[str, ...]:
@@ -155,3 +158,18 @@ def _places(error: BaseException) -> tuple[str, ...]:
     kept = [frame for frame in frames if frame.filename.startswith(home)][-_LAST:]
     kept += [] if kept[-1] is frames[-1] else [frames[-1]]
     return tuple(one_line(f"{f.filename}:{f.lineno}, in {f.name}: {f.line}", 300) for f in kept)
+
+
+def _definition(called: tuple[object, str] | None) -> tuple[str, ...]:
+    """The line that defines a plug-in's method, or else its class, as of a traceback; empty if that is ours."""
+    if called is None:
+        return ()
+    try:
+        method = inspect.getattr_static(*called, None)
+        found: Any = inspect.unwrap(getattr(method, "fget", getattr(method, "__func__", method)))
+        found = found if inspect.isfunction(found) else type(called[0])
+        file, (lines, first) = inspect.getsourcefile(found) or "", inspect.getsourcelines(found)
+        ours = file.startswith(_OURS)
+        return () if ours else (one_line(f"{file}:{first}, in {found.__qualname__}: {lines[0]}", 300),)
+    except BaseException:  # anything may be in the place of a method
+        return ()

@@ -66,14 +66,17 @@ class Registry:
         return made
 
     @contextmanager
-    def errors(self, name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
+    def errors(
+        self, name: str, what: str, *passing: type[BaseException], called: tuple[object, str] | None = None
+    ) -> Iterator[None]:
         """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
 
+        called: as of `contained`.
         Errors of `passing` pass as they are. So do InputErrors of a built-in plug-in, which may be of
         another that it makes.
         """
         try:
-            with contained(*passing, *[InputError] * (name in self.built_in)):
+            with contained(*passing, *[InputError] * (name in self.built_in), called=called):
                 yield
         except ForeignError as error:
             raise InputError(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error
@@ -85,7 +88,7 @@ def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a
     found = getattr(made, called, None)
     if not callable(found):
         methods = [n for n in dir(made) if not n.startswith("_") and callable(getattr(made, n, None))]
-        return f"{name!r} has no method {method}{nearest(called, methods)}"
+        return f"{name!r} {'makes None, which ' * (made is None)}has no method {method}{nearest(called, methods)}"
     try:
         inspect.signature(found).bind(*arguments.split(", "))
     except TypeError:

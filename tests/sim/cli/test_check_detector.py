@@ -83,7 +83,7 @@ class Flat(Good):
 
 BROKEN = {
     Raising: {"detections": "RuntimeError: two lines"},
-    Silent: {"detections": "pixels"},
+    Silent: {"detections": "of type NoneType (/"},
     Uncertain: {"detections": "covariances"},
     Blind: {"people": "0 of 6 in plain view"},
     Seeing: {"people": "false detection", "no person in view": "20 detections"},

@@ -241,6 +241,7 @@ def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, lin
     with pytest.raises(InputError, match=re.escape(complaint)) as error:
         flown(tmp_path / "out", *SHORT, f"{key}=wrong:Wrong", planner="hover")
     assert str(error.value).startswith(f"{key}: 'wrong:Wrong' ") and "\n" not in str(error.value)
+    assert re.search(r"wrong\.py:[0-9]+, in \S+\)$", str(error.value))
     assert not (tmp_path / "out").exists()
 
 

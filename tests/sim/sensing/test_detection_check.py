@@ -19,6 +19,11 @@ def test_detections_beyond_all_measure_are_faults(ground, variance, words):
         usable_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
 
 
+def test_what_has_no_detections_is_told_by_its_type():
+    with pytest.raises(ValueError, match=r"^it is no Detections but of type NoneType$"):
+        usable_detections(None)
+
+
 def test_usable_detections_pass_as_floats_and_none_as_an_empty_list():
     found = usable_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
     assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3

@@ -1,0 +1,58 @@
+"""Errors of plug-ins have the line of the plug-in that they come from."""
+
+import functools
+
+import pytest
+
+from tracking.plugins import containment
+from tracking.plugins.containment import ForeignError, Unusable, contained
+
+
+def logged(method):
+    @functools.wraps(method)
+    def call(self):
+        return method(self)
+
+    return call
+
+
+class Part:
+    """A plug-in with a method of each kind, all of which give None."""
+
+    attribute = None
+
+    def method(self):
+        pass
+
+    @staticmethod
+    def unbound():
+        pass
+
+    @property
+    def read(self):
+        pass
+
+    @logged
+    def wrapped(self):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("method", "text"),
+    [
+        ("method", "Part.method: def method(self):"),
+        ("unbound", "Part.unbound: @staticmethod"),
+        ("read", "Part.read: @property"),
+        ("wrapped", "Part.wrapped: @logged"),
+        ("attribute", "Part: class Part:"),
+        ("absent", "Part: class Part:"),
+    ],
+)
+def test_a_wrong_result_has_the_line_that_defines_the_method(monkeypatch, method, text):
+    monkeypatch.setattr(containment, "_places", lambda error: ())  # as if the error were of a file of ours
+    for wrong in (TypeError, Unusable):
+        with pytest.raises(ForeignError) as told, contained(called=(Part(), method)):
+            raise wrong("no")
+        (line,) = told.value.trace
+        assert line.startswith(f"{__file__}:") and line.endswith(f", in {text}")
+        assert told.value.explained.startswith(f"no ({__file__}:")
