@@ -46,6 +46,26 @@ def checked_planner(planner: object, name: str) -> Planner:
     return cast("Planner", planner)
 
 
+def canonical_text(text: str) -> str:
+    """The same text for all spellings of a planner: its import string and, in order, options that are no defaults.
+
+    InputError if there is no such planner.
+    """
+    name, options = _parsed(text)
+    spec = _spec(name)
+    make = _import(name, spec)
+    with ANY_PLANNER.errors(name, "tell its options"):
+        defaults = {key: _literal(parameter.default) for key, parameter in (_parameters(make) or {}).items()}
+        given = {key: _literal(value) for key, value in {**spec.options, **options}.items()}
+    told = [f"{key}={given[key]}" for key in sorted(given) if given[key] != defaults.get(key)]
+    return f"{spec.target}({', '.join(told)})"
+
+
+def _literal(value: object) -> str:
+    """A value as Python writes it; whole numbers without a point."""
+    return repr(int(value) if isinstance(value, float) and value.is_integer() else value)
+
+
 def planner_target(text: str) -> str:
     """Import string of the class or function that makes a planner; InputError if there is no planner of that name."""
     return _spec(_parsed(text)[0]).target
@@ -98,13 +118,18 @@ def _value(text: str) -> Any:  # noqa: ANN401 - any literal
         return text
 
 
+def _parameters(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - as `_check`
+    """Parameters of what makes a planner; None if it does not tell, being written in C, say."""
+    try:
+        return inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return None
+
+
 def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
     """InputError if the planner lacks an option, or its default is of another kind."""
-    try:
-        parameters = inspect.signature(make).parameters
-    except (TypeError, ValueError):
-        return  # written in C, say: making it will tell
-    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+    parameters = _parameters(make)
+    if parameters is None or any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
     for option, value in options.items():
         if option not in parameters:

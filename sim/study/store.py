@@ -57,7 +57,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 _FIELDS = _Kept.__struct_fields__
 _COLUMNS = ", ".join(_FIELDS)
-_SAME = ("planner", "repeat", "recording", "machine", "version", "status", "error")  # of a row and in a store
+_SAME = ("repeat", "recording", "machine", "version", "status", "error")  # of a row and in a store
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
 
 
@@ -101,12 +101,12 @@ class Store:
         return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
-        """Give stored trials their place in the present study, which may call factors and levels otherwise."""
+        """Give stored trials their place in the present study, which may spell all of it otherwise."""
         values = [(*_place(task), task.key, *_place(task)) for task in tasks]
         with self._writing():
             self._connection.executemany(
-                "UPDATE trials SET scenario = ?, factors = ?, settings = ?"
-                " WHERE key = ? AND (scenario, factors, settings) IS NOT (?, ?, ?)",
+                "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
+                " WHERE key = ? AND (scenario, factors, settings, planner) IS NOT (?, ?, ?, ?)",
                 values,
             )
 
@@ -227,8 +227,8 @@ def _unusable(path: Path, error: Exception) -> Exception:
     return InputError(f"--out: {path} cannot be used: {getattr(error, 'strerror', None) or error}")
 
 
-def _place(task: Task) -> tuple[str, str, str]:
-    return task.scenario, _json(task.factors), _json(task.settings)
+def _place(task: Task) -> tuple[str, str, str, str]:
+    return task.scenario, _json(task.factors), _json(task.settings), task.planner
 
 
 def _json(value: object) -> str:
@@ -236,11 +236,12 @@ def _json(value: object) -> str:
 
 
 def _kept(task: Task, row: Row) -> _Kept:
-    scenario, factors, settings = _place(task)
+    scenario, factors, settings, planner = _place(task)
     return _Kept(
         scenario=scenario,
         factors=factors,
         settings=settings,
+        planner=planner,
         # SQLite's integers have 64 bits, and text of digits alone is rounded to a number in a column of integers.
         seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_json(row.metrics),
@@ -267,6 +268,7 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             ospa=distances,
             times=np.arange(len(distances)) / kept.scans_per_s,
             settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
+            planner=kept.planner,
             **{name: getattr(kept, name) for name in _SAME},
         )
     except (ValueError, OverflowError, RecursionError) as error:  # msgspec's own are ValueErrors

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from planning.loading import load_planner, planner_target
+from planning.loading import canonical_text, load_planner, planner_target
 from sim.installation import ROOT
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers
@@ -154,7 +154,7 @@ def _told_of_head(study: Study, cell: Cell, error: str) -> str:
 
 def _digest_of(setting: Scenario, planner: str) -> str:
     """A digest of all that decides a trial but seed and repeat."""
-    parts = [resolved(setting), planner, release(), *_contents(setting, planner)]
+    parts = [resolved(setting), canonical_text(planner), release(), *_contents(setting, planner)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

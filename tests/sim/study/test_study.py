@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import shlex
 from collections import Counter
 
@@ -87,6 +88,23 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
     assert key(base + "[factors.x]\ny = { trees.density = 45.0 }") == first
     others = [key(base, seeds="2"), key(base, planners=["greedy"]), key(base, overrides=["duration=39"])]
     assert len({first, *others}) == 4
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("mcr(samples=10, horizon=3)", " mcr( horizon=3,samples=10 )"),
+        ("sma-nbo(beta=0.5, search=1)", "sma-nbo(beta=0.5, search=1.0)"),
+        ("sma-nbo", "sma-nbo(beta=0, optimizer='cross-entropy')"),
+        ("greedy", "planning.baselines:Greedy"),
+    ],
+)
+def test_spellings_of_one_planner_are_the_same_trials_and_none_is_flown_twice(one, other):
+    first, second = (tasks(Study("x", (text,), seeds="0"))[0] for text in (one, other))
+    assert first.key == second.key and (first.planner, second.planner) == (one, other)
+    with pytest.raises(InputError, match=re.escape(f"study: x: {one} and {other} are the same trials; each counts")):
+        tasks(Study("x", (one, other), seeds="0"))
+    assert tasks(Study("x", ("sma-nbo(beta=0.25)",), seeds="0"))[0].key != first.key
 
 
 def test_a_changed_plug_in_or_trajectory_file_however_large_is_another_trial(tmp_path, monkeypatch):
