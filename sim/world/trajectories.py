@@ -18,7 +18,7 @@ from tracking.numerics.trigonometry import arctan2_each
 from tracking.plugins.registry import InputError
 
 SAMPLES_PER_SECOND = 60
-COLUMNS = ("t", "id", "x", "y")
+COLUMNS = ("time", "id", "x", "y")
 MOST_BYTES = 2**28  # of a file: rows at 10 Hz for as long as people may walk
 _MOST_LINES = 2**23  # which take a few gigabytes as they are read
 _LATEST = 1e12  # s, either way
@@ -61,7 +61,7 @@ class Trajectories:
 
 
 def read(path: Path, area: Area, *, duration: float) -> Trajectories:
-    """Recorded people from a CSV file with the columns t [s since start], id, x, y [m].
+    """Recorded people from a CSV file with the columns time, or t, [s since start], id, x, y [m].
 
     Rows come in any order. Each person is present from the first to the last of their rows, on a monotone cubic (PCHIP)
     without overshoot. People absent throughout `duration` s are left out. InputError names file, line and value.
@@ -74,7 +74,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     tracks = [_resampled(path, person, rows, times) for person, rows in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
-        raise InputError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
+        raise InputError(f"{path}: column time: nobody is there between 0 and {duration:g} s")
     return Trajectories(times, np.stack(present, axis=1))
 
 
@@ -83,8 +83,9 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     people: dict[str, dict[float, Array]] = {}
     table = csv.DictReader(_lines(path), restval="")
     try:
-        table.fieldnames = header = [name.strip() for name in table.fieldnames or []]
-        if sorted(header) != sorted(COLUMNS):
+        header = [name.strip() for name in table.fieldnames or []]
+        table.fieldnames = ["time" if name == "t" else name for name in header]
+        if sorted(table.fieldnames) != sorted(COLUMNS):
             raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
         for row in table:
             where = f"{path}, line {table.line_num}"
@@ -92,7 +93,7 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
                 raise InputError(f"{where}: {row[None][0]!r} stands in a column without a name")
             person, time, position = _row(where, row, area)
             if time in people.setdefault(person, {}):
-                raise InputError(f"{where}, column t: id {person} has a second row at {time:g} s")
+                raise InputError(f"{where}, column time: id {person} has a second row at {time:g} s")
             people[person][time] = position
     except csv.Error as error:  # a field longer than Python's reader allows
         raise InputError(f"{path}, line {table.reader.line_num}: {error}") from error
@@ -128,9 +129,9 @@ def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array
     person = row["id"].strip()
     if len(person) > _LONGEST_ID or not person.isprintable():
         raise InputError(f"{where}, column id: is not printable, or longer than the {_LONGEST_ID} characters allowed")
-    if abs(number["t"]) > _LATEST:
-        raise InputError(f"{where}, column t: {number['t']:g} s is not allowed; expected at most {_LATEST:g} s")
-    return person, number["t"], np.array([number["x"], number["y"]])
+    if abs(number["time"]) > _LATEST:
+        raise InputError(f"{where}, column time: {number['time']:g} s is not allowed; expected at most {_LATEST:g} s")
+    return person, number["time"], np.array([number["x"], number["y"]])
 
 
 def _finite(where: str, value: str) -> float:
@@ -151,7 +152,9 @@ def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) 
     if np.diff(known).min() < _SOONEST:
         k = int(np.diff(known).argmin())
         near = f"{known[k]:g} and {known[k + 1]:g} s"
-        raise InputError(f"{path}, column t: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed")
+        raise InputError(
+            f"{path}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
+        )
     curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
     # The first and last of a person's times may differ by rounding from the sample they mean.
     first, last = np.searchsorted(times, [known[0] - 1e-9, known[-1] + 1e-9])

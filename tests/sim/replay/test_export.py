@@ -77,7 +77,7 @@ def test_the_truth_can_be_flown_again_also_without_people(recording, folders, tm
     np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
     for target in module.TARGETS:
         export(record(people=0), target, tmp_path / target)
-    assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"
+    assert (tmp_path / "csv" / "truth.csv").read_text() == "time,id,x,y\n"
     assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
 
 

@@ -26,7 +26,7 @@ def csv_file(tmp_path):
     return write
 
 
-def table(rows, header="t,id,x,y"):
+def table(rows, header="time,id,x,y"):
     return "\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
@@ -99,24 +99,25 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
 @pytest.mark.parametrize(
     "text, complaint",
     [
-        ("", "is empty; its first line must name the columns t,id,x,y"),
-        ("t,id,x\n0,1,0\n", "line 1: columns are t,id,x, not t,id,x,y"),
-        ("t,id,x,y,z\n", "line 1: columns are t,id,x,y,z, not t,id,x,y"),
+        ("", "is empty; its first line must name the columns time,id,x,y"),
+        ("t,id,x\n0,1,0\n", "line 1: columns are t,id,x, not time,id,x,y"),
+        ("t,time,id,x,y\n", "line 1: columns are t,time,id,x,y, not time,id,x,y"),
+        ("t,id,x,y,z\n", "line 1: columns are t,id,x,y,z, not time,id,x,y"),
         (table([*GOOD, (2, 1, "east", 0)]), "line 4, column x: 'east' is not a finite number"),
         (table([*GOOD, (2, 1, 0, "nan")]), "line 4, column y: 'nan' is not a finite number"),
-        (table([*GOOD, ("inf", 1, 0, 0)]), "line 4, column t: 'inf' is not a finite number"),
+        (table([*GOOD, ("inf", 1, 0, 0)]), "line 4, column time: 'inf' is not a finite number"),
         (table([*GOOD, (2, 1, 0)]), "line 4, column y: is empty"),
         (table([*GOOD, (2, "", 0, 0)]), "line 4, column id: is empty"),
         (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: '5' stands in a column without a name"),
-        (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column t: id 1 has a second row at 1 s"),
+        (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column time: id 1 has a second row at 1 s"),
         (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
         (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
-        (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column t: nobody is there between 0 and 40 s"),
-        ("\n0,1,0,0\n", "line 1: columns are missing, not t,id,x,y"),
+        (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column time: nobody is there between 0 and 40 s"),
+        ("\n0,1,0,0\n", "line 1: columns are missing, not time,id,x,y"),
         (table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]), "id 2 has rows at 0 and 9.99989e-321 s"),
-        (table([*GOOD, (1.00005, 1, 0, 0)]), "column t: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),
-        (table([*GOOD, (1e308, 1, 0, 0)]), "line 4, column t: 1e+308 s is not allowed; expected at most 1e+12 s"),
+        (table([*GOOD, (1.00005, 1, 0, 0)]), "column time: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),
+        (table([*GOOD, (1e308, 1, 0, 0)]), "line 4, column time: 1e+308 s is not allowed; expected at most 1e+12 s"),
         (table([*GOOD, (0, "x" * 101, 0, 0)]), "line 4, column id: is not printable, or longer than the 100"),
         (table([*GOOD, (0, '"a\x1bb"', 0, 0)]), "line 4, column id: is not printable"),
         (table([*GOOD, (0, "x" * 200_000, 0, 0)]), "line 4: field larger than field limit"),
