@@ -32,7 +32,7 @@ def load_planner(text: str) -> Planner:
     make = _import(name, spec)
     with ANY_PLANNER.errors(name, "be made", InputError):
         _check(name, make, options)
-    with ANY_PLANNER.errors(name, "be made"):
+    with ANY_PLANNER.errors(name, "be made", called=(make, "__init__")):
         planner = make(**{**spec.options, **options})
     return checked_planner(planner, name)
 
@@ -83,8 +83,8 @@ def _spec(name: str) -> PlannerSpec:
 def _meant(name: str) -> str:
     """The nearest valid name of a planner; for a module or a class in it, how to write that."""
     module, _, last = name.rpartition(".")
-    if module and last[:1].isupper():
-        return f"; did you mean {module}:{last}?"
+    if module and (last == "py" or last[:1].isupper()):
+        return f"; did you mean {module}:{'Class' if last == 'py' else last}?"
     near = nearest(name, installed_planners())
     if not near and (module or (name.isidentifier() and PathFinder.find_spec(name))):
         return f"; did you mean {name}:Class?"

@@ -39,6 +39,7 @@ SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.t
 _Kind = TypeVar("_Kind")
 # Types in the words of TOML.
 _KINDS = {"object": "a table", "array": "a list", "str": "text", "float": "a number", "int": "an integer"}
+_KINDS["bool"] = "true or false"
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
@@ -281,6 +282,8 @@ def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
         text = re.sub(rf"(expected|got) {kind}\b", rf"\1 {name}", text)
     if text.startswith("invalid enum value"):
         text = did_you_mean(str(value), map(str, _choices(parts)))
+    if text == "expected a list, got a table":
+        text += f"; each of several is [[{'.'.join(parts)}]]"
     if not parts or isinstance(value, Mapping):
         return f"{'.'.join(parts)}: {text}" if parts else text
     return f"{'.'.join(parts)}: {value!r} is not allowed; {text}"

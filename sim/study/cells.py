@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Struct
 
 from planning.planner_text import with_options
-from sim.scenario.settings_text import flat, texts
+from sim.scenario.settings_text import flat, texts, toml
 from sim.study.study import Study
 from tracking.plugins.registry import InputError
 
@@ -91,7 +91,8 @@ def _tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTa
     """The tables of some levels of factors."""
     for factor, level in levels:
         values = dict(study.factors[factor][level])
-        options = {key: str(value) for key, value in values.pop("planner", {}).items()}
+        given = values.pop("planner", {})
+        options = {key: toml(value) if isinstance(value, str) else str(value) for key, value in given.items()}
         yield StudyTable(f"factors.{factor}.{level}", texts(values), options)
 
 

@@ -56,6 +56,9 @@ def read(name: str) -> Study:
     for key in ("study", "set", "factors", "score"):
         _check_table(data.get(key, {}), f"{name}: {key}")
     table = data.get("study", {})
+    for key in STUDY_TABLES:
+        if key in table:
+            raise InputError(f"{name}: study.{key}: is no key of [study] but a table of its own")
     _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
     _check_keys(data.get("score", {}), ScoreScale.__struct_fields__, f"{name}: score.")
     for factor, levels in data.get("factors", {}).items():

@@ -37,6 +37,8 @@ class Unmakeable:
     def __init__(self, weights): pass
 class Faulty:
     def __init__(self): raise ValueError("no table")
+class Waiting:
+    async def plan(self, team, rng): pass
 """,
     "needy.py": "import torch_that_is_missing.nn\nclass Needy: pass\n",
     "partial.py": "from planning.planner import Plann\n",
@@ -161,13 +163,15 @@ REFUSED = {
     "fine.py:Fine": ["'fine.py' is not the name of a module; write fine:Fine\n"],
     "./folder/fine.py:Fine": ["'./folder/fine.py' is not the name of a module; write folder.fine:Fine\n"],
     "../fine.py:Fine": ["'../fine.py' is not the name of a module\n"],
+    "fine.py": ["'fine.py' is unknown", "did you mean fine:Class?"],
+    "fine:Waiting": ["plan of 'fine:Waiting' is async; it must be a plain method"],
     "fine.Fine": ["'fine.Fine' is unknown", "did you mean fine:Fine?"],
     "planning.baselines": ["did you mean planning.baselines:Class?"],
     "partial": ["did you mean partial:Class?"],
     "fine:Planless": ["'fine:Planless' has no method plan(team, rng)"],
     "fine:Planned": ["'fine:Planned' has no method plan(team, rng); did you mean plans?"],
     "fine:Narrow": ["plan of 'fine:Narrow' takes (team); it must take (team, rng)"],
-    "fine:Unmakeable": ["'fine:Unmakeable' cannot be made", "missing 1 required positional argument: 'weights'"],
+    "fine:Unmakeable": ["'fine:Unmakeable' cannot be made", "missing 1 required positional argument: 'weights' (/"],
     "fine:Faulty": ["'fine:Faulty' cannot be made: no table (", "fine.py:20, in __init__)"],
     "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],
     "fine:Fine(speed=fast)": ["option speed of 'fine:Fine' must be a number, is 'fast'"],

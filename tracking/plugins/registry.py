@@ -58,7 +58,7 @@ class Registry:
         """The plug-in of that name or import string; InputError says what is wrong."""
         make, ours = self.find(name), name in self.built_in
         methods = () if ours else self.methods
-        with self.errors(name, "be made"):
+        with self.errors(name, "be made", called=(make, "__init__")):
             made = make() if self.bare and not ours else make(*arguments)
             lacking = [text for method in methods if (text := lack(name, made, method))]
         if lacking:
@@ -89,6 +89,8 @@ def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a
     if not callable(found):
         methods = [n for n in dir(made) if not n.startswith("_") and callable(getattr(made, n, None))]
         return f"{name!r} {'makes None, which ' * (made is None)}has no method {method}{nearest(called, methods)}"
+    if inspect.iscoroutinefunction(found):
+        return f"{called} of {name!r} is async; it must be a plain method"
     try:
         inspect.signature(found).bind(*arguments.split(", "))
     except TypeError:

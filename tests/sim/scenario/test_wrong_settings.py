@@ -44,6 +44,8 @@ WRONG = {
     "factors.H=1": ["factors: unknown key; no part of a scenario, but one of a study", "`understory compare`"],
     "duration=3\nseed=3": ["duration: '3\\nseed=3' is not allowed"],
     "uavs.²=1": ["'²' is not an index", "0 to 2"],
+    "uavs={start=[0,0]}": ["uavs: expected a list, got a table; each of several is [[uavs]]"],
+    "trees.density=true": ["trees.density: True is not allowed; expected a number, got true or false"],
     "uavs=[{alpha=1}]": ["uavs.0.start: is missing, and has no default"],
     "uavs=[]": ["uavs", "length >= 1"],
     "tracking.confirm=[4,3]": ["confirm", "4 of 3"],

@@ -100,7 +100,9 @@ def test_what_is_no_detector_is_refused_before_the_mission():
         DETECTORS.make(f"{__name__}:Near")
     with pytest.raises(InputError, match=r"detect of '.*Narrow' takes \(\); it must take \(frame\)"):
         DETECTORS.make(f"{__name__}:Narrow")
-    with pytest.raises(InputError, match=r"^sensing.detector: .*Unmakeable' cannot be made: .*'weights'$"):
+    with pytest.raises(
+        InputError, match=r"^sensing.detector: .*Unmakeable' cannot be made: .*'weights' \(\S+, in \S+\)$"
+    ):
         Mission(scenario(f"{__name__}:Unmakeable"), load_planner("hover"), 0)
     with pytest.raises(InputError, match="did you mean segmentation"):
         Mission(scenario("segmentatoin"), load_planner("hover"), 0)

@@ -308,6 +308,15 @@ WRONG = {
         "factors.view: is no name for a factor",
     ),
     "table as value": ("study = 3", "expected a table"),
+    "table within another": ("[study]\nplanners = []\nexclude = []", "study.exclude: is no key of .study. but a table"),
+    "one table left out": (
+        "[study]\nplanners = []\n[exclude]\nplanner = 'a'",
+        r"exclude: .* several is \[\[exclude\]\]",
+    ),
+    "option of two words": (
+        "[study]\nplanners = ['sma-nbo']\n[factors.o]\n1.planner.optimizer = 'a, b'",
+        "mine.toml: factors.o.1: planner: 'sma-nbo' cannot be made: .*'a, b'",
+    ),
     "list of levels": ("[factors]\nx = [15, 45]", "mine.toml: factors.x: .15, 45. is not allowed; expected a table"),
     "number left out": (
         "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 3",
