@@ -14,8 +14,9 @@ from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
-from sim.scenario.loading import load, remarks
+from sim.scenario.loading import load
 from sim.scenario.quantities import seconds, seed_and_repeat
+from sim.scenario.remarks import remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import mission_progress

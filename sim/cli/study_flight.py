@@ -17,8 +17,8 @@ from sim.evaluation.metric import METRICS
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
-from sim.scenario.loading import remarks
 from sim.scenario.random_streams import numbered
+from sim.scenario.remarks import remarks
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, Store, StoreError

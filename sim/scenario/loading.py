@@ -10,11 +10,12 @@ from typing import Any, TypeVar, get_args
 import msgspec
 
 from sim.installation import ASSETS
-from sim.scenario.environment import TRAJECTORIES, People, Wind
+from sim.scenario.environment import TRAJECTORIES
 from sim.scenario.fleet import Cut, Uav
+from sim.scenario.overrides import override_in
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import overrides as overrides_of
-from sim.scenario.text_files import located, toml, toml_file
+from sim.scenario.text_files import located, toml_file
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
@@ -25,15 +26,6 @@ _ELSEWHERE = {
     "video": "an option: --no-video",
     **dict.fromkeys((*STUDY_TABLES, "planners"), "one of a study, which `understory compare` flies"),
 }
-# Keys that are not used where another one, a part of the same table, has this value.
-_UNUSED = {
-    ("tracking.life", "existence"): ("confirm", "delete"),
-    ("tracking.life", "m_of_n"): ("survival", "birth_density", "sure", "doubt"),
-    ("tracking.motion", "ncv"): ("walking_speed",),
-    ("tracking.initial_tracks", "known"): ("unseen",),
-    ("sensing.mode", "ideal"): ("renderer", "detector"),
-}
-_DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 _Kind = TypeVar("_Kind")
@@ -50,7 +42,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     path = located(name, SCENARIOS, "scenario")
     data = toml_file(path, "scenario")
     for override in overrides:
-        _override(data, override)
+        override_in(data, override)
     named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
     return _anchored(decode(data), Path() if named_here else path.parent)
 
@@ -96,78 +88,6 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - an array or number of NumPy's, 
     return value.tolist()
 
 
-def remarks(scenario: Scenario) -> list[str]:
-    """Remarks on settings without the effect that they suggest, one line each."""
-    found, last = [], scenario.scan_times[-1]
-    if not math.isclose(last, scenario.duration):
-        scans = f"the last scan is at {last:g} s"
-        interval = f"{1 / scenario.rates.sensing:g} s between scans"
-        found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
-    if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
-        found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
-    if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
-        found.append("wind.gust_time: not used, as wind.gust is 0")
-    return (
-        found
-        + _about_people(scenario.people)
-        + _unused(scenario)
-        + _about_misses(scenario)
-        + _about_false_alarms(scenario)
-    )
-
-
-def _about_people(people: People) -> list[str]:
-    """Remarks on keys of people without effect beside trajectories, or without the way of walking that they are for."""
-    default = People()
-    if people.trajectories:
-        given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
-        unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
-        return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
-    if any(":" in walk for walk in people.walks):  # a way of the user's is given all keys
-        return []
-    return [
-        f'people.{key}: not used, as people.walks lacks "{walk}"'
-        for key, walk in (("group", "groups"), ("paths", "levy"))
-        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks
-    ]
-
-
-def _unused(scenario: Scenario) -> list[str]:
-    """Remarks on keys that are set and that the value of another key leaves without effect."""
-    given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
-    found = []
-    for (key, value), others in _UNUSED.items():
-        table, _, name = key.partition(".")
-        for other in others if given[table][name] == value else ():
-            if given[table][other] != default[table][other]:
-                found.append(f'{table}.{other}: not used with {key} = "{value}"')
-    return found
-
-
-def _about_misses(scenario: Scenario) -> list[str]:
-    """A remark where the tracker expects to miss people less than half as often as they are missed."""
-    missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
-    if missed <= 2 * (1.0 - expected):
-        return []
-    probability = f"tracking.detection_probability: {expected:g} is far above the {1.0 - missed:.2g}"
-    return [f"{probability} that sensing.miss_probability means; misses will end tracks of people"]
-
-
-def _about_false_alarms(scenario: Scenario) -> list[str]:
-    """Remarks on settings of the tracker under which false alarms become tracks."""
-    expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
-    if expected == 0.0:
-        return []
-    found = []
-    if scenario.tracking.clutter_density < expected / 10:
-        density = f"tracking.clutter_density: {scenario.tracking.clutter_density:g} per m2 is far below"
-        found.append(f"{density} the {expected:.2g} that sensing.false_alarms means; tracks will follow false alarms")
-    if scenario.tracking.life == "m_of_n":
-        m, n = scenario.tracking.confirm
-        found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
-    return found
-
-
 def _anchored(scenario: Scenario, folder: Path) -> Scenario:
     """The scenario with its trajectory file, unless that is packaged, found relative to the scenario file."""
     name = scenario.people.trajectories
@@ -179,46 +99,6 @@ def _anchored(scenario: Scenario, folder: Path) -> Scenario:
             f"people.trajectories: {name!r} is unknown; {did_you_mean(name, TRAJECTORIES)} (or a .csv file)"
         )
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
-
-
-def key_and_value(override: str) -> tuple[str, str]:
-    """Key and value of an override, as text; InputError unless it is of the form key=value."""
-    key, equals, text = (part.strip() for part in override.partition("="))
-    if not equals or not key:
-        raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
-    return key, text
-
-
-def _override(data: dict[str, Any], override: str) -> None:
-    key, text = key_and_value(override)
-    *path, last = key.split(".", _DEEPEST)
-    node: Any = data
-    default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
-    for i, part in enumerate(path):
-        if isinstance(node, dict):
-            default = default.get(part) if isinstance(default, dict) else None
-            node.setdefault(part, default if isinstance(default, list) else {})  # an override changes one of a list
-        node = node[_place(node, part, key)]
-        if not isinstance(node, dict | list):
-            raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
-    node[_place(node, last, key)] = _value(text)
-
-
-def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index
-    if isinstance(node, dict):
-        return text
-    if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
-        allowed = f"allowed are 0 to {len(node) - 1}" if node else "the list is empty, so give all of it"
-        raise InputError(f"{key}: {text!r} is not an index; {allowed}")
-    return int(text)
-
-
-def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
-    try:
-        found = toml(f"value = {text}", "--set")
-    except InputError:
-        return text.strip()
-    return found["value"] if len(found) == 1 else text  # more than one of several lines
 
 
 def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - a type

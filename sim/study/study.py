@@ -9,7 +9,8 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.loading import STUDY_TABLES, converted, key_and_value
+from sim.scenario.loading import STUDY_TABLES, converted
+from sim.scenario.overrides import key_and_value
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers
 from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file

@@ -8,7 +8,8 @@ import pytest
 from helpers.studies import Serial, task_of
 
 from sim.installation import ASSETS
-from sim.scenario.loading import SCENARIOS, load, remarks
+from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.remarks import remarks
 from sim.scenario.scenario import resolved
 from sim.study.cells import VIEW, cells
 from sim.study.engine import rows_of

@@ -1,0 +1,53 @@
+"""Overrides of single keys of a scenario, `key=value`."""
+
+import re
+from typing import Any
+
+import msgspec
+
+from sim.scenario.scenario import Scenario
+from sim.scenario.text_files import toml
+from tracking.plugins.registry import InputError
+
+_DEEPEST = 10  # parts of a key that are looked at
+
+
+def key_and_value(override: str) -> tuple[str, str]:
+    """Key and value of an override, as text; InputError unless it is of the form key=value."""
+    key, equals, text = (part.strip() for part in override.partition("="))
+    if not equals or not key:
+        raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
+    return key, text
+
+
+def override_in(data: dict[str, Any], override: str) -> None:
+    """Change a key of plain data as an override `key=value` says."""
+    key, text = key_and_value(override)
+    *path, last = key.split(".", _DEEPEST)
+    node: Any = data
+    default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
+    for i, part in enumerate(path):
+        if isinstance(node, dict):
+            default = default.get(part) if isinstance(default, dict) else None
+            node.setdefault(part, default if isinstance(default, list) else {})  # an override changes one of a list
+        node = node[_place(node, part, key)]
+        if not isinstance(node, dict | list):
+            raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
+    node[_place(node, last, key)] = _value(text)
+
+
+def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index
+    if isinstance(node, dict):
+        return text
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
+        allowed = f"allowed are 0 to {len(node) - 1}" if node else "the list is empty, so give all of it"
+        raise InputError(f"{key}: {text!r} is not an index; {allowed}")
+    return int(text)
+
+
+def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
+    try:
+        found = toml(f"value = {text}", "--set")
+    except InputError:
+        return text.strip()
+    return found["value"] if len(found) == 1 else text  # more than one of several lines

@@ -1,0 +1,89 @@
+"""Remarks on settings of a scenario that are allowed but do not do what they suggest."""
+
+import math
+
+import msgspec
+
+from sim.scenario.environment import People, Wind
+from sim.scenario.scenario import Scenario
+
+# Keys that are not used where another one, a part of the same table, has this value.
+_UNUSED = {
+    ("tracking.life", "existence"): ("confirm", "delete"),
+    ("tracking.life", "m_of_n"): ("survival", "birth_density", "sure", "doubt"),
+    ("tracking.motion", "ncv"): ("walking_speed",),
+    ("tracking.initial_tracks", "known"): ("unseen",),
+    ("sensing.mode", "ideal"): ("renderer", "detector"),
+}
+
+
+def remarks(scenario: Scenario) -> list[str]:
+    """Remarks on settings without the effect that they suggest, one line each."""
+    found, last = [], scenario.scan_times[-1]
+    if not math.isclose(last, scenario.duration):
+        scans = f"the last scan is at {last:g} s"
+        interval = f"{1 / scenario.rates.sensing:g} s between scans"
+        found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
+    if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
+        found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
+    if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
+        found.append("wind.gust_time: not used, as wind.gust is 0")
+    return (
+        found
+        + _about_people(scenario.people)
+        + _unused(scenario)
+        + _about_misses(scenario)
+        + _about_false_alarms(scenario)
+    )
+
+
+def _about_people(people: People) -> list[str]:
+    """Remarks on keys of people without effect beside trajectories, or without the way of walking that they are for."""
+    default = People()
+    if people.trajectories:
+        given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
+        unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
+        return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
+    if any(":" in walk for walk in people.walks):  # a way of the user's is given all keys
+        return []
+    return [
+        f'people.{key}: not used, as people.walks lacks "{walk}"'
+        for key, walk in (("group", "groups"), ("paths", "levy"))
+        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks
+    ]
+
+
+def _unused(scenario: Scenario) -> list[str]:
+    """Remarks on keys that are set and that the value of another key leaves without effect."""
+    given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
+    found = []
+    for (key, value), others in _UNUSED.items():
+        table, _, name = key.partition(".")
+        for other in others if given[table][name] == value else ():
+            if given[table][other] != default[table][other]:
+                found.append(f'{table}.{other}: not used with {key} = "{value}"')
+    return found
+
+
+def _about_misses(scenario: Scenario) -> list[str]:
+    """A remark where the tracker expects to miss people less than half as often as they are missed."""
+    missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
+    if missed <= 2 * (1.0 - expected):
+        return []
+    probability = f"tracking.detection_probability: {expected:g} is far above the {1.0 - missed:.2g}"
+    return [f"{probability} that sensing.miss_probability means; misses will end tracks of people"]
+
+
+def _about_false_alarms(scenario: Scenario) -> list[str]:
+    """Remarks on settings of the tracker under which false alarms become tracks."""
+    expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
+    if expected == 0.0:
+        return []
+    found = []
+    if scenario.tracking.clutter_density < expected / 10:
+        density = f"tracking.clutter_density: {scenario.tracking.clutter_density:g} per m2 is far below"
+        found.append(f"{density} the {expected:.2g} that sensing.false_alarms means; tracks will follow false alarms")
+    if scenario.tracking.life == "m_of_n":
+        m, n = scenario.tracking.confirm
+        found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
+    return found
