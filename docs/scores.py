@@ -82,14 +82,15 @@ def scores_table(world: str = "") -> str:
     found, metric, ends = _scored(groups)
     texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
     planners = [name for name in ORDER if any(score.planner == name for score in found)]
-    lines = []
+    columns = [["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
         maps = str(max(score.maps for score in found if score.cell == cell))
-        lines.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
+        columns.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
     if not world:
-        lines.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
-    return _markdown(["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)], lines)
+        columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
+    heads, *lines = zip(*columns, strict=True)
+    return _markdown(heads, lines)
 
 
 def gaps_table(name: str, world: str = "") -> str:
@@ -142,7 +143,7 @@ def _name(cell: Cell) -> str:
     return f"`{dict(cell)['scenario']}`"
 
 
-def _markdown(heads: list[str], lines: list[list[str]]) -> str:
+def _markdown(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (heads, ["---"] * len(heads), *lines))
 
 
