@@ -90,6 +90,10 @@ class Metric:
         shown = f"{value * self.scale:{'+' if signed and value else ''}.{self.digits}f}"
         return shown[1:] if float(shown) == 0 and shown[0] == "-" and not (signed and value) else shown
 
+    def with_unit(self, value: float | None) -> str:
+        """The value with its unit; a dash if there is none."""
+        return UNKNOWN if value is None or math.isnan(value) else f"{self.text(value)} {self.unit}".rstrip()
+
 
 def mean(values: ArrayLike) -> float | None:
     """The mean, or None where there is nothing."""

@@ -1,7 +1,6 @@
 """The summary of a mission: numbers for summary.json, and a table for the terminal."""
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -12,7 +11,7 @@ from rich.table import Table
 
 from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine, versions
-from sim.evaluation.metric import METRICS, UNKNOWN, Metric, Outcome, evaluated, mean, metric
+from sim.evaluation.metric import METRICS, Metric, Outcome, evaluated, mean, metric
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
@@ -120,11 +119,11 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _value(summary: Mapping[str, Any], known: Metric) -> float:
+def _value(summary: Mapping[str, Any], known: Metric) -> float | None:
     found: Any = summary
     for name in (known.key or known.name).split("."):
         found = found[name]
-    return math.nan if found is None else float(found)
+    return None if found is None else float(found)
 
 
 def marked(planner: str, sees_truth: bool) -> str:
@@ -146,17 +145,16 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_column("value", justify="right")
     for names in _SHOWN:
         for known in map(METRICS.__getitem__, names):
-            table.add_row(known.label, _text(known, _value(summary, known)))
+            table.add_row(known.label, known.with_unit(_value(summary, known)))
         table.add_section()
     for name, own in summary.get("metrics", {}).items():
-        value = math.nan if own["value"] is None else own["value"]
-        table.add_row(escape(own["label"] or name), escape(_text(Metric("", unit=own["unit"]), value)))
+        table.add_row(escape(own["label"] or name), escape(Metric("", unit=own["unit"]).with_unit(own["value"])))
     table.add_section()
     for row in (*_unmatched(summary["tracks"]), *_sent(summary["network"])):
         table.add_row(*row)
     table.add_section()
     factor = METRICS["real_time_factor"]
-    table.add_row(factor.label, _text(factor, _value(summary, factor)), end_section=True)
+    table.add_row(factor.label, factor.with_unit(_value(summary, factor)), end_section=True)
     for stage, spent in summary["seconds"].items():
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
     found = summary["contacts"]
@@ -183,7 +181,3 @@ def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     if plans["bytes_total"] is not None:
         size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]
         yield "plans of a UAV per decision", f"{size:.0f} B, {rounds} round{'s' * (rounds != 1)}"
-
-
-def _text(known: Metric, value: float) -> str:
-    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else UNKNOWN

@@ -110,7 +110,7 @@ class Flight:
         losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
         ospa = f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else UNKNOWN
         ended = " (interrupted)" if r.interrupted else ""
-        share = METRICS["share_held"](Outcome(r))
+        held = METRICS["share_held"]
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
@@ -118,7 +118,7 @@ class Flight:
             "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
             "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
             "OSPA": ospa,
-            "people held": UNKNOWN if share is None else f"{100 * share:.1f} %",
+            "people held": held.with_unit(held(Outcome(r))),
             "losses": losses,
             "faults": str(len(r.all_faults)) if r.faults else "not recorded",
             "contacts": str(len(contacts(r))),

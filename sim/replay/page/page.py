@@ -13,19 +13,27 @@ from pathlib import Path
 from string import Template
 
 import av
-import numpy as np
+import msgspec
 
 from sim.drawing.film import HEIGHT, WIDTH, parts_of
+from sim.evaluation.metric import METRICS, Outcome
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.page.data import colours, page_data
+from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import changed
 from tracking.plugins.registry import InputError
 
+_RESULTS = {  # metrics at the top, by their label there
+    "OSPA under 1 m": "ospa.share_under_1m",
+    "OSPA mean": "ospa.mean_m",
+    "GOSPA mean": "gospa.mean_m",
+    "people held": "share_held",
+}
 _SHOWN = 3  # faults at the top, of different kinds
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 
@@ -127,9 +135,11 @@ def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event])
 
 def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:
     """Facts to know before looking: results first, then the setting."""
-    errors = recording.ospa[:, :, 0][recording.working]
-    yield "OSPA under 1 m", f"{100 * np.mean(errors < 1.0):.1f} %"
-    yield "OSPA mean", f"{np.mean(errors):.2f} m"
+    outcome = Outcome(recording)
+    for label, known in ((label, METRICS[name]) for label, name in _RESULTS.items()):
+        yield label, known.with_unit(known(outcome))
+    if name := _packaged(scenario):
+        yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
     trees = recording.forest.trees
     radii = sorted({tree.canopy_radius for tree in trees})
@@ -140,9 +150,16 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
     limited = scenario.sensing.field_of_view == "camera"
     yield "UAVs", f"{len(scenario.uavs)}, " + (f"views of {views} m" if limited else "unlimited views")
     yield "sensing", scenario.sensing.mode
-    yield "fusion", scenario.network.fusion + (f", loss {scenario.network.loss:.0%}" if scenario.network.loss else "")
+    loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
+    yield "fusion", scenario.network.fusion + loss
     yield "initial tracks", scenario.tracking.initial_tracks
     yield "page by", f"understory {version('understory')}"
+
+
+def _packaged(scenario: Scenario) -> str | None:
+    """The packaged scenario that was flown, for whatever time; None if it is none of these."""
+    settings, flown = msgspec.to_builtins(scenario), {"duration": scenario.duration}
+    return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
 
 
 def _settings(own: Sequence[str]) -> str:

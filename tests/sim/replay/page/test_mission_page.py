@@ -17,6 +17,7 @@ from typer.main import get_command
 
 from sim.__main__ import app
 from sim.drawing.film import parts_of
+from sim.evaluation.metric import METRICS, Outcome
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.flight import Flight
@@ -176,6 +177,30 @@ def test_settings_other_than_the_defaults_stand_on_the_page():
     assert f"Settings other than the defaults: {len(own)}<" in text
     plain = dataclasses.replace(recording, scenario=resolved(Scenario()))
     assert "All settings are the defaults." in page(Flight(plain)).partition("</header>")[0]
+
+
+def facts(recording):
+    """The facts at the top of a recording's page, by their names."""
+    header = page(Flight(recording)).partition("</header>")[0]
+    return dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", header))
+
+
+def test_the_header_has_the_results_that_a_run_shows(mission):
+    recording, _ = mission
+    outcome = Outcome(recording)
+    gospa, held = METRICS["gospa.mean_m"](outcome), METRICS["share_held"](outcome)
+    shown = facts(recording)
+    assert shown["GOSPA mean"] == f"{gospa:.2f} m" and shown["people held"] == f"{100 * held:.1f} %"
+    assert [*shown][:4] == ["OSPA under 1 m", "OSPA mean", "GOSPA mean", "people held"]
+
+
+def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
+    recording, _ = flown(scans=6)
+    assert "scenario" not in facts(recording)  # its settings are its own
+    packaged = dataclasses.replace(recording, scenario=resolved(load("paper", ["duration=1"])))
+    assert facts(packaged)["scenario"] == "paper"
+    lossy = dataclasses.replace(recording, scenario=resolved(load("forest", ["network.loss=0.2"])))
+    assert facts(lossy)["fusion"].endswith(", loss 20 %") and "scenario" not in facts(lossy)
 
 
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
