@@ -29,14 +29,14 @@ def explain(
     recorded: Recorded,
     time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T. Default: all scans.")] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="N", help="The person, from 0. Default, without --time: all.")
+        str | None, typer.Option(metavar="N", help="The person, from 0. Default, without --time: all losses.")
     ] = None,
     track: Annotated[str | None, typer.Option(metavar="N", help="The story of one track, by its number.")] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")
     ] = None,
 ) -> None:
-    """Say why a person was seen, hidden, held or lost: at one time, with a picture, or over the whole mission.
+    """Say when and why people were lost, or all about one person: over the mission, or at one time with a picture.
 
     With --track: say how a track was born, which measurements fed it, why it was kept, and how it ended.
     """
@@ -114,37 +114,53 @@ def _print(groups: list[Group]) -> None:
 
 
 def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
+    """Tell of one person scan by scan, or else of the losses of all people and of the mission's other events."""
     from sim.drawing.plots import save
     from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED
-    from sim.replay.explain.explanation import stretches
 
     people = range(flight.recording.people.shape[1]) if person is None else [person]
-    for m in people:
-        console.print(f"[bold]person {m}[/bold]")
-        table = Table.grid(padding=(0, 2))
-        for first, last, held, seen in stretches(flight.history, m):
-            style = _STYLES.get(held, "")
-            table.add_row(
-                f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
-                f"[{style}]{held}[/]" if style else held,
-                seen,
-            )
-        console.print(table)
-    if not people:
-        console.print("No person walked in this mission.")
+    unheld = [event for event in flight.events if event.kind in UNHELD and event.person in people]
     kinds = (*UNMATCHED, *IDENTITIES, *INCIDENTS) if person is None else ()
     others = [event for event in flight.events if event.kind in kinds]
-    _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
+    if person is not None:
+        _print_stretches(flight, person)
+    elif not unheld:
+        console.print("No person was lost." if people else "No person walked in this mission.")
+    else:
+        _print_events("losses", unheld)
+    if others:
+        _print_events("events", others)
     if not path.exists():
         save(flight.timeline_figure(), path)
     show_place("Timeline", path)
-    asked = f"understory explain {shlex.quote(str(recorded))}"
+    asked, loss = f"understory explain {shlex.quote(str(recorded))}", _longest(unheld)
+    if person is None and people:
+        shown = loss.person if loss else people[0]
+        show_place(f"All of person {shown}", f"{asked} --target {shown}")
     false = _longest([event for event in others if event.kind in UNMATCHED])
     if false:
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
-    loss = _longest([event for event in flight.events if event.kind in UNHELD and event.person in people])
     if loss:
         show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
+
+
+def _print_stretches(flight: Flight, person: int) -> None:
+    from sim.replay.explain.explanation import stretches
+
+    console.print(f"[bold]person {person}[/bold]")
+    table = Table.grid(padding=(0, 2))
+    for first, last, held, seen in stretches(flight.history, person):
+        style = _STYLES.get(held, "")
+        table.add_row(
+            f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
+            f"[{style}]{held}[/]" if style else held,
+            seen,
+        )
+    console.print(table)
+
+
+def _print_events(heading: str, events: list[Event]) -> None:
+    _print([(heading, [f"{event.when}: {event.sentence}" for event in events])])
 
 
 def _longest(events: list[Event]) -> Event | None:

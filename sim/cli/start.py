@@ -32,9 +32,9 @@ See a run again, slowed down, or in a window to look round in:
   [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --time 12:20 --speed 0.5[/bold]
   [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --gui[/bold]
 
-See why a person was lost: by a time, or over the whole mission:
-  [bold]understory explain runs/forest-sma-nbo-gospa-seed0 --time 12.4 --target 2[/bold]
+See when and why people were lost, and all about one person at one time:
   [bold]understory explain runs/forest-sma-nbo-gospa-seed0[/bold]
+  [bold]understory explain runs/forest-sma-nbo-gospa-seed0 --target 2 --time 21[/bold]
 
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]

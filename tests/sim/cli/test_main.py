@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from helpers.commands import fly_here
-from helpers.flown_pages import lost_between_tenths
+from helpers.flown_pages import eventful, lost_between_tenths
 from helpers.processes import python
 from helpers.recordings import record
 
@@ -83,6 +83,24 @@ def test_a_mission_without_people_is_explained(call, tmp_path):
     code, out, err = call("explain", ".")
     assert (code, err) == (0, "") and out.startswith("No person walked in this mission.\n")
     assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tmp_path):
+    save(eventful()[0], tmp_path / "mission.npz")
+    code, out, err = call("explain", ".")
+    assert (code, err) == (0, "") and out.splitlines()[0] == "losses"
+    told = [line.split(": ")[:2] for line in out.splitlines()[1:4]]
+    times = ("  1.0 to 1.8 s", "  at 1.6 s", "  from 3.0 s to the end")
+    assert told == [[when, f"person {m} lost"] for when, m in zip(times, (2, 1, 0), strict=True)]
+    assert "All of person 0: understory explain . --target 0\n" in out
+    assert "  lost  " not in out and "  lost  " in call("explain", ".", "--target", "0")[1]
+
+
+def test_a_mission_in_which_all_are_held_has_no_loss_to_explain(call, tmp_path):
+    save(record(people=1), tmp_path / "mission.npz")
+    out = call("explain", ".")[1]
+    assert out.startswith("No person was lost.\n") and "All of person 0: understory explain . --target 0\n" in out
+    assert "The longest loss" not in out
 
 
 def test_the_command_to_the_longest_loss_names_its_scan(call, tmp_path):
