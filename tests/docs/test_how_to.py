@@ -1,4 +1,4 @@
-"""docs/how-to/plugins.md, trackers.md and studies.md: plug-ins, study files, SQL, Python and tables are as they say."""
+"""Pages in docs/how-to on plug-ins and studies: plug-ins, study files, SQL, Python and tables are as they say."""
 
 import re
 
@@ -19,7 +19,8 @@ from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
 
-PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "how-to" / "planners.md").read_text(encoding="utf-8")
+PLUGINS_PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
 STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
 TRACKERS_PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
 PLANNER, KNOWN, TEST = (content for language, content in blocks(PAGE) if language == "python")
@@ -28,13 +29,13 @@ PLANNER, KNOWN, TEST = (content for language, content in blocks(PAGE) if languag
 def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(shell, tmp_path):
     (tmp_path / "myplanner.py").write_text(PLANNER)
     names = {}
-    exec(compile(TEST, "plugins.md", "exec"), names)
+    exec(compile(TEST, "planners.md", "exec"), names)
     names["test_it_conforms"]()
 
 
 def test_what_a_planner_can_know_is_what_the_scenario_says():
     names, seen = {}, []
-    exec(compile(KNOWN, "plugins.md", "exec"), names)
+    exec(compile(KNOWN, "planners.md", "exec"), names)
 
     class Asking:
         def plan(self, team, rng):
@@ -63,7 +64,7 @@ def listed(page, before, after="\n\n"):
 
 def test_every_check_is_listed_in_its_order():
     assert listed(PAGE, "## Does it conform?", "\n#") == list(CHECKS)
-    assert listed(PAGE, "| check of a detector |") == [f.check for f in check_detector("blob")]
+    assert listed(PLUGINS_PAGE, "| check of a detector |") == [f.check for f in check_detector("blob")]
     assert listed(TRACKERS_PAGE, "| check of a tracker |") == [f.check for f in check_tracker("jpda")]
 
 
@@ -71,7 +72,8 @@ EXAMPLES = tuple(f"examples/{name}/README.md" for name in ("shepherd", "seedling
 
 
 def test_links_lead_to_pages_and_headings_that_exist():
-    for name in ("how-to/plugins.md", "how-to/trackers.md", "tutorials/learning.md", *EXAMPLES):
+    how_to = (f"how-to/{name}.md" for name in ("planners", "plugins", "plugin-faults", "trackers"))
+    for name in (*how_to, "tutorials/learning.md", *EXAMPLES):
         page = DOCS / name
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             file, _, heading = target.partition("#")
