@@ -10,15 +10,17 @@ from sim.drawing.palette import INK
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 
-Side = tuple[int, int]  # rightwards and upwards
-_SIDES: tuple[Side, ...] = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
-# Of the top left corner of a view, so that no edge of the view runs through the name.
-OUTSIDE: tuple[Side, ...] = ((1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1))
+# Sides of a mark where a name may stand: rightwards and downwards.
+_SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)])
+# Of the top left corner of a view, so that no edge of the view runs through the name; and the corners.
+_OUTSIDE = np.array([(1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)])
+_CORNERS = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])
 _VEIL = 0.65  # opacity of what lies behind a name
 _GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
+_CLOSE = 1.0  # pixels from the corner of a view
 
 
 def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
@@ -52,13 +54,13 @@ class Labels:
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
     def put(
-        self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Sequence[Side] = _SIDES
+        self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array | Indices = _SIDES
     ) -> None:
         """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away.
 
-        sides: those of the mark where it may stand.
+        sides (N, 2): those of the mark where it may stand, rightwards and downwards.
         """
-        size = np.array([width(text, style), style.size + 4.0])
+        size = _size(text, style)
         away = [gap, *(gap + more for more in _FARTHER)]
         choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in sides]
         distance, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
@@ -74,19 +76,42 @@ class Labels:
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
         self._taken.append(box)
 
+    def put_outside(self, text: str, view: Array, style: TextStyle, *, others: Sequence[Array]) -> None:
+        """Write the name of a view outside it, at a corner, where the least of the name lies in other views.
+
+        view: left, top, right, bottom; others: likewise.
+        """
+        sides = _OUTSIDE[:, None] * -_CORNERS  # (5, 4, 2), of each corner
+        corners = (view[:2] + view[2:] + _CORNERS * (view[2:] - view[:2])) / 2
+        boxes = _box(corners, _size(text, style), _CLOSE, sides)
+        among = _overlap(boxes[:, :, None], np.reshape(others, (-1, 4))).sum(axis=2)
+        costs = np.round(self._beyond(boxes) + among)
+        at = int(costs.argmin()) % len(_CORNERS)
+        best = sides[costs[:, at] == costs.min(), at]
+        self.put(text, corners[at], style, gap=_CLOSE, sides=best)
+
     def _covered(self, box: Array) -> float:
         """Pixels of other names and marks under a box, and those of it beyond the image."""
+        return float(3.0 * self._beyond(box) + sum(_overlap(box, other) for other in self._taken))
+
+    def _beyond(self, boxes: Array) -> Array:
+        """Pixels of boxes (..., 4) beyond the image."""
         limits = np.array([0.0, 0.0, self._image.shape[1], self._image.shape[0]])
-        beyond = float(np.prod(box[2:] - box[:2])) - _overlap(box, limits)
-        return 3.0 * beyond + sum(_overlap(box, other) for other in self._taken)
+        return np.asarray(np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1) - _overlap(boxes, limits))
 
 
-def _box(anchor: Array, size: Array, gap: float, side: Side) -> Array:
-    """Left, top, right, bottom of a text of a size (2,) on one side of its mark."""
-    middle = anchor + np.array(side) * (1.0, -1.0) * (gap + size / 2)
-    return np.concatenate([middle - size / 2, middle + size / 2])
+def _size(text: str, style: TextStyle) -> Array:
+    """Width and height of a name."""
+    return np.array([width(text, style), style.size + 4.0])
 
 
-def _overlap(one: Array, other: Array) -> float:
-    sides = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
-    return float(np.prod(np.maximum(sides, 0.0)))
+def _box(anchor: Array, size: Array, gap: float, side: Array | Indices) -> Array:
+    """Left, top, right, bottom (..., 4) of a text of a size (2,) on a side of its mark; marks and sides (..., 2)."""
+    middle = anchor + side * (gap + size / 2)
+    return np.concatenate([middle - size / 2, middle + size / 2], axis=-1)
+
+
+def _overlap(one: Array, other: Array) -> Array:
+    """Pixels that boxes (..., 4) have in common with others."""
+    sides = np.minimum(one[..., 2:], other[..., 2:]) - np.maximum(one[..., :2], other[..., :2])
+    return np.asarray(np.prod(np.maximum(sides, 0.0), axis=-1))

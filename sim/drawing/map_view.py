@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import OUTSIDE, Labels, numbered, track_name
+from sim.drawing.labels import Labels, numbered, track_name
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
@@ -197,12 +197,14 @@ class MapView:
             labels.put(track_name(track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
             labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
-        for i, (pose, corners) in enumerate(zip(snapshot.cameras, views, strict=True)):
+        shown = {i: _bounds(self.pixels(c)) for i in snapshot.working if (c := views[i]) is not None}
+        for i, pose in enumerate(snapshot.cameras):
             at, style = self.pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
-            elif corners is not None:
-                labels.put(f"UAV {i}", self.pixels(corners).min(axis=0), style, gap=1.0, sides=OUTSIDE)
+            elif i in shown:
+                others = [shown[j] for j in shown if j != i]
+                labels.put_outside(f"UAV {i}", shown[i], style, others=others)
             else:
                 labels.put(f"UAV {i}", at, style)
 
@@ -224,6 +226,11 @@ def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
     return bool(np.all(camera.rays(pose, corners if pixels is None else pixels)[:, 2] < -0.1))
+
+
+def _bounds(outline: Array) -> Array:
+    """Left, top, right, bottom of an outline (N, 2)."""
+    return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
 
 
 def _spaced(path: Array, gap: float) -> Array:

@@ -14,7 +14,7 @@ from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, parts_in
 from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
-from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, track_colour, uav_colour
+from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mixed, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -165,6 +165,15 @@ def test_a_slow_camera_keeps_no_other_cameras_people_in_view():
         view.draw(image, empty(2, time=0.2 * k, poses=above, cameras=above, visible=shown, **there))
         x, y = pixel(10.0, 5.0)
         assert np.abs(image[y, x].astype(int) - colour).max() < 60
+
+
+def test_the_name_of_a_uav_does_not_stand_in_the_view_of_another():
+    view, image = MapView(synthetic.scenario(uavs=2), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    above = [Pose.level(0.0, 0.0, 17.32), Pose.level(-8.0, 8.0, 17.32)]  # the first one's corner is in the other view
+    view.draw(image, empty(2, poses=above, cameras=above))
+    (left, top), (right, bottom) = pixel(-17.5, 17.5), pixel(1.5, -1.5)
+    name = np.all(image == mixed(uav_colour(0), INK, 0.7), axis=2)
+    assert name.sum() > 20 and not name[top:bottom, left:right].any()
 
 
 def test_no_name_covers_a_person():
