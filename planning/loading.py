@@ -55,15 +55,14 @@ def canonical_text(text: str) -> str:
     spec = _spec(name)
     make = _import(name, spec)
     with ANY_PLANNER.errors(name, "tell its options"):
-        defaults = {key: _literal(parameter.default) for key, parameter in (_parameters(make) or {}).items()}
-        given = {key: _literal(value) for key, value in {**spec.options, **options}.items()}
-    told = [f"{key}={given[key]}" for key in sorted(given) if given[key] != defaults.get(key)]
+        defaults = {key: parameter.default for key, parameter in (_parameters(make) or {}).items()}
+        told = []
+        for key, value in sorted({**spec.options, **options}.items()):
+            default = defaults.get(key)
+            given = repr(float(value) if type(value) is int and type(default) is float else value)
+            if given != repr(default):
+                told.append(f"{key}={given}")
     return f"{spec.target}({', '.join(told)})"
-
-
-def _literal(value: object) -> str:
-    """A value as Python writes it; whole numbers without a point."""
-    return repr(int(value) if isinstance(value, float) and value.is_integer() else value)
 
 
 def planner_target(text: str) -> str:

@@ -20,6 +20,7 @@ from sim.report.terminal import show
 from sim.scenario.random_streams import numbered
 from sim.scenario.remarks import remarks
 from sim.study.backends import Backend, Pool, connected
+from sim.study.cells import ENTERED
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study
@@ -88,8 +89,9 @@ def _check_worlds(listed: Sequence[Task]) -> None:
         try:
             forest_and_people(task.setting, task.seed)
         except InputError as error:
-            place = ", ".join([f"study {task.study}", *(f"{name} {level}" for name, level in task.factors)])
-            raise InputError(f"{place}: {error}" if task.factors else str(error)) from error
+            levels = [f"{name} {level}" for name, level in task.factors if name not in ENTERED]
+            place = ", ".join([f"study {task.study}", *levels])
+            raise InputError(f"{place}: {error}" if levels else str(error)) from error
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
@@ -103,7 +105,9 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
     text = ", ".join(f"{count} of version {version}" for version, count in others.items())
     notes = [f"{store.path}: trials of another version are kept apart, not shown: {text}"] if others else []
     if rest:
-        notes.append(f"{store.path}: kept, not shown: {rest} trials of other planners, scenarios, settings or seeds")
+        notes.append(
+            f"{store.path}: kept, not shown: {rest} trials of other planners, code, scenarios, settings or seeds"
+        )
     return notes
 
 

@@ -22,7 +22,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
 from tracking.numerics.compiled import not_kept
 
-_BEFORE = "Compiling the numerical code, which takes up to about a minute"  # on one idle core
+_BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
 
 

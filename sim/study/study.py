@@ -103,6 +103,8 @@ def _check_excluded(study: Study) -> None:
     known = {"planner": (*study.planners, *ends), "scenario": study.scenarios, **study.factors}
     for i, rule in enumerate(study.exclude):
         where = study.at(f"exclude.{i}.")
+        if not rule:
+            raise InputError(f"{where[:-1]}: is empty; expected one or more of {', '.join(known)}")
         _check_keys(rule, known, where)
         for key, value in rule.items():
             for name in _listed(value):

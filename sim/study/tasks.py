@@ -140,16 +140,24 @@ def _told(study: Study, cell: Cell) -> str:
         except InputError as error:
             if not study.file or not name:
                 return str(error)
-            return study.at(f"{name}: {error}" if count > 1 else _told_of_head(study, cell, str(error)))
+            return study.at(f"{name}: {error}" if count > 1 else _told_of_head(study, cell))
     return ""  # a plug-in that failed does not fail again
 
 
-def _told_of_head(study: Study, cell: Cell, error: str) -> str:
-    """An error of a cell's scenario or planner with the key of the study's file that names it."""
-    field, _, why = error.partition(": ")
-    if field == "planner":
-        return f"study.planners: {why}" if cell.planner in study.planners else f"score: {error}"
-    return f"study.scenarios: {why if field == 'scenario' else f'{cell.scenario}: {error}'}"
+def _told_of_head(study: Study, cell: Cell) -> str:
+    """The error of a cell's scenario, else of its planner, with the key of the study's file that names it."""
+    try:
+        setting = load(cell.scenario)
+    except InputError as error:
+        named = cell.scenario in str(error)  # not where a key in that file is wrong
+        return f"study.scenarios: {str(error).removeprefix('scenario: ') if named else f'{cell.scenario}: {error}'}"
+    try:
+        _digest_of(setting, cell.planner)
+    except InputError as error:
+        end = "floor" if study.score and cell.planner == study.score.floor else "bound"
+        key = "study.planners" if cell.planner in study.planners else f"score.{end}"
+        return f"{key}: {str(error).removeprefix('planner: ')}"
+    return ""  # a plug-in that failed does not fail again
 
 
 def _digest_of(setting: Scenario, planner: str) -> str:

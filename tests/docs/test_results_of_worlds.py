@@ -55,8 +55,8 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    maps = {world: list(range(50)) for world in scores.STUDY.scenarios} | {"fleet": list(range(6))}
-    assert page.count("compare bench-1 --maps 50") == 3 and "compare bench-1 --maps 6" in page
+    maps = {world: list(range(50)) for world in scores.STUDY.scenarios} | {"fleet": list(range(20))}
+    assert page.count("compare bench-1 --maps 50") == 3 and "compare bench-1 --maps 20" in page
     for (world, planner, _), seeds in flown.items():
         assert sorted(seeds) == maps[world], (world, planner)
     assert len(flown) == 9 * (7 + 4) + 1 + 7  # all worlds but fleet, lawnmower in search, fleet

@@ -39,6 +39,8 @@ class Faulty:
     def __init__(self): raise ValueError("no table")
 class Waiting:
     async def plan(self, team, rng): pass
+class Streaming:
+    async def plan(self, team, rng): yield None
 """,
     "needy.py": "import torch_that_is_missing.nn\nclass Needy: pass\n",
     "partial.py": "from planning.planner import Plann\n",
@@ -165,6 +167,7 @@ REFUSED = {
     "../fine.py:Fine": ["'../fine.py' is not the name of a module\n"],
     "fine.py": ["'fine.py' is unknown", "did you mean fine:Class?"],
     "fine:Waiting": ["plan of 'fine:Waiting' is async; it must be a plain method"],
+    "fine:Streaming": ["plan of 'fine:Streaming' is async; it must be a plain method"],
     "fine.Fine": ["'fine.Fine' is unknown", "did you mean fine:Fine?"],
     "planning.baselines": ["did you mean planning.baselines:Class?"],
     "partial": ["did you mean partial:Class?"],

@@ -89,7 +89,7 @@ def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a
     if not callable(found):
         methods = [n for n in dir(made) if not n.startswith("_") and callable(getattr(made, n, None))]
         return f"{name!r} {'makes None, which ' * (made is None)}has no method {method}{nearest(called, methods)}"
-    if inspect.iscoroutinefunction(found):
+    if inspect.iscoroutinefunction(found) or inspect.isasyncgenfunction(found):
         return f"{called} of {name!r} is async; it must be a plain method"
     try:
         inspect.signature(found).bind(*arguments.split(", "))

@@ -167,7 +167,9 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     first = ["--planner", "hover", "--seeds", "0,1", *FLAGS, "--out", "s"]
     assert "not shown" not in compare(*first, backend=Serial())[2]
     code, _, err = compare("--planner", "greedy", "--seeds", "0", *FLAGS, "--out", "s", backend=Serial())
-    told = "understory: s/study.sqlite: kept, not shown: 2 trials of other planners, scenarios, settings or seeds\n"
+    told = (
+        "understory: s/study.sqlite: kept, not shown: 2 trials of other planners, code, scenarios, settings or seeds\n"
+    )
     assert code == 0 and err.endswith(told)
     assert "not shown" not in compare(*first, "--planner", "greedy", backend=Serial())[2]
 

@@ -122,6 +122,10 @@ COMPARISONS = {
     "world of another study": (["bench-1", "--scenario", "forrest"], ["--scenario: 'forrest'", "did you mean forest?"]),
     "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
     "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
+    "the same with trackers": (
+        ["--set", "trees.density=160", "--tracker", "jpda"],
+        ["understory: trees.density = 160"],
+    ),
     "level that cannot be": (["dense.toml"], ["study dense, L 160: trees.density = 160"]),
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
     "folder of a mission": (["--out", "run"], ["--out: run holds a mission; allowed is a new folder"]),

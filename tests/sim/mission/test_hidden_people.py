@@ -1,7 +1,7 @@
 """Errors in people out of sight, beside those of a particle filter that has all frames of all UAVs.
 
 `pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 40 missions, and prints what
-docs/explanation/fusion.md says of them.
+docs/explanation/tracks.md says of them.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,10 @@ def unseen(states: np.ndarray, cameras, poses, forest, missed: float, rng: np.ra
 
 
 def errors(seed: int) -> Iterator[tuple[float, float]]:
-    """Errors [m] of the particle filter's mean and of UAV 0's track, of each person at each scan out of sight."""
+    """Errors [m] of the particle filter's mean and of UAV 0's track, of each person at each scan out of sight.
+
+    Infinite where there is no track.
+    """
     flown, snapshots = fly("trees.density=75", planner=DEFAULT_PLANNER, seed=seed, duration=40)
     scenario, rng, states = flown.scenario, np.random.default_rng(seed), {}
     cameras, p = [view_of(uav, scenario) for uav in scenario.uavs], tracker_parameters(scenario)
@@ -58,15 +61,17 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
                 predicted = moved(states[person], scenario, rng)
                 states[person] = unseen(predicted, cameras, snapshot.cameras, flown.forest, missed, rng)
                 error = np.linalg.norm(states[person][:, :2].mean(axis=0) - place)
-                if error < LOST and off < LOST:
-                    yield error, off
+                yield error, off
 
 
 @pytest.mark.slow
 def test_tracks_of_hidden_people_are_as_near_as_a_particle_filters_means():
-    particles, tracks = np.array([pair for seed in range(400, 440) for pair in errors(seed)]).T
+    found = np.array([pair for seed in range(400, 440) for pair in errors(seed)])
+    near = np.all(found < LOST, axis=1)
+    particles, tracks = found[near].T
     print(f"\n{len(tracks)} errors [m]: particle filter {particles.mean():.3f}, tracks {tracks.mean():.3f}")
+    print(f"left out: {1.0 - near.mean():.2%}, of the particle filter {np.mean(found[:, 0] >= LOST):.2%}")
     print(f"above 2 m: {np.mean(particles > 2.0):.1%} and {np.mean(tracks > 2.0):.1%}")
-    assert len(tracks) > 7000  # lost tracks are neither dropped nor far off
+    assert near.mean() > 0.95  # lost tracks are neither dropped nor far off
     assert tracks.mean() < particles.mean()
     assert np.mean(tracks > 2.0) < np.mean(particles > 2.0)

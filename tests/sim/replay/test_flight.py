@@ -121,10 +121,8 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     np.testing.assert_array_equal(shown, image)
     place = np.array([12.0, -7.0])  # m
     figure.axes[0].plot(*place, "x")
-    drawn = figure.axes[0].transData.transform(place) * [1, -1] + [
-        0,
-        shown.shape[0],
-    ]  # pixels of the figure from its top
+    # Pixels of the figure, from its top.
+    drawn = figure.axes[0].transData.transform(place) * [1, -1] + [0, shown.shape[0]]
     np.testing.assert_allclose(drawn - 0.5, view.pixels(place), atol=0.01)
     shown = flight.frame_figure(3.0, uav=2).axes[0].get_images()[0].get_array()
     with Rerenderer(flight.recording) as again:

@@ -11,7 +11,8 @@ import pytest
 
 from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
-from sim.scenario.loading import _value, load
+from sim.scenario.loading import load
+from sim.scenario.overrides import _value
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import flat, toml
 from sim.study.cells import cells, with_trackers
@@ -325,7 +326,15 @@ WRONG = {
     "number for a planner": ("[study]\nplanners = [3]", "study.planners.0: 3 is not allowed; expected text"),
     "unknown floor": (
         "[study]\nplanners = ['hover']\n[score]\nfloor = 'hoover'\nbound = 'oracle'",
-        "mine.toml: score: planner: 'hoover' is unknown",
+        "mine.toml: score.floor: 'hoover' is unknown",
+    ),
+    "unknown bound": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracl'",
+        "mine.toml: score.bound: 'oracl' is unknown",
+    ),
+    "nothing to leave out": (
+        "[study]\nplanners = ['hover']\n[[exclude]]",
+        "mine.toml: exclude.0: is empty; expected one or more of planner, scenario",
     ),
     "two levels that go wrong together": (
         "[study]\nplanners = ['hover']\n[factors.a]\nx = {area.width = 60}\n"
@@ -343,9 +352,10 @@ def test_a_wrong_study_is_one_line(written, content, message):
 
 
 def test_errors_name_the_file_of_a_scenario_and_blame_no_study_for_flags(written, tmp_path):
-    (tmp_path / "grove.toml").write_text("trees.densty = 3\n")
-    with pytest.raises(InputError, match=r"mine.toml: study.scenarios: .*grove.toml: trees.densty: unknown key"):
-        tasks(read(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
+    for key in ("trees.densty", "scenario", "planner"):
+        (tmp_path / "grove.toml").write_text(f"{key} = 3\n")
+        with pytest.raises(InputError, match=f"mine.toml: study.scenarios: .*grove.toml: {key}: unknown key"):
+            tasks(read(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
     with pytest.raises(InputError, match=r"^trees.densty: unknown key"):
         tasks(adapted(read("faults"), overrides=["trees.densty=3"]))
 

@@ -28,7 +28,7 @@ def test_compiling_is_announced_and_timed_once_however_functions_call_each_other
     function = numba.njit(thrice)
     with announced(said.append):
         assert said == [] and function(7) == 42 and function(7.0) == 42.0
-    assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes up to about a minute."
+    assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
     with announced(said.append):
         function(8)
@@ -94,7 +94,7 @@ def flown(folder, name, **environment):
 def test_the_first_run_says_that_it_compiles_and_the_second_nothing(tmp_path):
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first, recording = flown(tmp_path, "first", **cache)
-    assert first[0] == "Compiling the numerical code, which takes up to about a minute."
+    assert first[0] == "Compiling the numerical code, which takes about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", first[1])
     assert flown(tmp_path, "second", **cache) == ([], recording)
 
