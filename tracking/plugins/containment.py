@@ -167,7 +167,8 @@ def _definition(called: tuple[object, str] | None) -> tuple[str, ...]:
     try:
         method = inspect.getattr_static(*called, None)
         found: Any = inspect.unwrap(getattr(method, "fget", getattr(method, "__func__", method)))
-        found = found if inspect.isfunction(found) else type(called[0])
+        if not inspect.isfunction(found):
+            found = called[0] if isinstance(called[0], type) or inspect.isfunction(called[0]) else type(called[0])
         file, (lines, first) = inspect.getsourcefile(found) or "", inspect.getsourcelines(found)
         ours = file.startswith(_OURS)
         return () if ours else (one_line(f"{file}:{first}, in {found.__qualname__}: {lines[0]}", 300),)

@@ -50,6 +50,8 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "colours": {
             **colours(),
             "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further ones begin again
+            "pale_uavs": [css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
+            "pale_false": css(palette.pale(palette.FALSE)),
             "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
         },
         "film": None if parts is None else {"tiles": [[b.x, b.y, b.width, b.height] for b in parts.tiles.values()]},

@@ -211,12 +211,12 @@ const distinct = fleet <= colours.uavs.length;
 legend("chart-legend", [
   ...(distinct ? data.uavs[0].map((_, i) => [`seen by UAV ${i}`, box(uavColour(i))])
     : [["seen: lanes are UAVs, the first on top", box(uavColour(0))]]),
-  ["shown, not detected", box(pale(uavColour(0)))], ["hidden", box(colours.hidden)],
+  ["shown, not detected", box(paleUavColour(0))], ["hidden", box(colours.hidden)],
   ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }],
   ["held by all", box(colours.held)], ["held by some", box(colours.held_by_some)],
   ["lost", box(colours.lost)], ["not found yet", box(colours.not_found_yet)],
   ...(has("false track") ? [["false track", box(colours.false)]] : []),
-  ...(has("duplicate track") ? [["duplicate track", box(pale(colours.false))]] : []),
+  ...(has("duplicate track") ? [["duplicate track", box(colours.pale_false)]] : []),
   ["track switched", (ctx) => diamond(ctx, 13, 10)],
 ]);
 fillChoices();

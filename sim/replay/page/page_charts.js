@@ -38,7 +38,7 @@ function drawTimeline() {
   const last = 4 + Math.max(people, 1) * rowHeight;
   if (deep) write(ctx, "no person", GUTTER - 8, last + deep / 2 - 1, colours.ink, "right");
   for (const [kind, first, until, row] of data.unmatched) {
-    span(ctx, first, until, last + row * (BAR + 2), BAR, kind === "false track" ? colours.false : pale(colours.false));
+    span(ctx, first, until, last + row * (BAR + 2), BAR, kind === "false track" ? colours.false : colours.pale_false);
   }
   for (const [k, person] of data.switches) diamond(ctx, xOf(k - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
 }
@@ -61,7 +61,7 @@ function stretches(of, draw) {
 
 // The states of one person to one camera: nothing while the person is absent or the UAV has broken down.
 function drawLane(ctx, i, m, top) {
-  const shades = { [MISSED]: pale(uavColour(i)), [SEEN]: uavColour(i), [HIDDEN]: colours.hidden };
+  const shades = { [MISSED]: paleUavColour(i), [SEEN]: uavColour(i), [HIDDEN]: colours.hidden };
   stretches((k) => data.states[k][i][m], (first, until, value) => {
     if (value === OUT) span(ctx, first, until, top + lane / 3, lane / 3, colours.out_of_view);
     else if (value > OUT) span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shades[value]);

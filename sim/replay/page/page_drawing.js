@@ -11,10 +11,7 @@ const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: nul
 
 const clamp = (k) => Math.max(0, Math.min(scans - 1, k));
 const uavColour = (i) => colours.uavs[i % colours.uavs.length];
-const pale = (colour) => { // as in the timeline of a run, on the panel
-  const [a, b] = [colour, colours.panel].map((c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16)));
-  return `rgb(${a.map((v, i) => Math.round(0.3 * v + 0.7 * b[i])).join(" ")})`;
-};
+const paleUavColour = (i) => colours.pale_uavs[i % colours.pale_uavs.length];
 const trackColour = (n) => colours.tracks[n % colours.tracks.length];
 
 // Gives a canvas its size in CSS pixels and as many pixels as the screen has.

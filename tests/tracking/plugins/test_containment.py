@@ -37,6 +37,18 @@ class Part:
         pass
 
 
+def made(needed):
+    """A plug-in's maker."""
+
+
+@pytest.mark.parametrize(("maker", "text"), [(Part, "Part: class Part:"), (made, "made: def made(needed):")])
+def test_a_maker_that_cannot_be_called_has_its_own_line(maker, text):
+    with pytest.raises(ForeignError) as told, contained(called=(maker, "__init__")):
+        raise Unusable("no")
+    (line,) = told.value.trace
+    assert line.startswith(f"{__file__}:") and line.endswith(f", in {text}")
+
+
 @pytest.mark.parametrize(
     ("method", "text"),
     [
