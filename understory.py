@@ -136,19 +136,20 @@ def run(
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import flown
-    from sim.scenario.loading import chosen
+    from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
     from tracking.plugins.registry import InputError
 
+    place = place_of(scenario, settings)
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
     if out is not None:
         from sim.running.run import run as fly
 
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        fly(Trial(setting, planner, *numbers), Path(out))
+        fly(Trial(setting, planner, *numbers, place), Path(out))
         return load(out)
-    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
+    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
     return Flight(flown(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording)
 
 
@@ -174,11 +175,14 @@ def mission(
     """
     from planning.contract import planner_of
     from sim.mission.mission import Mission
-    from sim.scenario.loading import chosen
+    from sim.mission.trial import naming
+    from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
 
     made = None if planner is None else planner_of(planner)
-    return Mission(chosen(scenario, settings), made, *seed_and_repeat(seed, repeat))
+    setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
+    with naming(place_of(scenario, settings)):
+        return Mission(setting, made, *numbers)
 
 
 def compare(

@@ -116,6 +116,25 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
 
 
 @pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("duration = -4", "duration: -4 is not allowed; expected a number > 0.0"),
+        ("trees.density = 160", "trees.density = 160: this seed asks for 160, and only"),
+    ],
+)
+def test_what_is_wrong_in_a_scenario_file_is_refused_with_its_name(content, message, tmp_path):
+    path = tmp_path / "wood.toml"
+    path.write_text(content)
+    for fly in (understory.run, understory.mission, lambda name: understory.parallel_env(name).reset(seed=0)):
+        with pytest.raises(understory.InputError, match=f"^{path}: {message}"):
+            fly(path)
+    settings = {"trees.density": 170}
+    if "trees" in content:
+        with pytest.raises(understory.InputError, match=rf"^{path} with other settings: trees\.density = 170: "):
+            understory.mission(path, settings=settings)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"planners": [object]}, "planners: .*<class 'object'>.* is not allowed; expected text"),

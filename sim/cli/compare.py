@@ -102,7 +102,7 @@ def compare(
 
     listed = tasks(chosen, from_outside(metric or ()))
     facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
-    rows = fly_study(listed, folder, Options(limit, kept, redo), processes, dask)
+    rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
     show_study(rows, folder, facts)
 
 

@@ -14,7 +14,7 @@ from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
-from sim.scenario.loading import load
+from sim.scenario.loading import load, place_of
 from sim.scenario.quantities import seconds, seed_and_repeat
 from sim.scenario.remarks import remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
@@ -52,8 +52,9 @@ def run(
     timeout: Timeout = None,
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
-    setting = load(scenario, with_options(overrides, duration))
-    trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"))
+    changes = with_options(overrides, duration)
+    setting = load(scenario, changes)
+    trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
     theirs = metric or any(name not in registry.built_in for registry, name in setting.plugins)

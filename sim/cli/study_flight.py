@@ -17,6 +17,7 @@ from sim.evaluation.metric import METRICS
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
+from sim.scenario.loading import place_of
 from sim.scenario.random_streams import numbered
 from sim.scenario.remarks import remarks
 from sim.study.backends import Backend, Pool, connected
@@ -43,20 +44,20 @@ def facts_of(
 
 
 def fly_study(
-    listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
+    study: Study, listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
 ) -> list[Row]:
-    """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
+    """Rows of all trials of a study; exits with what is kept and how to go on if they cannot all be flown."""
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     kept: int | None = None
     again = 0
     try:
         new = not (folder / NAME).exists()
         if new:  # before anything is left
-            _check_worlds(listed)
-        with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
+            _check_worlds(study, listed)
+        with _backend(workers, dask) as backend, Store.opened(folder, study.name) as store:
             if not new:
                 flown = store.done(listed)
-                _check_worlds([task for task in listed if task.key not in flown])
+                _check_worlds(study, [task for task in listed if task.key not in flown])
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
 
@@ -82,16 +83,17 @@ def fly_study(
     fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
 
 
-def _check_worlds(listed: Sequence[Task]) -> None:
-    """InputError unless forest and people of each setting can be placed, tried with its first seed."""
+def _check_worlds(study: Study, listed: Sequence[Task]) -> None:
+    """InputError, with file and levels, unless forest and people of each setting can be placed with its first seed."""
     first = {msgspec.json.encode(task.setting): task for task in reversed(listed)}
     for task in first.values():
         try:
             forest_and_people(task.setting, task.seed)
         except InputError as error:
-            levels = [f"{name} {level}" for name, level in task.factors if name not in ENTERED]
-            place = ", ".join([f"study {task.study}", *levels])
-            raise InputError(f"{place}: {error}" if levels else str(error)) from error
+            levels = [f"factors.{f}.{level}" for f, level in task.factors if f in study.factors.keys() - {*ENTERED}]
+            several = f"scenario {task.scenario}: " * (len(study.scenarios) > 1)
+            place = "".join(f"{part}: " for part in (study.file, ", ".join(levels)) if part)
+            raise InputError(f"{place}{place_of(task.scenario, task.settings) or several}{error}") from error
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, reward_of
 from sim.environments.rollout import Rollout
+from sim.mission.trial import naming
 from sim.replay.flight import Flight
-from sim.scenario.loading import chosen
+from sim.scenario.loading import chosen, place_of
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
 from tracking.numerics.arrays import Array
@@ -38,6 +39,7 @@ class Course:
     ) -> None:
         """As `understory.parallel_env` takes them; InputError says what is wrong."""
         self.scenario = chosen(scenario, settings)
+        self._place = place_of(scenario, settings)
         if len(self.scenario.decision_times) < 2:
             raise InputError(f"duration: {self.scenario.duration:g} s is too short; an episode needs two decisions")
         given = _observed(observe)
@@ -80,7 +82,8 @@ class Course:
                 repeat = value
         self.close()
         drawn = int(rng.integers(_REPORTED, 2**63))
-        self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
+        with naming(self._place):
+            self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
 
     def step(self, actions: Mapping[int, object]) -> None:
         """Fly to the next decision; `InvalidAction` says what is wrong, `ResetNeeded` if the mission is over."""

@@ -9,7 +9,7 @@ from planning.planner import Planner
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
-from sim.mission.trial import Trial
+from sim.mission.trial import Trial, naming
 from sim.recording.recording import Recorder, Recording
 from sim.scenario.scenario import resolved
 
@@ -31,7 +31,8 @@ def flown(
     start = time.perf_counter()
     if planner is None:
         planner = load_planner(trial.planner)
-    mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
+    with naming(trial.place):
+        mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
     recorder = Recorder(trial.repeat)
     with mission:
         prepare()

@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -37,14 +37,27 @@ _KINDS["bool"] = "true or false"
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """The packaged scenario or TOML file `name`, with `key=value` overrides; InputError says what is wrong.
 
-    The path of a trajectory file starts at the scenario file's folder, in an override at the current one.
+    The path of a trajectory file starts at the scenario file's folder, in an override at the current one. An error
+    about a key begins with `place_of`; where the file is wrong by itself, no override is blamed.
     """
     path = located(name, SCENARIOS, "scenario")
     data = toml_file(path, "scenario")
     for override in overrides:
         override_in(data, override)
     named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
-    return _anchored(decode(data), Path() if named_here else path.parent)
+    try:
+        return _anchored(decode(data), Path() if named_here else path.parent)
+    except InputError as error:
+        if overrides and name not in SCENARIOS:
+            load(name)
+        raise InputError(f"{place_of(name, overrides)}{error}") from error
+
+
+def place_of(scenario: object, settings: Collection[str] | None) -> str:
+    """The beginning of an error about a scenario: its file, and a remark if settings differ; empty if it has none."""
+    if not isinstance(scenario, str | os.PathLike) or os.fspath(scenario) in SCENARIOS:
+        return ""
+    return f"{os.fspath(scenario)}{' with other settings' if settings else ''}: "
 
 
 def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
@@ -55,7 +68,10 @@ def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scen
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
-    return checked(scenario)
+    try:  # constructors check neither types nor bounds, as reading a file does
+        return decode(msgspec.to_builtins(scenario, enc_hook=_plain))
+    except TypeError as error:
+        raise InputError(f"scenario: {error}") from error
 
 
 def decode(data: Mapping[str, Any]) -> Scenario:
@@ -71,14 +87,6 @@ def converted(data: Mapping[str, Any], kind: type[_Kind]) -> _Kind:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
         raise InputError(_readable(str(error), data)) from error
-
-
-def checked(scenario: Scenario) -> Scenario:
-    """A scenario made in Python, checked as a file is: constructors check neither types nor bounds."""
-    try:
-        return decode(msgspec.to_builtins(scenario, enc_hook=_plain))
-    except TypeError as error:
-        raise InputError(f"scenario: {error}") from error
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - an array or number of NumPy's, or anything that may stand in a scenario

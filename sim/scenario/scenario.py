@@ -31,10 +31,11 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     planning: Annotated[int, Meta(ge=1, le=1000)] = 1  # Hz, decisions; its inverse is the time step of a plan
 
     def __post_init__(self) -> None:
-        if self.physics % self.sensing:
-            raise ValueError(f"physics {self.physics} Hz is no multiple of sensing {self.sensing} Hz")
-        if self.sensing % self.planning:
-            raise ValueError(f"sensing {self.sensing} Hz is no multiple of planning {self.planning} Hz")
+        for name, divisor in pairwise(("physics", "sensing", "planning")):
+            rate, step = getattr(self, name), getattr(self, divisor)
+            if rate % step:
+                near = " and ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
+                raise ValueError(f"{name} {rate} Hz is no multiple of {divisor} {step} Hz; the nearest are {near}")
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
@@ -92,7 +93,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             text = f"with fov_deg {uav.fov_deg:g} means an altitude of {uav.altitude:.3g} m; allowed are {_HIGHEST:g} m"
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
-            raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
+            inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
+            raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area; {inside}")
         if uav.rate and self.rates.sensing % uav.rate:
             allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
             raise ValueError(

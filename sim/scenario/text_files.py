@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.spelling import did_you_mean, nearest
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -56,7 +56,8 @@ def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
     if path.suffix != ".toml":
         raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
     if not path.is_file():
-        raise InputError(f"{where}: there is no file {name}")
+        siblings = (sibling.name for sibling in path.parent.glob("*.toml"))
+        raise InputError(f"{where}: there is no file {name}{nearest(path.name, siblings)}")
     return path
 
 

@@ -149,8 +149,7 @@ def _told_of_head(study: Study, cell: Cell) -> str:
     try:
         setting = load(cell.scenario)
     except InputError as error:
-        named = cell.scenario in str(error)  # not where a key in that file is wrong
-        return f"study.scenarios: {str(error).removeprefix('scenario: ') if named else f'{cell.scenario}: {error}'}"
+        return f"study.scenarios: {str(error).removeprefix('scenario: ')}"
     try:
         _digest_of(setting, cell.planner)
     except InputError as error:

@@ -15,6 +15,7 @@ from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 from sim.recording.archive import content, digest
 from sim.running.flight import flown
+from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, release
 from tracking.plugins.containment import ForeignError, contained
 
@@ -61,7 +62,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
             raise TimeoutError(f"took longer than the timeout of {timeout:g} s")
         return True
 
-    trial = Trial(task.setting, task.planner, task.seed, task.repeat)
+    trial = Trial(task.setting, task.planner, task.seed, task.repeat, place_of(task.scenario, task.settings))
     outcome = flown(trial, lambda mission: nullcontext(watch))
     recording = outcome.recording
     row = Row(

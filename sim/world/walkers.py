@@ -143,7 +143,8 @@ def _starts(
             if _clear(drawn, states[:i], trunks, half, room=room * (1 - 0.9 * attempt / _ATTEMPTS)):
                 break
         else:
-            raise InputError(f"people.count = {len(wanted)}: no free place for person {i} to start")
+            text = f"no free place for person {i} to start; allowed are {i} people in a forest and area as these"
+            raise InputError(f"people.count = {len(wanted)}: {text}")
         path[:1] = drawn
         ahead = path[1] if len(path) else rng.uniform(-half, half)
         states[i, :3] = *drawn, arctan2(ahead[1] - drawn[1], ahead[0] - drawn[0])
