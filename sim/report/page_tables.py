@@ -69,7 +69,8 @@ def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, sho
     counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
     apart = f"{planner} {_told(metric, gap)} {baseline}"
-    start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart"
+    alike = "are equal on these maps" if gap.tied == gap.pairs else "cannot be told apart"
+    start = apart if gap.significant else f"{planner} and {baseline} {alike}"
     return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
 
 

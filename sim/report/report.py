@@ -138,9 +138,10 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
     table, places = maps(groups, metric)
     failed = sum(len(group.failed) for group in every)
     heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
+    of_each = f"Of each planner by itself, in {metric.title}."
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([(heading, paragraph(f"In {metric.title}.") + table)] if places else []),
+        *([(heading, paragraph(of_each) + table)] if places else []),
         *([(f"Failures: {failed}", failures(every))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
@@ -158,7 +159,9 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     ]
     left_out = shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
-    return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
+    flown = max(answer.flown for answer in of_metric)
+    counted = f"Of the {flown} maps flown, a comparison counts those on which both planners have a value. Left out:"
+    return listed(lines) + (paragraph(counted if sentences else "Left out:") + listed(left_out) if left_out else "")
 
 
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:

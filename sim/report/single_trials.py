@@ -1,9 +1,10 @@
 """Single trials on the report's page: best and worst maps, those that failed, and the commands that fly them again."""
 
-import math
 import shlex
 from collections.abc import Sequence
 from html import escape
+
+import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, slug
 from sim.analysis.cells import Group
@@ -27,21 +28,24 @@ def command(row: Row) -> str:
 def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     """Best and worst maps with links, and what these lead to: the commands; none of a group without a finite value.
 
-    Where neither way is better, they are those of the least and the greatest value.
+    Where neither way is better, they are those of the least and the greatest value. Where several trials are equal the
+    first stands for them; where all are, it is neither best nor worst.
     """
     names = ("least", "greatest") if metric.better == "neither" else ("best", "worst")
     several = any(group.cell for group in groups)  # else a column of cells would be empty
     rows, places = [], []
-    for number, (group, *ends) in enumerate(_extremes(groups, metric), start=1):
+    for group in groups:
         cells = []
-        for k, (what, row) in enumerate(zip(names, ends, strict=True)):
+        for what, row, remark in _extremes(group, metric, names):
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
-            name = f"map-{2 * number + k}-{slug(f'{entrant(row)} {flown}')}"
-            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
-            text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
+            name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
+            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a>{remark}</td>')
+            text = f"{_label(group.cell, row)}: {what}{value} {metric.unit}".rstrip() + remark
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
-        cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
-        rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{"".join(cells)}</tr>')
+        if cells:
+            cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
+            values = "".join(cells) + "<td></td><td></td>" * (2 - len(cells))
+            rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{values}</tr>')
     unit = f" [{metric.unit}]" if metric.unit else ""
     heads = ["cell"] * several + ["planner"]
     for name in names:
@@ -49,16 +53,17 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     return table(heads, rows, "left"), "\n".join(places)
 
 
-def _extremes(groups: Sequence[Group], metric: Metric) -> list[tuple[Group, Row, Row]]:
-    """Each group with a finite value, its best and its worst trial."""
+def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[tuple[str, Row, str]]:
+    """The best and the worst trial, each with its name and a remark on those equal to it; one where all are equal."""
+    values = group.values(metric.name)
+    finite = np.flatnonzero(np.isfinite(values))
+    ends = np.unique(values[finite])[:: -1 if metric.better == "higher" else 1]
+    if len(ends) == 1:
+        return [("", group.done[finite[0]], f", all {len(finite)} equal" if len(finite) > 1 else ", the only one")]
     found = []
-    for group in groups:
-        rows = [row for row in group.done if math.isfinite(row.metrics.get(metric.name, math.nan))]
-        if rows:
-            rows.sort(
-                key=lambda row: (row.metrics[metric.name], row.seed, row.repeat), reverse=metric.better == "higher"
-            )
-            found.append((group, rows[0], rows[-1]))
+    for name, end in zip(names, ends[[0, -1]] if len(ends) else (), strict=False):
+        first, *others = np.flatnonzero(values == end)
+        found.append((f"{name}, ", group.done[first], f" and {len(others)} equal" if others else ""))
     return found
 
 

@@ -19,7 +19,8 @@ _NOTE = (
     "In brackets: 95 % intervals over the maps (seeds). The mean over as many other maps lies as often in an interval "
     "1.4 times as wide."
 )
-_COMPARED = "Differences are means over the maps that both flew; won, tied, lost counts these maps."
+_MAPS = "Maps: those with a value, of all flown; mean and median are over them."
+_COMPARED = "Differences, and won, tied, lost, are over the maps on which the baseline has a value, too."
 _NEEDED = f"Maps needed: with so many, a difference as large is found with a probability of {100 * POWER:.0f} %."
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
@@ -83,7 +84,13 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
     compared = [(metric, pairs) for metric, pairs in gaps if pairs]
     many = _corrected([pairs for _, pairs in compared])
-    said = {_COMPARED: compared, _NEEDED: compared and wide, many: len(compared) > 1, _REPEATED: _repeated(found)}
+    said = {
+        _MAPS: any(answer.maps < answer.flown for answer in found),
+        _COMPARED: compared,
+        _NEEDED: compared and wide,
+        many: len(compared) > 1,
+        _REPEATED: _repeated(found),
+    }
     return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
 
 

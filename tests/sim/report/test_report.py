@@ -86,7 +86,7 @@ def test_commands_fly_the_maps_that_they_stand_for_best_and_worst(page):
     commands = [shlex.split(text) for text in page.commands()]
     known = {option for parameter in get_command(app).commands["run"].params for option in parameter.opts}
     flown = [words for words in commands if words[1] == "run"]
-    assert len(flown) == 2 * 7 + 1  # best and worst of seven groups, and what failed
+    assert len(flown) == 2 * 6 + 1 + 1  # best and worst of six groups, the only map of one, and what failed
     for words in flown:
         assert words[:3] == ["understory", "run", "forest"]
         options, values = words[3::2], words[4::2]
@@ -131,6 +131,26 @@ def test_labels_of_failures_name_scenario_and_version_where_they_differ(without_
     given = [row("a", 0), row("a", 1), row("a", 0, **places), failed("a", 1, error="ValueError: full", **places)]
     (shown,) = Page(made(given, About("x"))["report.html"].decode()).of("div", class_="map failed")
     assert shown[1].startswith("scenario = dense, version = 0.2.0, a, seed 1: ValueError: full")
+
+
+def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal(without_pictures):
+    shares = {"a": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "b": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "c": [0.2] * 6, "d": [0.3]}
+    given = [row(p, s, metrics={"ospa.share_under_1m": v}) for p, own in shares.items() for s, v in enumerate(own)]
+    page = Page(made(given, About("x"))["report.html"].decode())
+    shown = [text.partition("understory run")[0] for _, text in page.of("div", class_="map")]
+    ends = "seed 0: best, 100.0 % and 2 equal", "seed 3: worst, 80.0 % and 1 equal"
+    assert shown == [f"{p}, {end}" for p in "ab" for end in ends] + [
+        "c, seed 0: 20.0 %, all 6 equal",
+        "d, seed 0: 30.0 %, the only one",
+    ]
+    ((_, text),) = page.of("main")
+    assert "b and a are equal on these maps: scans with OSPA under 1 m 0.0 points" in text
+    assert "Of the 6 maps flown, a comparison counts those on which both planners have a value. Left out:" in text
+    assert "Of each planner by itself, in scans with OSPA under 1 m [%]." in text
+    assert "Differences, and won, tied, lost, are over the maps on which the baseline has a value, too." in text
+    assert "Maps: those with a value" not in text  # all that were flown have one
+    given[7] = failed("b", 1)
+    assert "Maps: those with a value, of all flown; mean and median are over them." in str(made(given, About("x")))
 
 
 def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
