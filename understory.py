@@ -140,16 +140,15 @@ def run(
     from sim.scenario.quantities import seed_and_repeat
     from tracking.plugins.registry import InputError
 
-    place = place_of(scenario, settings)
-    setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
+    setting, numbers = chosen(scenario, settings), (*seed_and_repeat(seed, repeat), place_of(scenario, settings))
     if out is not None:
         from sim.running.run import run as fly
 
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        fly(Trial(setting, planner, *numbers, place), Path(out))
+        fly(Trial(setting, planner, *numbers), Path(out))
         return load(out)
-    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
+    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
     return Flight(flown(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording)
 
 

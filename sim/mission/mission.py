@@ -239,7 +239,7 @@ class Mission:
             if given is not None:
                 usable_plans(given, [])  # none are due
             return None, np.zeros(count, dtype=np.int64)
-        with self.clock.measure("planning"):
+        with self.clock.planning():
             team = self._situations()
             if given is not None:
                 made, faults = usable_plans(given, team)

@@ -49,6 +49,7 @@ def flown(
         wall_s=wall,
         faults=mission.faults,
         planning_s=mission.clock.laps["planning"],
+        planning_cpu_s=mission.clock.planning_cpu_s,
     )
 
 

@@ -104,4 +104,4 @@ class Serial:
 
 def is_timing(metric):
     """True if a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
-    return metric.startswith("seconds.") or metric in ("wall_s", "real_time_factor", "planning_s_per_decision")
+    return metric.startswith(("seconds.", "planning_")) or metric in ("wall_s", "real_time_factor")

@@ -13,7 +13,7 @@ from sim.analysis.answers import map_means, map_points
 from sim.analysis.cell_text import slug, with_cell
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
-from sim.analysis.metric_choice import RUNTIME, metric_shown
+from sim.analysis.metric_choice import DECISION, metric_shown
 from sim.analysis.score import SCORE, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
@@ -56,14 +56,15 @@ def _apart(found: Sequence[Picture]) -> list[Picture]:
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     """The time that a decision takes, if it was measured."""
-    timed = metric_shown(RUNTIME[0])
-    flown = [group for group in groups if np.any(group.values(timed.name) > 0)]
-    if not flown:
+    shown = {name: [group for group in groups if np.any(group.values(name) > 0)] for name in DECISION}
+    name = next((name for name, flown in shown.items() if flown), None)
+    if name is None:
         return []
+    flown, timed = shown[name], metric_shown(name)
     lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
     caption = (
-        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. Times "
-        "depend on the machine and its load."
+        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. "
+        "Processor times depend on the machine, wall times on its load, too."
     )
     return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
 

@@ -1,4 +1,6 @@
-"""Wall time per stage."""
+"""Wall time per stage, and processor time of planning."""
+
+import time
 
 import pytest
 
@@ -17,3 +19,17 @@ def test_time_adds_up_per_stage_also_of_stages_that_fail(monkeypatch):
     assert clock.seconds == dict.fromkeys(STAGES, 0.0) | {"physics": 0.75, "planning": 2.0, "tracking": 2.0}
     with pytest.raises(KeyError), clock.measure("napping"):
         pass
+
+
+def test_processor_time_of_planning_leaves_out_waiting():
+    clock = Stopwatch()
+    with pytest.raises(ZeroDivisionError), clock.planning():
+        until = time.process_time() + 0.05
+        while time.process_time() < until:
+            pass
+        1 / 0  # noqa: B018
+    busy = clock.planning_cpu_s
+    assert 0.05 <= busy <= clock.laps["planning"][0] + 0.01
+    with clock.planning():
+        time.sleep(0.2)
+    assert clock.planning_cpu_s - busy < 0.1 < 0.2 <= clock.laps["planning"][1]
