@@ -10,12 +10,7 @@ from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.differences import Difference
 from sim.evaluation.metric import Metric
 from sim.report.page import table
-from sim.report.tables import Table, tables
-
-
-def result_tables(found: Sequence[Answer], baseline: str) -> str:
-    """The tables of each metric."""
-    return _headed(tables(found, baseline))
+from sim.report.tables import Table
 
 
 def html_table(shown: Table) -> str:
@@ -35,24 +30,24 @@ def runtime_tables(found: Sequence[Answer]) -> str:
     """A line for each cell and a column for each planner, as in the table of [Li22]."""
     own = [answer for answer in found if answer.cell is not None]
     planners = list(dict.fromkeys(answer.planner for answer in own))
-    return _headed(_pivot(metric, list(lines), planners) for metric, lines in groupby(own, lambda a: a.metric))
+    made = []
+    for metric, of_metric in groupby(own, lambda answer: answer.metric):
+        rows: list[tuple[Cell | None, list[str]]] = []
+        for cell, lines in groupby(of_metric, lambda answer: answer.cell):
+            means = {answer.planner: answer.mean.text(metric) for answer in lines}
+            rows.append(((), [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]))
+        made.append(Table(metric.title, ["cell", *planners], rows, metric))
+    return headed(made)
 
 
-def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> Table:
-    rows: list[tuple[Cell | None, list[str]]] = []
-    for cell, lines in groupby(found, lambda answer: answer.cell):
-        means = {answer.planner: answer.mean.text(metric) for answer in lines}
-        rows.append(((), [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]))
-    return Table(metric.title, ["cell", *planners], rows, metric)
-
-
-def _headed(tables: Iterable[Table]) -> str:
-    return "\n".join(f"<h3>{escape(t.title)}{_aim(t.metric)}</h3>\n{html_table(t)}" for t in tables)
-
-
-def _aim(metric: Metric | None) -> str:
-    """Way in which the metric is better, behind a title; nothing behind that of another table."""
-    return f'<span class="soft">: {metric.better} is better</span>' if metric and metric.better != "neither" else ""
+def headed(tables: Iterable[Table]) -> str:
+    """Tables as HTML under their titles, with the way in which the metric is better."""
+    parts = []
+    for shown in tables:
+        better = shown.metric.better if shown.metric else "neither"
+        aim = f'<span class="soft">: {better} is better</span>' if better != "neither" else ""
+        parts.append(f"<h3>{escape(shown.title)}{aim}</h3>\n{html_table(shown)}")
+    return "\n".join(parts)
 
 
 def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
@@ -68,9 +63,9 @@ def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, sho
     within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
     counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
-    apart = f"{planner} {_told(metric, gap)} {baseline}"
-    alike = "are equal on these maps" if gap.tied == gap.pairs else "cannot be told apart"
-    start = apart if gap.significant else f"{planner} and {baseline} {alike}"
+    apart = f"{planner} {_direction(metric, gap)} {baseline}"
+    alike = ", being equal on every map" if gap.tied == gap.pairs else ""
+    start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart{alike}"
     return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
 
 
@@ -83,7 +78,7 @@ def _remark(gap: Difference, shown: int) -> str:
     return (few if gap.pairs < 6 else "") + needed
 
 
-def _told(metric: Metric, gap: Difference) -> str:
+def _direction(metric: Metric, gap: Difference) -> str:
     above = gap.mean.value > 0
     if metric.better == "neither":
         return "is above" if above else "is below"

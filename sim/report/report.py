@@ -23,9 +23,9 @@ from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
 from sim.report.page import commanded, listed, page, paragraph
-from sim.report.page_tables import html_table, result_tables, runtime_tables, verdict
+from sim.report.page_tables import headed, html_table, runtime_tables, verdict
 from sim.report.single_trials import failures, maps
-from sim.report.tables import notes, score_table, shortfalls
+from sim.report.tables import notes, score_table, shortfalls, tables
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
@@ -105,7 +105,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         ("In short", _in_short(found, baseline, metrics[0])),
         ("What was run", _what_was_run(rows, every, about, baseline)),
         *([("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
+        ("Results", f"{listed(notes(found))}\n{headed(tables(found, baseline))}"),
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, metrics[0]),

@@ -33,7 +33,8 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     """
     names = ("least", "greatest") if metric.better == "neither" else ("best", "worst")
     several = any(group.cell for group in groups)  # else a column of cells would be empty
-    rows, places = [], []
+    rows: list[str] = []
+    places: list[str] = []
     for group in groups:
         cells = []
         for what, row, remark in _extremes(group, metric, names):

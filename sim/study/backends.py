@@ -154,7 +154,8 @@ class Pool:
 
     def __init__(self, workers: int | None = None) -> None:
         """`workers`: number of processes, by default one for each core that this process may use."""
-        self._lanes = [_Lane() for _ in range(workers or _cores())]
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        self._lanes = [_Lane() for _ in range(workers or cores or 1)]
         self._compiled = False
 
     def __enter__(self) -> "Pool":
@@ -182,11 +183,6 @@ class Pool:
         for lane in self._lanes:
             if lane.future is future:
                 lane.end()
-
-
-def _cores() -> int:
-    """Number of the processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Lane:

@@ -42,19 +42,20 @@ def complete(
 
     StoreError where a result cannot be kept; those before are.
     """
-    rows = {} if options.redo else store.done(tasks)
-    asked = {task.key: set(task.metrics) for task in tasks}
-    rows = {key: row for key, row in rows.items() if asked[key] <= row.metrics.keys()}
-    if options.recordings is not None:
-        rows = {key: row for key, row in rows.items() if (options.recordings / f"{key}.npz").exists()}
+    asked, kept = {task.key: set(task.metrics) for task in tasks}, options.recordings
+    rows = {
+        key: row
+        for key, row in ({} if options.redo else store.done(tasks)).items()
+        if asked[key] <= row.metrics.keys() and (kept is None or (kept / f"{key}.npz").exists())
+    }
     store.label(tasks)
     for task in tasks:
         if task.key in rows:
             heard(task, rows[task.key], False)
 
     def keep(task: Task, flown: Flown) -> None:
-        if options.recordings is not None and flown.recording:
-            _write(options.recordings / f"{task.key}.npz", flown.recording)
+        if kept is not None and flown.recording:
+            _write(kept / f"{task.key}.npz", flown.recording)
         store.add(task, flown.row)
         rows[task.key] = flown.row
         heard(task, flown.row, True)

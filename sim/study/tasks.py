@@ -89,7 +89,7 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
         try:
             found.append((cell, cell.settings, *_loaded(cell)))
         except InputError as error:
-            raise InputError(_told(study, cell) or str(error)) from error
+            raise InputError(_placed(study, cell, error)) from error
     made = [
         Task(
             key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
@@ -131,32 +131,27 @@ def _loaded(cell: Cell) -> tuple[Scenario, str]:
     return setting, _digest_of(setting, cell.spec)
 
 
-def _told(study: Study, cell: Cell) -> str:
+def _placed(study: Study, cell: Cell, error: InputError) -> str:
     """The error of a cell, with the study's file and the first of its tables with which it cannot be flown."""
-    for count in range(1, len(cell.tables) + 1):
-        name = cell.tables[count - 1].name
+    for count, table in enumerate(cell.tables, start=1):
         try:
             _loaded(msgspec.structs.replace(cell, tables=cell.tables[:count]))
-        except InputError as error:
-            if not study.file or not name:
-                return str(error)
-            return study.at(f"{name}: {error}" if count > 1 else _told_of_head(study, cell))
-    return ""  # a plug-in that failed does not fail again
+        except InputError as first:
+            if not study.file or not table.name:
+                return str(first)
+            return study.at(f"{table.name}: {first}" if count > 1 else _placed_in_head(study, cell, first))
+    return str(error)  # of a plug-in that failed once
 
 
-def _told_of_head(study: Study, cell: Cell) -> str:
+def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
     """The error of a cell's scenario, else of its planner, with the key of the study's file that names it."""
     try:
-        setting = load(cell.scenario)
-    except InputError as error:
-        return f"study.scenarios: {str(error).removeprefix('scenario: ')}"
-    try:
-        _digest_of(setting, cell.planner)
-    except InputError as error:
-        end = "floor" if study.score and cell.planner == study.score.floor else "bound"
-        key = "study.planners" if cell.planner in study.planners else f"score.{end}"
-        return f"{key}: {str(error).removeprefix('planner: ')}"
-    return ""  # a plug-in that failed does not fail again
+        load(cell.scenario)
+    except InputError as wrong:
+        return f"study.scenarios: {str(wrong).removeprefix('scenario: ')}"
+    end = "floor" if study.score and cell.planner == study.score.floor else "bound"
+    key = "study.planners" if cell.planner in study.planners else f"score.{end}"
+    return f"{key}: {str(error).removeprefix('planner: ')}"
 
 
 def _digest_of(setting: Scenario, planner: str) -> str:
