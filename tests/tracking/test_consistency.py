@@ -11,7 +11,7 @@ without a correction for the number of cases. Where associations are certain, th
 over independent people and missions at one scan, and at scans far apart.
 
 Where people meet unseen, their association afterwards is a guess. One track on the wrong person has a NEES of
-thousands, and the raw mean, printed too, then says only that this happens. So two kinds of errors are left out and
+thousands, and the raw mean, printed first, then says only that this happens. So two kinds of errors are left out and
 counted: those of tracks nearer to another person, in their own standard deviations, than to the person of their id, and
 those beyond the 99.99 % quantile of the chi-square law, as of tracks that took a false alarm. The tests bound these
 counts, and compare the mean of the other errors with that of a chi-square law cut off there.
@@ -102,13 +102,12 @@ class Outcome:
         return np.array([raw.mean(axis=0), half])
 
     def report(self, case: str, fusion: str) -> None:
-        raw = (self.raw / DIMENSIONS).mean(axis=0)
-        (p, s), (dp, ds), (rp, rs) = self.mean, self.half, raw
-        print(
-            f"\n| {case} | {fusion} | {p:.3f} ± {dp:.3f} | {s:.3f} ± {ds:.3f} | {rp:.2f} / {rs:.2f} "
-            f"| {100 * self.elsewhere:.2f} % | {100 * self.beyond[1]:.2f} % | {100 * self.held:.1f} % |",
-            end="",
+        raw, rest = (
+            " | ".join(f"{mean:.{digits}f} ± {half:.{digits}f}" for mean, half in zip(*given, strict=True))
+            for given, digits in ((self.raw_interval(), 2), ((self.mean, self.half), 3))
         )
+        shares = f"{100 * self.elsewhere:.2f} % | {100 * self.beyond[1]:.2f} %"
+        print(f"\n| {case} | {fusion} | {raw} | {100 * self.held:.1f} % | {shares} | {rest} |", end="")
 
 
 def play(name: str, case: Case, count: int) -> dict[str, Outcome]:
