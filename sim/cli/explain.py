@@ -145,17 +145,14 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
 
 
 def _print_stretches(flight: Flight, person: int) -> None:
+    from sim.replay.event import when_text
     from sim.replay.explain.explanation import stretches
 
     console.print(f"[bold]person {person}[/bold]")
     table = Table.grid(padding=(0, 2))
-    for first, last, held, seen in stretches(flight.history, person):
+    for begin, end, held, seen in stretches(flight.history, person):
         style = _STYLES.get(held, "")
-        table.add_row(
-            f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
-            f"[{style}]{held}[/]" if style else held,
-            seen,
-        )
+        table.add_row(f"  {when_text(begin, end)}", f"[{style}]{held}[/]" if style else held, seen)
     console.print(table)
 
 

@@ -1,8 +1,15 @@
-"""One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns."""
+"""One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns.
+
+A scan stands for the time from its instant until that of the next, the last scan for as long as the one before it. So a
+state that a person or a track has at the scans k to m lasts m - k + 1 scans, from the instant of scan k to that of
+scan m + 1. Timeline, page, `understory explain`, tables and Rerun tell and draw it so, and the film shows it so.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from tracking.numerics.arrays import Array
 
 KINDS = (
     "breakdown",
@@ -39,7 +46,7 @@ class Event:
     first: int
     last: int
     time: float  # s, of the beginning; a breakdown has its own, which may lie between two scans
-    until: float  # s, of the last scan; infinite for an event of several scans that lasts to the end
+    until: float  # s, of the end: `time` for what takes no time, infinite for a state that lasts to the end
     why: str = ""
     person: int | None = None
     former: int | None = None  # the person for whom the track stood before
@@ -54,11 +61,30 @@ class Event:
     @property
     def when(self) -> str:
         """The time or times in words."""
-        if self.first == self.last:
-            return f"at {self.time:.1f} s"
-        if math.isinf(self.until):
-            return f"from {self.time:.1f} s to the end"
-        return f"{self.time:.1f} to {self.until:.1f} s"
+        return when_text(self.time, self.until)
+
+
+def ends(times: Array, first: int, last: int) -> tuple[float, float]:
+    """Beginning and end [s] of the time that scans stand for, from one to another, both included; times (K,) s.
+
+    The only scan of a mission stands for a second.
+    """
+    if last + 1 < len(times):
+        return float(times[first]), float(times[last + 1])
+    return float(times[first]), float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1.0))
+
+
+def lasting(times: Array, first: int, last: int) -> tuple[float, float]:
+    """The same for words: a state at the last scan of a mission has no end, which is infinite."""
+    begin, end = ends(times, first, last)
+    return begin, math.inf if last == len(times) - 1 else end
+
+
+def when_text(begin: float, end: float) -> str:
+    """Times [s] in words; an infinite end is that of the mission."""
+    if math.isinf(end):
+        return f"from {begin:.1f} s to the end"
+    return f"at {begin:.1f} s" if begin == end else f"{begin:.1f} to {end:.1f} s"
 
 
 def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:

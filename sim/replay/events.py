@@ -1,6 +1,5 @@
 """Events of a recorded mission, worked out once for the page, the timeline, `understory explain` and Rerun."""
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -12,7 +11,7 @@ from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import unmatched_tracks
 from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.recording.recording import Recording
-from sim.replay.event import KINDS, Event
+from sim.replay.event import KINDS, Event, ends, lasting
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
@@ -37,14 +36,14 @@ def events_of(recording: Recording, scenario: Scenario, history: History | None 
 
 
 def _at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
-    return _during(recording, (k, k), kind, text, **concerned)
+    """A change, which takes no time."""
+    time = float(recording.times[k])
+    return Event(kind, text, k, k, time, time, **concerned)
 
 
 def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401
-    """An event from one scan to another; one that goes on at the last has no end."""
-    (first, last), times = span, recording.times
-    goes_on = last == len(times) - 1 and last > first
-    return Event(kind, text, *span, float(times[first]), math.inf if goes_on else float(times[last]), **concerned)
+    """A state from one scan to another, both included."""
+    return Event(kind, text, *span, *lasting(recording.times, *span), **concerned)
 
 
 def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
@@ -196,12 +195,12 @@ def _causes(history: History, loss: Loss) -> str:
         for tree, fleet in having.items():
             uavs[state, tree].update(fleet)
     most = sorted(scans, key=lambda key: -scans[key])[:_MOST_CAUSES]
-    step = float(history.times[1] - history.times[0]) if len(history.times) > 1 else 0.0
+    begin, end = ends(history.times, 0, 0)  # of one scan
     parts = []
     for state, between in (key for key in scans if key in most):
         text = view_text(state, {tree: sorted(uavs[state, tree]) for tree in between})
         text += f", but no reported track within {HELD:g} m" if state == "seen" else ""
-        parts.append(text + (f" ({scans[state, between] * step:.1f} s)" if len(scans) > 1 else ""))
+        parts.append(text + (f" ({scans[state, between] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 
 

@@ -22,7 +22,7 @@ from sim.evaluation.metric import METRICS, UNKNOWN, Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
 from sim.recording.recording import Recording
-from sim.replay.event import Event
+from sim.replay.event import Event, ends
 from sim.replay.events import events_of
 from sim.replay.frames.pages import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer, find, scenario_of
@@ -106,8 +106,9 @@ class Flight:
         r = self.recording
         errors = r.ospa[r.working][:, 0]
         lost = [loss for loss in self.history.losses if loss.found]
-        longest = max((r.times[loss.last] - r.times[loss.first] for loss in lost), default=0.0)
-        losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
+        spans = [ends(r.times, loss.first, loss.last) for loss in lost]
+        longest = max((end - begin for begin, end in spans), default=0.0)
+        losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
         ospa = f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else UNKNOWN
         ended = " (interrupted)" if r.interrupted else ""
         held = METRICS["share_held"]

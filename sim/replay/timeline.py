@@ -15,7 +15,7 @@ from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COL
 from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
-from sim.replay.event import IDENTITIES, Event, lanes
+from sim.replay.event import IDENTITIES, Event, ends, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
 
@@ -50,9 +50,9 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
         above.set_ylim(rows - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
+        below.set_xlim(*ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
-        below.set_xlim(*_span(history.times))
         handles = _legend(uavs, [event for event, _ in unmatched])
         figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
@@ -94,7 +94,7 @@ def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
 
 
 def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
-    return (*_ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_UNMATCHED[event.kind])
+    return (*ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_UNMATCHED[event.kind])
 
 
 def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box, Shade]]:
@@ -103,7 +103,7 @@ def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box
     for first, last, value in episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
-            boxes.append(((*_ends(times, first, last), top + inset, 1 - 2 * inset), rgb(shades[STATES[value]])))
+            boxes.append(((*ends(times, first, last), top + inset, 1 - 2 * inset), rgb(shades[STATES[value]])))
     return boxes
 
 
@@ -111,10 +111,10 @@ def _bar(times: Array, states: Indices, top: float, uavs: int) -> list[tuple[Box
     """The states of a person to the tracks, below the lanes of so many UAVs; on a veil over all while lost."""
     boxes: list[tuple[Box, Shade]] = []
     for first, last, value in episodes(states):
-        ends, hold = _ends(times, first, last), HOLDS[value]
-        boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (hold == "lost")
+        span, hold = ends(times, first, last), HOLDS[value]
+        boxes += [((*span, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (hold == "lost")
         if hold in _HOLDS:
-            boxes.append(((*ends, top + uavs + 0.2, _BAR - 0.2), rgb(_HOLDS[hold])))
+            boxes.append(((*span, top + uavs + 0.2, _BAR - 0.2), rgb(_HOLDS[hold])))
     return boxes
 
 
@@ -123,7 +123,7 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
         start = float(history.times[event.first])
         axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
-            late = start > sum(_span(history.times)) / 2
+            late = start > sum(axes.get_xlim()) / 2
             side, place = "right" if late else "left", axes.get_xaxis_transform()
             axes.text(start, 1.0 - 0.14 * (n % 6), f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
 
@@ -154,7 +154,7 @@ def _title(history: History) -> str:
     text = f"People held {100 * share:.1f} % of the time, {times}"
     if lost:
         worst = max(lost, key=lambda loss: loss.last - loss.first)
-        start, end = _ends(history.times, worst.first, worst.last)
+        start, end = ends(history.times, worst.first, worst.last)
         text += f", longest: person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
     return text
 
@@ -169,14 +169,3 @@ def _held_share(history: History, people: slice) -> float:
     working = np.count_nonzero(history.working, axis=1)[:, None]
     pairs = (working * history.present[:, people]).sum()
     return float(history.held[:, people].sum() / max(pairs, 1))
-
-
-def _span(times: Array) -> tuple[float, float]:
-    """Ends of the time axis [s]: of the first scan's share and of the last one's."""
-    return _ends(times, 0, len(times) - 1)
-
-
-def _ends(times: Array, first: int, last: int) -> tuple[float, float]:
-    """Ends of scans on the time axis [s]; each scan has the time until the next."""
-    step = float(times[1] - times[0]) if len(times) > 1 else 1.0
-    return float(times[first]), float(times[last]) + step

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from itertools import groupby
-from operator import itemgetter
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from sim.drawing.lettering import Group
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
-from sim.replay.event import UNHELD, UNMATCHED, Event
+from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
@@ -180,10 +179,13 @@ def _ahead(planned: PlannedVisibility, states: Indices) -> str:
 
 
 def stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
-    """A person's mission in stretches of one wording: first and last scan [s], state to tracks, and to cameras."""
-    rows = zip(history.times.tolist(), history.hold_states[:, person], history.view_texts(person), strict=True)
-    runs = [list(run) for _, run in groupby(rows, key=itemgetter(1, 2))]
-    return [(run[0][0], run[-1][0], HOLDS[run[0][1]], run[0][2]) for run in runs]
+    """A person's mission in stretches of one wording: beginning and end [s], state to tracks, and to cameras.
+
+    The end of the last one is infinite.
+    """
+    holds, views = history.hold_states[:, person].tolist(), history.view_texts(person)
+    runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
+    return [(*lasting(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
 
 
 def place_text(place: Array) -> str:

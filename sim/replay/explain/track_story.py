@@ -12,7 +12,7 @@ import numpy as np
 from sim.drawing.lettering import Group
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import tracker_parameters
-from sim.replay.event import UNMATCHED, Event
+from sim.replay.event import UNMATCHED, Event, ends
 from sim.replay.explain.explanation import percent_text, place_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
@@ -240,7 +240,7 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     rows = facts.recording.track_ids == facts.id
     without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
     if len(without):
-        first, last = facts.recording.times[without[[0, -1]]]
+        first, last = ends(facts.recording.times, *without[[0, -1]])
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection = facts.detections[-1]

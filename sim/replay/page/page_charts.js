@@ -11,8 +11,8 @@ const charts = { timeline: $("timeline"), ospa: $("ospa"), height: 125 };
 
 const plotWidth = () => charts.ospa.clientWidth - GUTTER - RIGHT;
 const snapped = (x) => Math.round(x * devicePixelRatio) / devicePixelRatio;
-const xOf = (k) => GUTTER + ((k + 0.5) * plotWidth()) / scans;
-const scanAt = (x) => clamp(Math.floor(((x - GUTTER) / plotWidth()) * scans));
+const xOf = (k) => GUTTER + (k * plotWidth()) / scans; // of the instant of a scan, which stands for the time until the next
+const scanAt = (x) => clamp(Math.floor(((x + 1 - GUTTER) / plotWidth()) * scans)); // a pixel before a scan is still the scan
 
 function sizeCharts() {
   const width = $("charts").clientWidth;
@@ -40,12 +40,12 @@ function drawTimeline() {
   for (const [kind, first, until, row] of data.unmatched) {
     span(ctx, first, until, last + row * (BAR + 2), BAR, kind === "false track" ? colours.false : colours.pale_false);
   }
-  for (const [k, person] of data.switches) diamond(ctx, xOf(k - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
+  for (const [k, person] of data.switches) diamond(ctx, xOf(k), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
 }
 
 // Fills what stands for some scans, both included.
 function span(ctx, first, until, top, high, colour) {
-  const [left, right] = [first - 0.5, until + 0.5].map((edge) => snapped(xOf(edge))); // else seams would show
+  const [left, right] = [first, until + 1].map((edge) => snapped(xOf(edge))); // else seams would show
   ctx.fillStyle = colour;
   ctx.fillRect(left, top, right - left, high);
 }

@@ -90,7 +90,7 @@ def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tm
     code, out, err = call("explain", ".")
     assert (code, err) == (0, "") and out.splitlines()[0] == "losses"
     told = [line.split(": ")[:2] for line in out.splitlines()[1:4]]
-    times = ("  1.0 to 1.8 s", "  at 1.6 s", "  from 3.0 s to the end")
+    times = ("  1.0 to 2.0 s", "  1.6 to 1.8 s", "  from 3.0 s to the end")
     assert told == [[when, f"person {m} lost"] for when, m in zip(times, (2, 1, 0), strict=True)]
     assert "All of person 0: understory explain . --target 0\n" in out
     assert "  lost  " not in out and "  lost  " in call("explain", ".", "--target", "0")[1]

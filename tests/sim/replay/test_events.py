@@ -5,14 +5,17 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
+import pytest
 from helpers import synthetic
 from helpers.flights import recorded as recorded_flight
 from helpers.recordings import broken, record
 
 from sim.mission import mission
 from sim.mission.plan_exchange import Links
-from sim.replay.event import KINDS
+from sim.replay.event import KINDS, when_text
 from sim.replay.events import events_of, links_of
+from sim.replay.explain.explanation import stretches
+from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.scenario.fleet import Cut, Network
 from tracking.filter.kalman import Gaussian
@@ -65,9 +68,25 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
     lost, found = [e for e in events_of(recording, SETTING) if e.kind.startswith("person")]
-    assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.6 s", 0)
+    assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.8 s", 0)
     assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
+
+
+@pytest.mark.parametrize(("last", "when"), [(2, "0.4 to 0.6 s"), (3, "0.4 to 0.8 s"), (4, "from 0.4 s to the end")])
+def test_a_loss_lasts_until_the_scan_after_it_wherever_it_is_told(last, when):
+    on, off = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0))
+    flight = Flight(recorded([(off, off) if 2 <= k <= last else (on, on) for k in range(5)]))
+    (lost,) = (e for e in flight.events if e.kind == "person lost")
+    length = 0.2 * (last - 1)
+    losses = flight.columns("losses")
+    assert lost.when == when and losses["until_s"] - losses["from_s"] == pytest.approx([length])
+    assert flight.facts["losses"] == f"1, the longest {length:.1f} s"
+    title = flight.timeline_figure().axes[0].get_title("left")
+    assert title.endswith(f"lost once, longest: person 0 for {length:.1f} s from 0.4 s")
+    assert [when_text(*row[:2]) for row in stretches(flight.history, 0) if row[2] == "lost"] == [when]
+    again = [e.text for e in flight.events if e.kind == "person found"]
+    assert again == ([f"person 0 found again by UAVs 0 and 1 after {length:.1f} s"] if last < 4 else [])
 
 
 def test_a_track_that_is_not_reported_holds_no_person_and_is_not_false():
@@ -107,8 +126,8 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
     recording = recorded([(plain, plain), (double, plain), (double, double), (plain, false), (drifted, drifted)])
     found = [e for e in events_of(recording, SETTING) if e.kind in ("false track", "duplicate track")]
     assert [(e.kind, e.text, e.when, e.uavs, e.person) for e in found] == [
-        ("duplicate track", "track 2 is person 0's second one", "0.2 to 0.4 s", (0, 1), 0),
-        ("false track", "track 3 stands for no person", "at 0.6 s", (1,), None),
+        ("duplicate track", "track 2 is person 0's second one", "0.2 to 0.6 s", (0, 1), 0),
+        ("false track", "track 3 stands for no person", "0.6 to 0.8 s", (1,), None),
     ]
     cost = recording.ospa[3, 1, 2]
     assert found[1].why == f"held by UAV 1, 30.0 m from person 1; OSPA's cardinality part is up to {cost:.1f} m"

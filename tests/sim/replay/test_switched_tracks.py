@@ -39,8 +39,8 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
     west = f"person 0 switched from track 0 to track 1, that of person 1, {both}"
     east = f"person 1 switched from track 1 to track 0, that of person 0, {both}"
     assert rows == [
-        ("false track", "track 2 stands for no person", "0.4 to 3.2 s", 2, 16, 2, None, None, ALL),
-        ("duplicate track", "track 3 is person 1's second one", "1.0 to 2.8 s", 5, 14, 3, 1, None, ALL),
+        ("false track", "track 2 stands for no person", "0.4 to 3.4 s", 2, 16, 2, None, None, ALL),
+        ("duplicate track", "track 3 is person 1's second one", "1.0 to 3.0 s", 5, 14, 3, 1, None, ALL),
         ("identity switch", west, "at 4.0 s", 20, 20, 1, 0, 1, ALL),
         ("identity switch", east, "at 4.0 s", 20, 20, 0, 1, 0, ALL),
     ]
@@ -79,8 +79,8 @@ def test_the_page_lists_and_marks_them(mission):
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]
     buttons = [shown for _, shown in sheet.of("button")]
-    assert "track 2 stands for no person 0.4 to 3.2 s" in buttons
-    assert "track 3 is person 1's second one 1.0 to 2.8 s" in buttons
+    assert "track 2 stands for no person 0.4 to 3.4 s" in buttons
+    assert "track 3 is person 1's second one 1.0 to 3.0 s" in buttons
     assert "understory explain runs/one --track 2" in [shown for _, shown in sheet.of("code")]
     ((_, data),) = sheet.of("script", type="application/json")
     data = json.loads(data)
@@ -92,8 +92,8 @@ def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):
     save(mission[0], tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz")
     assert code == 0
-    assert "  0.4 to 3.2 s: track 2 stands for no person: held by UAVs 0, 1 and 2, 50.0 m from person 0; " in out
-    assert "  1.0 to 2.8 s: track 3 is person 1's second one: " in out and out.count("  at 4.0 s: person ") == 2
+    assert "  0.4 to 3.4 s: track 2 stands for no person: held by UAVs 0, 1 and 2, 50.0 m from person 0; " in out
+    assert "  1.0 to 3.0 s: track 3 is person 1's second one: " in out and out.count("  at 4.0 s: person ") == 2
     assert "The longest false track: understory explain mission.npz --track 2" in out.splitlines()
     out = call("explain", "mission.npz", "--target", "1", "--time", "4", "--out", "a.png")[1]
     assert out.count("switched from") == 2  # that of the person, and where the person's track went

@@ -69,7 +69,7 @@ def test_the_story_says_when_a_track_was_not_reported(mission):
     scans, _ = recording.cells(recording.track_offsets)
     own = np.unique(scans[~recording.reported & (recording.track_ids == id_)])  # on all UAVs alike
     (line,) = [line for line in dict(track_story(facts, events_of(recording, scenario)))["kept"] if "reported" in line]
-    first, last = recording.times[own[[0, -1]]]
+    first, last = recording.times[own[[0, -1]] + [0, 1]]
     assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
 

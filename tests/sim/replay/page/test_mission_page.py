@@ -72,8 +72,8 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
     found = [tuple(int(given[f"data-{name}"]) for name in ("person", "first", "last")) for given in items]
     assert found == sorted(LOST, key=lambda loss: loss[1])
     words = [shown for _, shown in sheet.of("button") if "lost" in shown]
-    assert words == ["person 2 lost 1.0 to 1.8 s", "person 1 lost at 1.6 s", "person 0 lost from 3.0 s to the end"]
-    assert "track 3 stands for no person 0.0 to 0.8 s" in [shown for _, shown in sheet.of("button")]
+    assert words == ["person 2 lost 1.0 to 2.0 s", "person 1 lost 1.6 to 1.8 s", "person 0 lost from 3.0 s to the end"]
+    assert "track 3 stands for no person 0.0 to 1.0 s" in [shown for _, shown in sheet.of("button")]
     known = get_command(app).commands
     lines = [shlex.split(shown) for _, shown in sheet.of("code") if shown.startswith("understory ")]
     assert {line[1] for line in lines} == {"explain", "frames"}

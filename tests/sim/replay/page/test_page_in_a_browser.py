@@ -12,6 +12,7 @@ from helpers.flown_pages import EVIL
 from helpers.identities import SWAP, swapping
 
 from sim.drawing.film import parts_of
+from sim.drawing.palette import LOST
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 
@@ -40,6 +41,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
         browser.open(folder / "mission.html")
         assert now(browser) == [0, "0.0 s", []]
         _follows_the_slider(browser, mission, folder)
+        _draws_scans_from_their_instants(browser)
         _follows_keys(browser)
         _follows_clicks(browser)
         _plays(browser)
@@ -72,6 +74,28 @@ def _follows_the_slider(browser, mission, folder):
         assert left == pytest.approx(start + 8 + k / 20 * (wide - 16), abs=1.5)
         maps.append(hashlib.sha256(browser.run("map.toDataURL()").encode()).hexdigest())
     assert len(set(maps)) == 4
+
+
+COLUMNS = """(name) => {
+  const c = document.getElementById(name), d = document.createElement('canvas').getContext('2d');
+  const x = Math.round(cursor.getBoundingClientRect().left + 1 - c.getBoundingClientRect().left);
+  [d.canvas.width, d.canvas.height] = [9, c.height];
+  d.drawImage(c, 4 - x, 0);
+  const all = [...d.getImageData(0, 0, 9, c.height).data];
+  const pixel = (n) => all.slice(4 * n, 4 * n + 4);
+  return [0, 4, 8].map((dx) => [...Array(c.height).keys()].map((y) => pixel(9 * y + dx)));
+}"""
+
+
+def _draws_scans_from_their_instants(browser):
+    """The loss that begins at scan 15 is red from the cursor on, where the tick of 3 s stands."""
+    browser.run("slider.value = 15; slider.dispatchEvent(new Event('input'))")
+    before, _, after = np.array(browser.run(f"({COLUMNS})('timeline')"))[..., :3]
+    red = np.all(after == LOST, axis=1)
+    assert red.any() and not np.all(before == LOST, axis=1)[red].any()
+    ticks = np.array(browser.run(f"({COLUMNS})('ospa')"))[:, -20, 3]  # in the middle of a tick
+    assert (ticks > 0).tolist() == [False, True, False]
+    browser.press("Home")
 
 
 def _small(image):
