@@ -23,9 +23,10 @@ from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.page.data import colours, page_data
+from sim.scenario.fleet import Uav
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
-from sim.scenario.settings_text import changed
+from sim.scenario.settings_text import changed, toml
 from tracking.plugins.registry import InputError
 
 _RESULTS = {  # metrics at the top, by their label there
@@ -64,7 +65,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         title=escape(titled(recording)),
         warnings=_warnings(recording, scenario, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
-        settings=_settings(changed(scenario)),
+        settings=_settings(scenario),
         film="" if film is None else _film(film),
         lost=len(lost),
         losses=_listed("losses", lost, recording, place),
@@ -142,18 +143,22 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
     trees = recording.forest.trees
-    radii = sorted({tree.canopy_radius for tree in trees})
-    canopies = f", canopies of {' to '.join(f'{r:g}' for r in (radii[0], radii[-1])[: len(radii)])} m" if radii else ""
-    yield "trees", f"{len(trees)}{canopies}"
+    yield "trees", str(len(trees)) + (f", canopies of {_span(t.canopy_radius for t in trees)}" if trees else "")
     yield "people", str(recording.people.shape[1])
-    views = ", ".join(f"{uav.footprint:g}" for uav in scenario.uavs)
     limited = scenario.sensing.field_of_view == "camera"
-    yield "UAVs", f"{len(scenario.uavs)}, " + (f"views of {views} m" if limited else "unlimited views")
+    views = f"views of {_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
+    yield "UAVs", f"{len(scenario.uavs)}, {views}"
     yield "sensing", scenario.sensing.mode
     loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
     yield "fusion", scenario.network.fusion + loss
     yield "initial tracks", scenario.tracking.initial_tracks
     yield "page by", f"understory {version('understory')}"
+
+
+def _span(lengths: Iterable[float]) -> str:
+    """The least and the largest of some lengths [m] in words."""
+    known = sorted(set(lengths))
+    return " to ".join(f"{length:g}" for length in (known[0], known[-1])[: len(known)]) + " m"
 
 
 def _packaged(scenario: Scenario) -> str | None:
@@ -162,12 +167,20 @@ def _packaged(scenario: Scenario) -> str | None:
     return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
 
 
-def _settings(own: Sequence[str]) -> str:
+def _settings(scenario: Scenario) -> str:
     """Settings that are not the defaults, folded, as a fleet or paths of people are long."""
+    own = [_fleet(scenario) if text.startswith("uavs=") else text for text in changed(scenario)]
     if not own:
         return '<p class="settings">All settings are the defaults.</p>'
     summary = f"<summary>Settings other than the defaults: {len(own)}</summary>"
     return f'<details class="settings">{summary}{_codes(own)}</details>'
+
+
+def _fleet(scenario: Scenario) -> str:
+    """The fleet as `--set` takes it: a line for each UAV, without what is as by default."""
+    default = {field.name: field.default for field in msgspec.structs.fields(Uav)}
+    rows = [{k: v for k, v in msgspec.to_builtins(uav).items() if v != default[k]} for uav in scenario.uavs]
+    return "\n".join(["uavs=[", *(f"  {toml(row)}," for row in rows), "]"])
 
 
 def _codes(lines: Iterable[str]) -> str:

@@ -29,7 +29,7 @@ from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, resolved
-from sim.scenario.settings_text import changed
+from sim.scenario.settings_text import changed, toml
 from sim.sensing.fault import Fault
 from tracking.plugins.registry import InputError
 
@@ -177,6 +177,19 @@ def test_settings_other_than_the_defaults_stand_on_the_page():
     assert f"Settings other than the defaults: {len(own)}<" in text
     plain = dataclasses.replace(recording, scenario=resolved(Scenario()))
     assert "All settings are the defaults." in page(Flight(plain)).partition("</header>")[0]
+
+
+def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
+    rows = [{"start": [4.0 * i - 20.0, 3.0], "footprint": 18.0 + i} for i in range(10)]
+    rows[3] |= {"mount": "body", "fails_at": 2.5}
+    own = load("forest", ["duration=1", f"uavs={toml(rows)}"])
+    recording = dataclasses.replace(flown(scans=2, uavs=10)[0], scenario=resolved(own))
+    header = page(Flight(recording)).partition("</header>")[0]
+    _, fleet = map(html.unescape, re.findall("<code>(.*?)</code>", header, re.S))
+    lines = fleet.splitlines()
+    assert len(lines) == 12 and max(map(len, lines)) < 100 and load("forest", ["duration=1", fleet]) == own
+    assert lines[1] == '  {"start" = [-20.0, 3.0], "footprint" = 18.0},'
+    assert facts(recording)["UAVs"] == "10, views of 18 to 27 m"
 
 
 def facts(recording):
