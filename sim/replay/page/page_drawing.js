@@ -61,7 +61,8 @@ function write(ctx, text, x, y, colour, align) {
 // Names beside marks: noted while the marks are drawn, written when all are, where they cover least.
 const names = { marks: [], wanted: [] };
 const SIDES = [[0, 1], [0, -1], [1, 0], [-1, 0], [1, -1], [1, 1], [-1, -1], [-1, 1]];
-const OUTSIDE = [[1, -1], [0, -1], [-1, -1], [-1, 0]]; // of the top left corner of a view, so that no edge runs through
+const CORNERS = [[-1, -1], [1, -1], [-1, 1], [1, 1]]; // of a view
+const OUTSIDE = [[1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1]]; // of the top left one, so that no edge runs through
 
 function reserve(x, y, reach) {
   names.marks.push([x - reach, y - reach, x + reach, y + reach]);
@@ -71,19 +72,43 @@ function want(text, x, y, colour, gap, sides = SIDES) {
   names.wanted.push({ text, x, y, colour, gap, sides });
 }
 
+// The name of a view, outside it at the corner where the least of the name lies in other views or beyond the canvas.
+function wantOutside(ctx, text, view, others, colour) {
+  const choices = CORNERS.map(([a, b]) => {
+    const [x, y] = [view[1 + a], view[2 + b]];
+    const sides = OUTSIDE.map(([dx, dy]) => [-a * dx, -b * dy]);
+    const costs = sides.map((side) => Math.round(covered(ctx, boxOf(ctx, text, x, y, side, 1), others)));
+    const least = Math.min(...costs);
+    return { x, y, least, sides: sides.filter((_, n) => costs[n] === least) };
+  });
+  const { x, y, sides } = choices.reduce((one, other) => (other.least < one.least ? other : one));
+  want(text, x, y, colour, 1, sides);
+}
+
+// Left, top, right, bottom of a name on a side of its mark.
+function boxOf(ctx, text, x, y, [dx, dy], away) {
+  ctx.font = FONT;
+  const [w, h] = [ctx.measureText(text).width / 2, 8];
+  const [u, v] = [x + dx * (away + w), y + dy * (away + h)];
+  return [u - w, v - h, u + w, v + h];
+}
+
+// Pixels of a box in others, and beyond the canvas.
+function covered(ctx, box, others) {
+  const common = (other) => Math.max(0, Math.min(box[2], other[2]) - Math.max(box[0], other[0]))
+    * Math.max(0, Math.min(box[3], other[3]) - Math.max(box[1], other[1]));
+  const beyond = (box[2] - box[0]) * (box[3] - box[1]) - common([0, 0, ctx.canvas.clientWidth, ctx.canvas.clientHeight]);
+  return others.reduce((sum, other) => sum + common(other), beyond);
+}
+
 function writeNames(ctx) {
   const taken = names.marks;
-  const overlap = (a, b) =>
-    Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
-  ctx.font = FONT;
   for (const { text, x, y, colour, gap, sides } of names.wanted) {
-    const [w, h] = [ctx.measureText(text).width / 2, 8];
-    const boxes = sides.flatMap(([dx, dy]) => [gap, gap + 16].map((away) => {
-      const [u, v] = [x + dx * (away + w), y + dy * (away + h)];
-      return { away, box: [u - w, v - h, u + w, v + h] };
+    const boxes = sides.flatMap((side) => [gap, gap + 16].map((away) => {
+      const box = boxOf(ctx, text, x, y, side, away);
+      return { box, cost: away + covered(ctx, box, taken) };
     }));
-    const cost = ({ away, box }) => away + taken.reduce((sum, other) => sum + overlap(box, other), 0);
-    const { box } = boxes.reduce((one, other) => (cost(other) < cost(one) ? other : one));
+    const { box } = boxes.reduce((one, other) => (other.cost < one.cost ? other : one));
     write(ctx, text, (box[0] + box[2]) / 2, (box[1] + box[3]) / 2, colour, "center");
     taken.push(box);
   }

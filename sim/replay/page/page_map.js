@@ -40,7 +40,8 @@ function drawMap() {
   data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], uavColour(i)));
   drawTrails(ctx, k);
   drawIntents(ctx, k);
-  data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], data.views[k][i]));
+  const views = data.views[k].map((view, i) => data.works[k][i] && view && bounds(view));
+  data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], views));
   const who = trackOwner(k);
   if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
   data.people[k].forEach((at, m) => at && notePerson(at, k, m));
@@ -124,8 +125,14 @@ function drawIntents(ctx, k) {
   });
 }
 
-// Named at the corner of its view, if that has one.
-function drawUav(ctx, [x, y], i, works, view) {
+// Left, top, right, bottom of a view in pixels.
+function bounds(view) {
+  const [xs, ys] = [0, 1].map((axis) => view.filter((_, c) => c % 2 === axis));
+  return [px(Math.min(...xs)), py(Math.max(...ys)), px(Math.max(...xs)), py(Math.min(...ys))];
+}
+
+// Named at a corner of its view, if that has one.
+function drawUav(ctx, [x, y], i, works, views) {
   const colour = works ? uavColour(i) : colours.faint;
   const [u, v] = [px(x), py(y)];
   for (const [ink, width] of [[colours.panel, 5], [colour, 2.4]]) {
@@ -141,10 +148,7 @@ function drawUav(ctx, [x, y], i, works, view) {
   }
   reserve(u, v, 8);
   if (!works) want(`UAV ${i}: broken down`, u, v, colours.ink, 14);
-  else if (view) {
-    const [xs, ys] = [0, 1].map((axis) => view.filter((_, c) => c % 2 === axis));
-    want(`UAV ${i}`, px(Math.min(...xs)), py(Math.max(...ys)), colour, 1, OUTSIDE);
-  }
+  else if (views[i]) wantOutside(ctx, `UAV ${i}`, views[i], views.filter((view, j) => view && j !== i), colour);
   else want(`UAV ${i}`, u, v, colour, 10);
 }
 

@@ -1,5 +1,6 @@
 """A mission's page in a browser: slider, keys, lists and charts lead to the same scan of film and map."""
 
+import dataclasses
 import hashlib
 import re
 
@@ -10,11 +11,13 @@ import pytest
 from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.flown_pages import EVIL
 from helpers.identities import SWAP, swapping
+from helpers.recordings import record
 
 from sim.drawing.film import parts_of
 from sim.drawing.palette import LOST
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
+from tracking.geometry.camera import Pose
 
 SMALL = 24  # pixels of a camera's picture that are compared, across
 PROBE = f"""(() => {{ const c = document.createElement('canvas'); c.width = c.height = {SMALL};
@@ -52,6 +55,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
         assert browser.run(SMALL_WORDS) == [] == browser.complaints
         assert browser.requests_elsewhere() == [(folder / "mission.html").as_uri()[:100]]
         _follows_switched_tracks(browser, tmp_path / "swap.html")
+        _names_views_where_no_other_view_is(browser, tmp_path / "views.html")
         assert browser.complaints == []
 
 
@@ -157,6 +161,31 @@ def _follows_switched_tracks(browser, path):
         assert browser.run(state) == [SWAP, "true", True, 1]
         browser.press("Home")
         assert browser.run(f"[Number(slider.value), {item}.ariaCurrent]") == [0, None]
+
+
+def _names_views_where_no_other_view_is(browser, path):
+    """The top left corner of the first UAV's view lies in that of the second, and the third is at the map's corner."""
+    recording = record(2, uavs=3)
+    places = np.array([(0.0, 0.0, 17.32), (-8.0, 8.0, 17.32), (-73.0, 48.0, 17.32)])
+    level = np.array([[*place, *Pose.level(*place).quaternion] for place in places])
+    cameras = np.broadcast_to(level, recording.cameras.shape)
+    write_page(Flight(dataclasses.replace(recording, poses=cameras, cameras=cameras)), path)
+    browser.open(path)
+    browser.run("words = []; CanvasRenderingContext2D.prototype.fillText = (...written) => { words.push(written); }")
+    browser.run("slider.value = 1; slider.dispatchEvent(new Event('input'))")
+    words, data, *size = browser.run(
+        "[words.map(([text, x, y]) => [text, x, y]), JSON.parse(document.getElementById('data').textContent),"
+        " map.clientWidth, map.clientHeight]"
+    )
+    room = np.array(data["area"]) + 2 * data["margin"]
+    scale = np.min(size / room)
+    views = [np.array(size) / 2 + scale * np.reshape(v, (4, 2)) * (1, -1) for v in data["views"][1]]
+    for i in range(3):
+        ((x, y),) = ([x, y] for text, x, y in words if text == f"UAV {i}")
+        low, high = np.array([x - 20, y - 6]), np.array([x + 20, y + 6])
+        assert np.all(low > 0) and np.all(high < size)
+        for view in views:
+            assert np.any((high <= view.min(axis=0)) | (low >= view.max(axis=0))), (i, x, y)
 
 
 def _click(browser, element):
