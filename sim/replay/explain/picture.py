@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from sim.drawing.labels import Labels
 from sim.drawing.lettering import Group, Image, TextStyle, listed, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
@@ -13,11 +14,12 @@ from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
-from sim.replay.frames.annotation import annotated
-from sim.replay.frames.pages import MARK, marks_of
+from sim.replay.frames.annotation import TRACK, annotated, marks_of
+from sim.replay.frames.pages import MARK
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
+from tracking.track import beliefs_of
 
 _TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, between parts, width of words
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in an inset, and its edge
@@ -31,16 +33,18 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 
     Below the words are the pixels round the person, as the cameras gave them.
     """
-    tiles, insets = [("map", _map(observer, facts))], []
+    picture, tracks = _map(observer, facts)
+    tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
     for w in _nearest(facts):
         sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
-        frame = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
-        tiles.append((_heading(w), frame))
+        frame, marks = annotated(image, sight, _TILE)
+        shown |= marks
+        tiles.append((_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
             place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
             insets.append((f"pixels of UAV {w.uav}", _near(image, place)))
-    words = np.vstack([_words(groups, camera=observer.scenario.sensing.renders), *_beside(insets)])
+    words = np.vstack([_words(groups, shown), *_beside(insets)])
     columns = min(len(tiles), 2)
     rows = -(-len(tiles) // columns)
     height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)
@@ -85,17 +89,20 @@ def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
     return [row] if insets else []
 
 
-def _cut(image: Image, middle: Array) -> Image:
-    """A tile of an image round a pixel (2,), or as near as there is image; what lies beyond it is blank."""
+def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
+    """A tile of an image round a pixel (2,), or as near as there is image, blank beyond; and its first pixel (2,)."""
     tile = np.full((_TILE, _TILE, 3), PANEL, dtype=np.uint8)
     low = np.clip(middle - _TILE / 2, 0, np.maximum(np.array(image.shape[1::-1]) - _TILE, 0)).astype(int)
     part = image[low[1] : low[1] + _TILE, low[0] : low[0] + _TILE]
     tile[: part.shape[0], : part.shape[1]] = part
-    return tile
+    return tile, low
 
 
-def _map(observer: Observer, facts: PersonFacts) -> Image:
-    """The map round the person, or what there is of it, with lines of sight and the trees in their way."""
+def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
+    """The map round the person, or what there is of it, with lines of sight and the trees in their way.
+
+    True, if there are tracks on it.
+    """
     recording, area = observer.recording, observer.scenario.area
     extent = np.array([area.width, area.height]) + 2 * MARGIN
     scale = min(_SCALE, _LARGEST / float(extent.max()))
@@ -104,9 +111,17 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     holds = facts.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image, labels = view.recorded(recording, facts.k, holds)
-    pixels = view.pixels
-    if np.isnan(facts.place[0]):
-        return _cut(image, pixels(np.zeros(2)))
+    if not np.isnan(facts.place[0]):
+        _draw_person(view, image, labels, observer, facts)
+    tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
+    snapshot = recording.snapshot(facts.k)
+    tracks = beliefs_of(snapshot.tracks[snapshot.working[0]] if snapshot.working else ())[0][:, :2]
+    inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
+    return tile, bool(inside.all(axis=1).any())
+
+
+def _draw_person(view: MapView, image: Image, labels: Labels, observer: Observer, facts: PersonFacts) -> None:
+    recording, pixels = observer.recording, view.pixels
     _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))
     labels.reserve(pixels(facts.place), 16.0)
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):
@@ -114,7 +129,6 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
         disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
         labels.put(f"tree {tree}", place, TextStyle(13, INK, True, PANEL))
     labels.put(f"person {facts.person}", pixels(facts.place), TextStyle(13, INK, True, PANEL))
-    return _cut(image, pixels(facts.place))
 
 
 def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) -> None:
@@ -131,14 +145,15 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
     disc(image, person, 14.0, INK, 2)
 
 
-def _words(groups: Sequence[Group], *, camera: bool) -> Image:
+def _words(groups: Sequence[Group], shown: set[str]) -> Image:
+    """The words, and a legend of the marks with the names `shown`."""
     lines, bottom = listed(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
-    marks = marks_of(camera)
+    marks = marks_of(shown)
     rows = -(-len(marks) // 2)
     image = np.full((round(bottom) + rows * MARK + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
     for text, y, style in lines:
         write(image, text, (_GAP, y), style)
-    for n, (mark, text) in enumerate(marks):
+    for n, (text, mark) in enumerate(marks):
         at = np.array([_GAP + 22.0 + n % 2 * _WORDS / 2, bottom + (n // 2 + 0.5) * MARK])
         mark(image, at)
         write(image, text, (float(at[0]) + 32, float(at[1])), TextStyle())

@@ -1,5 +1,8 @@
 """One camera's frame, enlarged, with what was detected, what is believed and what is true drawn over it."""
 
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 
@@ -13,12 +16,13 @@ from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_o
 from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
 
+Mark = Callable[[Image, Array], None]
 _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
 _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 
 
-def annotated(frame: Image, sight: Sight, size: int) -> Image:
-    """The frame (P, P, 3) RGB as a larger square, with everything drawn.
+def annotated(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
+    """The frame (P, P, 3) RGB as a larger square, with everything drawn, and the names of the marks that it shows.
 
     Its edge is the largest multiple of P within `size` pixels, so that each pixel of the camera is a square; a frame
     of more than `size` pixels is shrunk.
@@ -27,8 +31,9 @@ def annotated(frame: Image, sight: Sight, size: int) -> Image:
     side = max(size // pixels * pixels, min(size, pixels))
     how = cv2.INTER_NEAREST if side >= pixels else cv2.INTER_AREA
     image = np.asarray(cv2.resize(frame, (side, side), interpolation=how), dtype=np.uint8)
-    _View(image, sight).draw()
-    return image
+    view = _View(image, sight)
+    view.draw()
+    return image, view.shown
 
 
 class _View:
@@ -38,25 +43,44 @@ class _View:
         self._image, self._sight = image, sight
         self._scale = image.shape[0] / sight.camera.pixels
         self._labels = Labels(image)
+        self._marks = np.full(image.shape[:2], -1)  # the mark that shows at each pixel, of `_MARKS`; -1 for none
         outlines = hidden_outlines(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
+    @property
+    def shown(self) -> set[str]:
+        """Names of the marks that were drawn in the image and not covered by others."""
+        return {[*_MARKS][mark] for mark in np.unique(self._marks).tolist() if mark >= 0}
+
+    @contextmanager
+    def _drawing(self, mark: str) -> Iterator[None]:
+        before = self._image.copy()
+        yield
+        self._marks[(self._image != before).any(axis=2)] = [*_MARKS].index(mark)
+
     def draw(self) -> None:
-        draw_rim(self._image, [part for tree in self._outlines for part in tree])
         people = [sighting for sighting in self._sight.people if sighting.inside or sighting.pixels]
-        for tree in sorted({tree for sighting in people for tree in sighting.hidden_by}):
-            draw_rim(self._image, self._outlines[tree], hiding=True)
-        for sighting in people:
-            outline = self._person(sighting)
-            draw_truth(self._image, outline)
-            self._labels.reserve(outline.mean(axis=0), float(np.ptp(outline, axis=0).max()) / 2)
+        hiding = sorted({tree for sighting in people for tree in sighting.hidden_by})
+        others = any(parts for tree, parts in enumerate(self._outlines) if tree not in hiding)
+        with self._drawing(_RIM if others else _HIDING_RIM):
+            _draw_rim(self._image, [part for tree in self._outlines for part in tree])
+        with self._drawing(_HIDING_RIM):
+            for tree in hiding:
+                _draw_rim(self._image, self._outlines[tree], hiding=True)
+        with self._drawing(_TRUTH):
+            for sighting in people:
+                outline = self._person(sighting)
+                _draw_truth(self._image, outline)
+                self._labels.reserve(outline.mean(axis=0), float(np.ptp(outline, axis=0).max()) / 2)
         self._draw_measurements()
-        self._draw_tracks()
-        self._draw_scale()
+        with self._drawing(TRACK):
+            self._draw_tracks()
+        scale = self._scale_marks()
         for sighting in people:
             self._name_person(sighting)
         self._name_tracks()
         self._name_trees()
+        self._draw_scale(*scale)  # on top, as a crowd may leave no other place to a name
 
     def _pixels(self, ground: Array) -> Array:
         """Pixels (N, 2) of points (N, 2) m at the height that stands for a person; NaN behind the camera."""
@@ -68,23 +92,27 @@ class _View:
 
     def _draw_measurements(self) -> None:
         scan, detections = self._sight.snapshot.scans[self._sight.uav], self._sight.snapshot.pixels[self._sight.uav]
-        for k, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
-            at, ring = self._pixels(z[None])[0], self._pixels(ellipse(z, R))
-            if not np.all(np.isfinite(ring)):
-                continue
-            if len(detections):
+        rings = [
+            self._pixels(np.vstack([z, ellipse(z, R)]))
+            for z, R in zip(scan.measurements, scan.covariances, strict=True)
+        ]
+        finite = [k for k, ring in enumerate(rings) if np.all(np.isfinite(ring))]
+        with self._drawing(_DETECTION):
+            for k in finite if len(detections) else []:
                 found = self._scale * detections[k]
-                outlined(self._image, np.array([found, at]), DETECTION, INK)
+                outlined(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
                 detection(self._image, found, max(5.0 * self._scale, 10.0))
-            draw_measurement(self._image, at, ring)
-            self._labels.reserve(at, 8.0)
+        with self._drawing(_MEASUREMENT):
+            for k in finite:
+                _draw_measurement(self._image, rings[k][0], rings[k][1:])
+                self._labels.reserve(rings[k][0], 8.0)
 
     def _draw_tracks(self) -> None:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             mean, covariance = track.belief.mean[:2], track.belief.covariance[:2, :2]
             at, ring = self._pixels(mean[None])[0], self._pixels(ellipse(mean, covariance))
             if np.all(np.isfinite(ring)):
-                draw_track(self._image, at, ring, track.id)
+                _draw_track(self._image, at, ring, track.id)
                 self._labels.reserve(at, 10.0)
 
     def _name_person(self, sighting: Sighting) -> None:
@@ -106,45 +134,45 @@ class _View:
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
                 self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))
 
-    def _draw_scale(self) -> None:
-        """A bar of a round length on the ground, and north, in the lower corners."""
+    def _scale_marks(self) -> tuple[list[Array], list[tuple[str, Array]]]:
+        """Lines and words of a bar of a round length on the ground, and of north, in the lower corners.
+
+        Names keep off them. Lines are pixels (N, 2), words stand at pixels (2,).
+        """
         camera, pose, n = self._sight.camera, self._sight.pose, self._sight.camera.pixels
         corners = np.array([[0.04 * n, 0.96 * n], [0.34 * n, 0.96 * n], [0.96 * n, 0.96 * n]])
         if not looks_down(camera, pose, corners):
-            return
+            return [], []
         left, right, last = camera.ground_points(pose, corners)
         room = float(np.hypot(*(right - left)))
         length = max((m for m in _LENGTHS if m <= room), default=_LENGTHS[0])
-        ends = np.array([left, left + length / room * (right - left)])
-        self._draw_bar(self._scale * camera.project(pose, np.column_stack([ends, np.zeros(2)]))[0], f"{length:g} m")
-        north = np.array([[*last, 0.0], [last[0], last[1] + 0.1, 0.0]])
-        foot, tip = self._scale * camera.project(pose, north)[0]
-        self._draw_north(foot, (tip - foot) / np.hypot(*(tip - foot)))
+        ground = np.array([left, left + length / room * (right - left), last, last + np.array([0.0, 0.1])])
+        *ends, foot, ahead = self._scale * camera.project(pose, np.column_stack([ground, np.zeros(4)]))[0]
+        bar = np.array(ends)
+        ticks = [end + np.array([(0.0, -6.0), (0.0, 1.0)]) for end in bar]
+        self._labels.reserve(bar.mean(axis=0), float(np.hypot(*(bar[1] - bar[0]))) / 2)
+        arrow, letter = _arrow(foot - 26.0, (ahead - foot) / np.hypot(*(ahead - foot)))
+        self._labels.reserve(foot - 26.0, 26.0)
+        self._labels.reserve(letter, 9.0)
+        return [bar, *ticks, *arrow], [(f"{length:g} m", bar.mean(axis=0) - (0.0, 14.0)), ("N", letter)]
 
-    def _draw_bar(self, ends: Array, text: str) -> None:
-        ticks = [ends[k] + np.array([(0.0, -6.0), (0.0, 1.0)]) for k in (0, 1)]
-        self._draw_lines(ends, *ticks)
-        middle = ends.mean(axis=0)
-        write(self._image, text, (middle[0], middle[1] - 14), TextStyle(13, PANEL, True, INK), align=0.5)
-        self._labels.reserve(middle, float(np.hypot(*(ends[1] - ends[0]))) / 2)
-
-    def _draw_north(self, foot: Array, ahead: Array) -> None:
-        """An arrow of 26 pixels above a pixel (2,), along the image's unit vector `ahead` (2,)."""
-        middle, side = foot - 26.0, np.array([-ahead[1], ahead[0]])
-        tip, tail = middle + 13 * ahead, middle - 13 * ahead
-        head = np.array([tip - 7 * ahead + 5 * side, tip, tip - 7 * ahead - 5 * side])
-        self._draw_lines(np.array([tail, tip]), head)
-        x, y = tip + 12 * ahead
-        write(self._image, "N", (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
-        self._labels.reserve(middle, 26.0)
-
-    def _draw_lines(self, *lines: Array) -> None:
+    def _draw_scale(self, lines: list[Array], words: list[tuple[str, Array]]) -> None:
         for colour, thickness in ((INK, 5), (PANEL, 2)):
             for line in lines:
                 stroke(self._image, line, colour, thickness=thickness)
+        for text, (x, y) in words:
+            write(self._image, text, (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
 
 
-def draw_measurement(image: Image, at: Array, ring: Array) -> None:
+def _arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
+    """Lines, pixels (N, 2), of an arrow of 26 pixels along a unit vector (2,), and the place (2,) beyond its tip."""
+    side = np.array([-ahead[1], ahead[0]])
+    tip, tail = middle + 13 * ahead, middle - 13 * ahead
+    head = np.array([tip - 7 * ahead + 5 * side, tip, tip - 7 * ahead - 5 * side])
+    return [np.array([tail, tip]), head], tip + 12 * ahead
+
+
+def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
     """The mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
     for k in range(0, len(ring), 6):
         outlined(image, ring[k : k + 4], DETECTION, INK)
@@ -152,18 +180,18 @@ def draw_measurement(image: Image, at: Array, ring: Array) -> None:
     disc(image, at, 2.5, DETECTION)
 
 
-def draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
+def _draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
     """The mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
     outlined(image, ring, track_colour(track), PANEL, closed=True)
     cross(image, at, track_colour(track))
 
 
-def draw_truth(image: Image, outline: Array) -> None:
+def _draw_truth(image: Image, outline: Array) -> None:
     """The mark of a true person: their outline, pixels (N, 2)."""
     outlined(image, outline, INK, PANEL, closed=True)
 
 
-def draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
+def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
     """The mark of ground that trees hide: a rim round the union of outlines, pixels (N, 2), that covers none of it.
 
     hiding: a broader rim, of a tree that hides a person.
@@ -176,3 +204,21 @@ def draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> No
         rim = grown > inside
         weight = (grown[rim] - inside[rim])[:, None] / np.float32(255)
         image[rim] = image[rim] * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
+
+
+_SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+_DETECTION, _MEASUREMENT, TRACK = "detection", "measurement, 95 % ellipse", "track, 95 % ellipse"
+_TRUTH, _RIM, _HIDING_RIM = "truth: person", "rim of what trees hide", "tree that hides a person"
+_MARKS: dict[str, Mark] = {
+    _DETECTION: lambda image, at: detection(image, at, 10.0),
+    _MEASUREMENT: lambda image, at: _draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0]))),
+    TRACK: lambda image, at: _draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0),
+    _TRUTH: lambda image, at: _draw_truth(image, ellipse(at, np.diag([20.0, 20.0]))),
+    _RIM: lambda image, at: _draw_rim(image, [at + 9.0 * _SQUARE]),
+    _HIDING_RIM: lambda image, at: _draw_rim(image, [at + 7.0 * _SQUARE], hiding=True),
+}
+
+
+def marks_of(names: Iterable[str]) -> list[tuple[str, Mark]]:
+    """Marks that a picture shows, by their names, each as a legend draws it at a pixel (2,)."""
+    return [(name, mark) for name, mark in _MARKS.items() if name in names]

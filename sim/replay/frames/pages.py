@@ -10,17 +10,15 @@ from sim.drawing.labels import track_name
 from sim.drawing.layout import GAP
 from sim.drawing.lettering import Group, Image, TextStyle, listed, write
 from sim.drawing.map_view import ellipse, looks_down
-from sim.drawing.marks import detection
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.annotation import annotated, draw_measurement, draw_rim, draw_track, draw_truth
+from sim.replay.frames.annotation import annotated, marks_of
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.geometry.camera import Camera, Pose
-from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError
 
 _WIDTH = 340  # pixels of the panel
@@ -28,7 +26,6 @@ MARK = 36  # pixels: height of a mark in the legend
 _TITLE = TextStyle(20, bold=True)
 _MOST = 12  # people or tracks that are listed
 
-Mark = tuple[Callable[[Image, Array], None], str]
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
 _SLACK = 1e-6  # s, for times that were typed
 
@@ -36,7 +33,7 @@ _SLACK = 1e-6  # s, for times that were typed
 def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
     sight = Sight.of(recording, again.scenario, k, uav)
-    view = annotated(again.image(k, uav), sight, size)
+    view, shown = annotated(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
     notes = [titled(recording), f"scan {k} of {len(recording.times) - 1}, {mount}"]
@@ -44,7 +41,7 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
         notes.append("ideal sensing: this image was not used")
     elif not again.scenario.has_frame(uav, k):
         notes.append("the camera took no image at this scan")
-    panel = _draw_panel(sight, notes, height=side)
+    panel = _draw_panel(sight, notes, shown, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
     page[GAP:-GAP, -GAP - _WIDTH : -GAP] = panel
     framed = page[GAP : GAP + side, GAP : GAP + side]
@@ -117,16 +114,19 @@ def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
     return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
 
 
-def _draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
-    """The panel (H, 340, 3) RGB of a view, at least `height` pixels high; `notes` end its first section."""
+def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int) -> Image:
+    """The panel (H, 340, 3) RGB of a view, at least `height` pixels high.
+
+    `notes` begin its first section; `shown` are the names of the marks in its legend.
+    """
     lines, bottom = listed(_sections(sight, notes), _WIDTH - 28, 44.0)
-    marks = marks_of(sight.scenario.sensing.renders)
+    marks = marks_of(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
     write(image, f"UAV {sight.uav}", (_WIDTH - 14, 22), _TITLE, align=1.0)
     for text, y, style in lines:
         write(image, text, (14, y), style)
-    for k, (mark, text) in enumerate(reversed(marks)):
+    for k, (text, mark) in enumerate(reversed(marks)):
         middle = image.shape[0] - (k + 0.5) * MARK
         mark(image, np.array([34.0, middle]))
         write(image, text, (72, middle), TextStyle())
@@ -173,20 +173,3 @@ def _described(sighting: Sighting, ideal: bool) -> str:
 
 def _shortened(lines: list[str]) -> list[str]:
     return lines if len(lines) <= _MOST else [*lines[:_MOST], f"and {len(lines) - _MOST} more"]
-
-
-def marks_of(camera: bool) -> list[Mark]:
-    """The marks of annotated frames, each drawn at a pixel of an image, and what they mean."""
-    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    marks: list[Mark] = [
-        (lambda image, at: detection(image, at, 10.0), "detection"),
-        (
-            lambda image, at: draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0]))),
-            "measurement, 95 % ellipse",
-        ),
-        (lambda image, at: draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0), "track, 95 % ellipse"),
-        (lambda image, at: draw_truth(image, ellipse(at, np.diag([20.0, 20.0]))), "truth: person"),
-        (lambda image, at: draw_rim(image, [at + 9.0 * square]), "rim of what trees hide"),
-        (lambda image, at: draw_rim(image, [at + 7.0 * square], hiding=True), "tree that hides a person"),
-    ]
-    return marks if camera else marks[1:]

@@ -241,7 +241,7 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     page = draw_explanation(observer, facts, explanation(facts, recording, ()))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
-    frame = annotated(image, Sight.of(recording, scenario, facts.k, first.uav), 512)
+    frame, _ = annotated(image, Sight.of(recording, scenario, facts.k, first.uav), 512)
     tiles, words = np.split(page, [1060], axis=1)
     found = cv2.matchTemplate(tiles, frame, cv2.TM_SQDIFF)
     y, x = np.unravel_index(found.argmin(), found.shape)
