@@ -45,7 +45,7 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     height = rows * lane
     with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
-        _draw_people(above, history, events, unmatched)
+        shades = _draw_people(above, history, events, unmatched)
         _name_rows(above, history, len(unmatched), deep)
         above.set_ylim(rows - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
@@ -53,12 +53,15 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
         below.set_xlim(*ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
-        handles = _legend(uavs, [event for event, _ in unmatched])
+        handles = _legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
         figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
-def _draw_people(axes: Axes, history: History, events: Sequence[Event], unmatched: Sequence[tuple[Event, int]]) -> None:
+def _draw_people(
+    axes: Axes, history: History, events: Sequence[Event], unmatched: Sequence[tuple[Event, int]]
+) -> set[Shade]:
+    """Draw the rows; returns the colours that are in them."""
     uavs, people = history.tracks.shape[1:]
     pitch, times = uavs + _BAR + _GAP, history.times
     boxes = [_box(times, event, max(people, 1) * pitch + lane * _BAR) for event, lane in unmatched]
@@ -71,6 +74,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], unmatche
             boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
     corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
     axes.add_collection(PolyCollection(corners, facecolors=[shade for _, shade in boxes], lw=0))
+    return {shade for _, shade in boxes}
 
 
 def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
@@ -128,21 +132,18 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
             axes.text(start, 1.0 - 0.14 * (n % 6), f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
 
 
-def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
+def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
+    """Handles of what is drawn: shades, and marks of switched tracks."""
     if uavs <= len(UAV_COLOURS):
-        seen = [Patch(color=rgb(uav_colour(i)), label=f"seen by UAV {i}") for i in range(uavs)]
+        known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
-        seen = [Patch(color=rgb(uav_colour(0)), label="seen: lanes are UAVs, the first on top")]
-    kinds = {event.kind for event in unmatched}
-    bars = _HOLDS | {kind: colour for kind, colour in _UNMATCHED.items() if kind in kinds}
-    return [
-        *seen,
-        Patch(color=rgb(pale(uav_colour(0))), label="shown, not detected"),
-        Patch(color=rgb(HIDDEN), label="in the frame, hidden"),
-        Patch(color=rgb(OUT_OF_VIEW), label="out of view"),
-        *(Patch(color=rgb(colour), label=_MEANT.get(kind, kind)) for kind, colour in bars.items()),
-        Line2D([], [], **_SWITCHED, label="track switched"),
-    ]
+        known = {"seen: lanes are UAVs, the first on top": [*UAV_COLOURS]}
+    known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
+    known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
+    known |= {_MEANT.get(kind, kind): [colour] for kind, colour in (_HOLDS | _UNMATCHED).items()}
+    drawn = {label: colours[0] for label, colours in known.items() if shades.intersection(map(rgb, colours))}
+    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
+    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
 
 
 def _title(history: History) -> str:

@@ -169,8 +169,9 @@ function bindFilm() {
   });
 }
 
+// Lists what is drawn at some scan of the mission: each entry has a text, a mark, and whether it is.
 function legend(list, entries) {
-  for (const [text, draw] of entries) {
+  for (const [text, draw] of entries.filter((entry) => entry[2])) {
     const canvas = document.createElement("canvas");
     const item = document.createElement("li");
     canvas.style.width = "26px";
@@ -199,25 +200,35 @@ for (const li of lists) li.querySelector("button").addEventListener("click", () 
 addEventListener("keydown", onKey);
 addEventListener("resize", layOut);
 const box = (colour) => (ctx) => { ctx.fillStyle = colour; ctx.fillRect(2, 4, 22, 12); };
-const mark = (view, colour) => (ctx) => { personMark(ctx, 11, 10, 0, [view]); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
+const mark = (view, colour) => (ctx) => { personMark(ctx, 11, 10, 0, view); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
+const known = { // views on the map, states in the lanes, and those in the bars
+  views: new Set(data.people.flatMap((row, k) => row.map((at, m) => at && viewOf(k, m)))),
+  states: new Set(data.states.flat(2)),
+  holds: new Set(data.holds.flat()),
+};
 legend("map-legend", [
-  ["person", mark(SEEN)], ["hidden", mark(HIDDEN)], ["outside every view", mark(OUT)],
-  ["lost", mark(SEEN, colours.lost)], ["not found yet", mark(SEEN, colours.not_found_yet)],
-  ["track, 95 %", (ctx) => { ctx.strokeStyle = colours.vermillion; ctx.lineWidth = 2; ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); }],
-  ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); }],
-  ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); }],
+  ["person", mark(SEEN), known.views.has(SEEN)], ["hidden", mark(HIDDEN), known.views.has(HIDDEN)],
+  ["outside every view", mark(OUT), known.views.has(OUT)],
+  ["lost", mark(SEEN, colours.lost), known.holds.has(LOST)],
+  ["not found yet", mark(SEEN, colours.not_found_yet), known.holds.has(NOT_FOUND)],
+  ["track, 95 %", (ctx) => { ctx.strokeStyle = colours.vermillion; ctx.lineWidth = 2; ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); },
+    data.tracks.flat(2).length],
+  ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); },
+    data.views.flat().some(Boolean)],
+  ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); },
+    data.plans.times.length],
 ]);
+const sees = (i) => data.states.some((rows) => rows[i].includes(SEEN)); // a UAV that sees nobody has a curve
 const distinct = fleet <= colours.uavs.length;
 legend("chart-legend", [
-  ...(distinct ? data.uavs[0].map((_, i) => [`seen by UAV ${i}`, box(uavColour(i))])
-    : [["seen: lanes are UAVs, the first on top", box(uavColour(0))]]),
-  ["shown, not detected", box(paleUavColour(0))], ["hidden", box(colours.hidden)],
-  ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }],
-  ["held by all", box(colours.held)], ["held by some", box(colours.held_by_some)],
-  ["lost", box(colours.lost)], ["not found yet", box(colours.not_found_yet)],
-  ...(has("false track") ? [["false track", box(colours.false)]] : []),
-  ...(has("duplicate track") ? [["duplicate track", box(colours.pale_false)]] : []),
-  ["track switched", (ctx) => diamond(ctx, 13, 10)],
+  ...(distinct ? data.uavs[0].map((_, i) => [`${sees(i) ? "seen by " : ""}UAV ${i}`, box(uavColour(i)), true])
+    : [["seen: lanes are UAVs, the first on top", box(uavColour(0)), known.states.has(SEEN)]]),
+  ["shown, not detected", box(paleUavColour(0)), known.states.has(MISSED)], ["hidden", box(colours.hidden), known.states.has(HIDDEN)],
+  ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }, known.states.has(OUT)],
+  ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],
+  ["lost", box(colours.lost), known.holds.has(LOST)], ["not found yet", box(colours.not_found_yet), known.holds.has(NOT_FOUND)],
+  ["false track", box(colours.false), has("false track")], ["duplicate track", box(colours.pale_false), has("duplicate track")],
+  ["track switched", (ctx) => diamond(ctx, 13, 10), data.switches.length],
 ]);
 fillChoices();
 bindMap();

@@ -170,16 +170,20 @@ function drawTrack(ctx, [number, x, y, a, b, turn, reported]) {
   want(`${number}${reported ? "" : "?"}`, px(x), py(y), colour, 8);
 }
 
+// The best state of a person to the cameras at a scan: shown, hidden or out of view.
+const viewOf = (k, m) => {
+  const states = data.states[k].map((row) => row[m]);
+  return states.some((view) => view >= MISSED) ? SEEN : states.includes(HIDDEN) ? HIDDEN : OUT;
+};
+
 // A person that a frame shows is a full disc, one that something hides is hollow, one outside every view is grey.
-function personMark(ctx, u, v, turn, states) {
-  const shown = states.some((view) => view >= MISSED);
-  const hidden = !shown && states.includes(HIDDEN);
-  const ink = shown || hidden ? colours.ink : colours.faint;
+function personMark(ctx, u, v, turn, view) {
+  const ink = view === OUT ? colours.faint : colours.ink;
   ctx.strokeStyle = ink;
   ctx.lineWidth = 2;
   stroke(ctx, [[u, v], [u + 9 * Math.cos(turn), v - 9 * Math.sin(turn)]]);
   disc(ctx, u, v, 3.4, ink);
-  if (hidden) disc(ctx, u, v, 1.9, colours.panel);
+  if (view === HIDDEN) disc(ctx, u, v, 1.9, colours.panel);
 }
 
 function notePerson([x, y], k, m) {
@@ -192,7 +196,7 @@ function notePerson([x, y], k, m) {
 
 function drawPerson(ctx, [x, y], k, m) {
   const [u, v] = [px(x), py(y)];
-  personMark(ctx, u, v, data.headings[k][m], data.states[k].map((row) => row[m]));
+  personMark(ctx, u, v, data.headings[k][m], viewOf(k, m));
   if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
   if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
 }

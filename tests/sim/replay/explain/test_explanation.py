@@ -14,13 +14,14 @@ from helpers.recordings import broken
 
 from sim.drawing.lettering import width
 from sim.replay.events import events_of
+from sim.replay.explain import picture
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts
-from sim.replay.frames.annotation import annotated
+from sim.replay.frames.annotation import TRACK, annotated
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
@@ -250,6 +251,20 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
     assert cv2.matchTemplate(np.ascontiguousarray(words), part, cv2.TM_SQDIFF).min() < 1.0
+
+
+def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_facts, monkeypatch):
+    recording, scenario, *_ = mission
+    written = []
+    monkeypatch.setattr(picture, "write", lambda image, text, at, style, align=0.0: written.append(text))
+    monkeypatch.setattr(picture, "annotated", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
+    monkeypatch.setattr(picture, "marks_of", lambda names: [(name, lambda image, at: None) for name in sorted(names)])
+    gone = replace(recording, track_means=recording.track_means + 1000.0)
+    for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
+        written.clear()
+        with Observer(flown, scenario) as observer:
+            draw_explanation(observer, all_facts[0], ())
+        assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
 
 
 def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):

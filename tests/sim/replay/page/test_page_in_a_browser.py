@@ -15,7 +15,10 @@ from helpers.recordings import record
 
 from sim.drawing.film import parts_of
 from sim.drawing.palette import LOST
+from sim.evaluation.holding import HOLDS
+from sim.replay.event import IDENTITIES
 from sim.replay.flight import Flight
+from sim.replay.history import BROKEN, STATES
 from sim.replay.page.page import write_page
 from tracking.geometry.camera import Pose
 
@@ -43,6 +46,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
     with Browser(tmp_path / "profile") as browser:
         browser.open(folder / "mission.html")
         assert now(browser) == [0, "0.0 s", []]
+        _lists_what_is_drawn(browser, Flight(mission[0]))
         _follows_the_slider(browser, mission, folder)
         _draws_scans_from_their_instants(browser)
         _follows_keys(browser)
@@ -152,6 +156,7 @@ def _follows_switched_tracks(browser, path):
     recording = swapping()
     write_page(Flight(recording), path)
     browser.open(path)
+    _lists_what_is_drawn(browser, Flight(recording))
     for person in (1, 0):
         place = f'[data-first="{SWAP}"][data-person="{person}"]'
         item = f"document.querySelector('#losses li{place}')"
@@ -161,6 +166,41 @@ def _follows_switched_tracks(browser, path):
         assert browser.run(state) == [SWAP, "true", True, 1]
         browser.press("Home")
         assert browser.run(f"[Number(slider.value), {item}.ariaCurrent]") == [0, None]
+
+
+def _lists_what_is_drawn(browser, flight):
+    """Legends have what the mission shows at some scan: states of people that it has, tracks, plans and switches."""
+    history, kinds = flight.history, {event.kind for event in flight.events}
+    holds = {HOLDS[hold] for hold in history.hold_states.ravel()}
+    states = {STATES[state] for state in history.camera_states.ravel() if state != BROKEN}
+    best = {STATES[state] for state in history.camera_states.max(axis=1)[history.present]}
+    on_map = {
+        "person": best & {"seen", "missed"},
+        "hidden": "hidden" in best,
+        "outside every view": "out of view" in best,
+        "lost": "lost" in holds,
+        "not found yet": "not found yet" in holds,
+        "track, 95 %": len(flight.recording.track_ids),
+        "view of a UAV": True,
+        "intent": len(flight.recording.plan_times),
+    }
+    in_charts = {
+        **{("seen by " if (history.camera_states[:, i] == STATES.index("seen")).any() else "") + f"UAV {i}": True
+           for i in range(3)},
+        "shown, not detected": "missed" in states,
+        "hidden": "hidden" in states,
+        "out of view": "out of view" in states,
+        "held by all": "held" in holds,
+        "held by some": "held by some" in holds,
+        "lost": "lost" in holds,
+        "not found yet": "not found yet" in holds,
+        "false track": "false track" in kinds,
+        "duplicate track": "duplicate track" in kinds,
+        "track switched": kinds & set(IDENTITIES),
+    }  # fmt: skip
+    for name, entries in (("map-legend", on_map), ("chart-legend", in_charts)):
+        found = browser.run(f"[...document.querySelectorAll('#{name} li')].map(li => li.textContent)")
+        assert found == [text for text, shown in entries.items() if shown]
 
 
 def _names_views_where_no_other_view_is(browser, path):
