@@ -90,7 +90,7 @@ class MapView:
                 quadrotor(image, at, uav_colour(i))
             else:
                 broken(image, at)
-        for track in _shown(snapshot):
+        for track in self.shown(snapshot):
             colour, at = track_colour(track.id), self.pixels(track.belief.mean[:2])
             ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
             stroke(image, self.pixels(ring), colour, thickness=2, closed=True)
@@ -112,6 +112,11 @@ class MapView:
             self.follow(numbered(recording, earlier))
         image = np.empty_like(self._ground)
         return image, self.draw(image, numbered(recording, k), holds)
+
+    @staticmethod
+    def shown(snapshot: Snapshot) -> tuple[Track, ...]:
+        """The tracks that are drawn: those of the first UAV that works."""
+        return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
     def pixels(self, points: Array) -> Array:
         """Pixels (..., 2) of the map at points (..., 2) m."""
@@ -153,8 +158,8 @@ class MapView:
             known = past[~np.isnan(past[:, m, 0]), m]
             if len(known) > 1:
                 stroke(image, self.pixels(known), mixed(INK, PANEL, 0.45))
-        for track in _shown(snapshot):
-            means = [same.belief.mean[:2] for old in self._past for same in _shown(old) if same.id == track.id]
+        for track in self.shown(snapshot):
+            means = [same.belief.mean[:2] for old in self._past for same in self.shown(old) if same.id == track.id]
             stroke(image, self.pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
@@ -192,7 +197,7 @@ class MapView:
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks; views: corners of what each camera shows."""
-        for track in _shown(snapshot):
+        for track in self.shown(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(track_name(track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
@@ -207,11 +212,6 @@ class MapView:
                 labels.put_outside(f"UAV {i}", shown[i], style, others=others)
             else:
                 labels.put(f"UAV {i}", at, style)
-
-
-def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
-    """The tracks that are drawn: those of the first UAV that works."""
-    return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
 
 def footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:

@@ -18,7 +18,7 @@ from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, aspect
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
-from sim.evaluation.metric import METRICS, UNKNOWN, Outcome
+from sim.evaluation.metric import METRICS, Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
 from sim.recording.recording import Recording
@@ -104,22 +104,23 @@ class Flight:
     def facts(self) -> dict[str, str]:
         """The results of the mission, as a summary shows them."""
         r = self.recording
-        errors = r.ospa[r.working][:, 0]
         lost = [loss for loss in self.history.losses if loss.found]
         spans = [ends(r.times, loss.first, loss.last) for loss in lost]
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
-        ospa = f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else UNKNOWN
         ended = " (interrupted)" if r.interrupted else ""
-        held = METRICS["share_held"]
+        mean, share, held = (
+            METRICS[name].with_unit(METRICS[name](Outcome(r)))
+            for name in ("ospa.mean_m", "ospa.share_under_1m", "share_held")
+        )
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
             "repeat": str(r.repeat),
             "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
             "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
-            "OSPA": ospa,
-            "people held": held.with_unit(held(Outcome(r))),
+            "OSPA": f"mean {mean}, {share} under 1 m",
+            "people held": held,
             "losses": losses,
             "faults": str(len(r.all_faults)) if r.faults else "not recorded",
             "contacts": str(len(contacts(r))),

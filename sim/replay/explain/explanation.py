@@ -127,11 +127,9 @@ def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> 
         weights = a.beta[t, 1:]
         for j in np.argsort(-weights, kind="stable"):
             if a.gated[t, j] and weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
-                source = f"of person {w.owners[j]}" if w.owners[j] >= 0 else "of a false alarm"
-                place, weight = place_text(a.measurements[j]), percent_text(float(weights[j]))
-                lines.append(
-                    f"the measurement {source} at {place} was in the gate of track {holder.number} too, weight {weight}"
-                )
+                source, place = source_text(int(w.owners[j])), place_text(a.measurements[j])
+                gate = f"the gate of track {holder.number} too, weight {percent_text(float(weights[j]))}"
+                lines.append(f"the measurement {source} at {place} was in {gate}")
     return lines
 
 
@@ -186,6 +184,11 @@ def stretches(history: History, person: int) -> list[tuple[float, float, str, st
     holds, views = history.hold_states[:, person].tolist(), history.view_texts(person)
     runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
     return [(*lasting(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
+
+
+def source_text(person: int) -> str:
+    """The source of a measurement, a person or -1, in words."""
+    return f"of person {person}" if person >= 0 else "of a false alarm"
 
 
 def place_text(place: Array) -> str:

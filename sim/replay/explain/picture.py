@@ -114,8 +114,7 @@ def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, observer, facts)
     tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
-    snapshot = recording.snapshot(facts.k)
-    tracks = beliefs_of(snapshot.tracks[snapshot.working[0]] if snapshot.working else ())[0][:, :2]
+    tracks = beliefs_of(view.shown(recording.snapshot(facts.k)))[0][:, :2]
     inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
     return tile, bool(inside.all(axis=1).any())
 

@@ -13,7 +13,7 @@ from sim.drawing.lettering import Group
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.event import UNMATCHED, Event, ends
-from sim.replay.explain.explanation import percent_text, place_text
+from sim.replay.explain.explanation import percent_text, place_text, source_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
@@ -244,8 +244,8 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection = facts.detections[-1]
-        source = f"of person {detection.person}" if detection.person >= 0 else "of a false alarm"
-        yield f"last detection at {facts.recording.times[detection.k]:.1f} s by UAV {detection.uav}, {source}"
+        when = f"at {facts.recording.times[detection.k]:.1f} s by UAV {detection.uav}"
+        yield f"last detection {when}, {source_text(detection.person)}"
 
 
 def _end(facts: TrackFacts) -> Iterator[str]:

@@ -201,10 +201,11 @@ addEventListener("keydown", onKey);
 addEventListener("resize", layOut);
 const box = (colour) => (ctx) => { ctx.fillStyle = colour; ctx.fillRect(2, 4, 22, 12); };
 const mark = (view, colour) => (ctx) => { personMark(ctx, 11, 10, 0, view); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
-const known = { // views on the map, states in the lanes, and those in the bars
+const known = { // views on the map, states in the lanes and in the bars, kinds of tracks of no person
   views: new Set(data.people.flatMap((row, k) => row.map((at, m) => at && viewOf(k, m)))),
   states: new Set(data.states.flat(2)),
   holds: new Set(data.holds.flat()),
+  kinds: new Set(data.unmatched.map((event) => event[0])),
 };
 legend("map-legend", [
   ["person", mark(SEEN), known.views.has(SEEN)], ["hidden", mark(HIDDEN), known.views.has(HIDDEN)],
@@ -227,7 +228,7 @@ legend("chart-legend", [
   ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }, known.states.has(OUT)],
   ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],
   ["lost", box(colours.lost), known.holds.has(LOST)], ["not found yet", box(colours.not_found_yet), known.holds.has(NOT_FOUND)],
-  ["false track", box(colours.false), has("false track")], ["duplicate track", box(colours.pale_false), has("duplicate track")],
+  ["false track", box(colours.false), known.kinds.has("false track")], ["duplicate track", box(colours.pale_false), known.kinds.has("duplicate track")],
   ["track switched", (ctx) => diamond(ctx, 13, 10), data.switches.length],
 ]);
 fillChoices();

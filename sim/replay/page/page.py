@@ -137,8 +137,8 @@ def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event])
 def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:
     """Facts to know before looking: results first, then the setting."""
     outcome = Outcome(recording)
-    for label, known in ((label, METRICS[name]) for label, name in _RESULTS.items()):
-        yield label, known.with_unit(known(outcome))
+    for label, metric in _RESULTS.items():
+        yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
     if name := _packaged(scenario):
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"

@@ -3,7 +3,6 @@
 const GUTTER = 100, RIGHT = 14, BAR = 4;
 const people = data.people[0].length;
 const fleet = data.uavs[0].length;
-const has = (kind) => data.unmatched.some((event) => event[0] === kind);
 const deep = (BAR + 2) * (1 + Math.max(-1, ...data.unmatched.map((event) => event[3]))); // of tracks of no person
 const lane = Math.max(2, Math.min(10, Math.floor(260 / (Math.max(people, 1) * (fleet + 1)))));
 const rowHeight = fleet * lane + BAR + 8;
