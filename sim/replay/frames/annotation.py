@@ -43,26 +43,22 @@ class _View:
         self._image, self._sight = image, sight
         self._scale = image.shape[0] / sight.camera.pixels
         self._labels = Labels(image)
-        self._marks = np.full(image.shape[:2], -1)  # the mark that shows at each pixel, of `_MARKS`; -1 for none
+        self.shown: set[str] = set()  # names of marks, as far as they lie in the image
         outlines = hidden_outlines(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
-
-    @property
-    def shown(self) -> set[str]:
-        """Names of the marks that were drawn in the image and not covered by others."""
-        return {[*_MARKS][mark] for mark in np.unique(self._marks).tolist() if mark >= 0}
 
     @contextmanager
     def _drawing(self, mark: str) -> Iterator[None]:
         before = self._image.copy()
         yield
-        self._marks[(self._image != before).any(axis=2)] = [*_MARKS].index(mark)
+        if not np.array_equal(self._image, before):
+            self.shown.add(mark)
 
     def draw(self) -> None:
         people = [sighting for sighting in self._sight.people if sighting.inside or sighting.pixels]
         hiding = sorted({tree for sighting in people for tree in sighting.hidden_by})
         others = any(parts for tree, parts in enumerate(self._outlines) if tree not in hiding)
-        with self._drawing(_RIM if others else _HIDING_RIM):
+        with self._drawing(_RIM if others else _HIDING_RIM):  # which covers it
             _draw_rim(self._image, [part for tree in self._outlines for part in tree])
         with self._drawing(_HIDING_RIM):
             for tree in hiding:
