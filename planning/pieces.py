@@ -57,7 +57,7 @@ class Composed:
     seconds: float = 0.0
     # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
     occlusion: Literal["", "line_of_sight", "disc"] = ""
-    # whether a track is weighted by its probability of existence, where the tracker gives one (`tracking.life =
+    # whether a track is weighted by its probability of existence, where the tracker gives one (`tracking.management =
     # "existence"`); else each as one
     existence: bool = True
     # m²: a person without a track counts as a track whose position's covariance has this trace; 0: no search

@@ -79,7 +79,7 @@ class Situation:
     intents: Mapping[int, Plan] = field(default_factory=dict)
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; if empty, all neighbours.
     reception: tuple[tuple[int, ...], ...] = ()
-    unseen: Intensity | None = None  # intensity of undetected targets; None: not estimated
+    undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
 
     @property
     def step(self) -> float:

@@ -58,9 +58,9 @@ def scan_prediction(
     existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
     `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(beliefs, power_each(missed, p.absence_weight))
+    undetected = negative_information_update(beliefs, power_each(missed, p.negative_information))
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
-    if p.life == "existence":
+    if p.management == "existence":
         detectable *= 1.0 - _unresolved(beliefs[0], existence)
     return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
 

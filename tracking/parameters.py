@@ -10,7 +10,7 @@ import numpy as np
 from tracking.filter.motion import MotionModel
 from tracking.numerics.exponential import log, power
 
-LIVES = ("m_of_n", "existence")
+MANAGEMENT = ("m_of_n", "existence")
 MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
 EXPECTED = 0.9  # probability of being in plain view from which on a UAV should see the person
 SEEN = 0.1  # probability that a measurement is the person's from which on the person counts as detected
@@ -20,8 +20,8 @@ _RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
     ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
     ("positive", lambda x: x > 0.0, ("clutter_density", "birth_density", "max_variance", "max_speed", "forget_after")),
     ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density")),
-    ("0 or more and finite", lambda x: 0.0 <= x < math.inf, ("absence_weight",)),
-    ("0 or more", lambda x: x >= 0.0, ("recovery_after",)),
+    ("0 or more and finite", lambda x: 0.0 <= x < math.inf, ("negative_information",)),
+    ("0 or more", lambda x: x >= 0.0, ("reacquire_after",)),
 )
 
 
@@ -36,15 +36,15 @@ class TrackerParameters:
     confirm: tuple[int, int] = (2, 3)  # m of n scans
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
     # exponent of the likelihood of no detection in beliefs, not in association; 0: no negative information
-    absence_weight: float = 1.0
-    recovery_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
+    negative_information: float = 1.0
+    reacquire_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
     max_variance: float = 100.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
-    life: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
+    management: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
     survival: float = 0.999  # probability that a person in the area still is a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
-    sure: float = 0.99  # probability of existence that confirms a track
-    doubt: float = 0.001  # probability of existence below which a track ends
+    confirmation_threshold: float = 0.99  # probability of existence that confirms a track
+    deletion_threshold: float = 0.001  # probability of existence below which a track is deleted
     fusion: str = "hcmci"  # rule of fusion, see `tracking.fusion.rule`
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 
@@ -58,10 +58,11 @@ class TrackerParameters:
             whole = isinstance(m, int | np.integer) and isinstance(n, int | np.integer)
             if not (whole and 1 <= m <= n <= MOST_SCANS):
                 raise ValueError(f"{name} must be integers (m, n) with 1 <= m <= n <= {MOST_SCANS}, is ({m}, {n})")
-        if self.life not in LIVES:
-            raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
-        if not 0.0 < self.doubt < self.sure < 1.0:
-            raise ValueError(f"doubt and sure must be 0 < doubt < sure < 1, are {self.doubt} and {self.sure}")
+        if self.management not in MANAGEMENT:
+            raise ValueError(f"management must be {' or '.join(MANAGEMENT)}, is {self.management!r}")
+        if not 0.0 < self.deletion_threshold < self.confirmation_threshold < 1.0:
+            allowed = "deletion_threshold and confirmation_threshold must be 0 < deletion < confirmation < 1"
+            raise ValueError(f"{allowed}, are {self.deletion_threshold} and {self.confirmation_threshold}")
 
     @cached_property
     def association(self) -> tuple[float, float, float]:
@@ -71,7 +72,7 @@ class TrackerParameters:
     @cached_property
     def loss(self) -> tuple[float, float]:
         """Time without a sure detection beyond which a track is lost [s], and people's largest speed, likewise."""
-        return max(self.recovery_after - self.motion.dt / 2, 0.0), self.max_speed  # but for rounding
+        return max(self.reacquire_after - self.motion.dt / 2, 0.0), self.max_speed  # but for rounding
 
     @cached_property
     def measurement_gate(self) -> float:
@@ -90,4 +91,4 @@ class TrackerParameters:
     @cached_property
     def step_survival(self) -> float:
         """Probability that a person in the area still is one step of motion later."""
-        return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
+        return power(self.survival, self.motion.dt) if self.management == "existence" else 1.0

@@ -34,7 +34,7 @@ class Track:
 
     id: int
     belief: Gaussian
-    existence: float = 1.0  # probability; 1 where the tracker has none, as where life is m_of_n
+    existence: float = 1.0  # probability; 1 where the tracker has none, as with m of n scans
     # (3,) position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 

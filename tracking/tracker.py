@@ -44,8 +44,8 @@ class Tracker:
     Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
 
-    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added are negative
-    information (`absence_weight`), re-acquisition (`recovery_after`), and, as in the paper's code, deletion at very
+    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. Added are
+    `negative_information`, re-acquisition (`reacquire_after`), and, as in the paper's code, deletion at very
     large covariance (`max_variance`). Always, tracks of one person become one, and detection depends on the view.
     """
 
@@ -96,7 +96,7 @@ class Tracker:
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= SEEN
-        if p.life == "m_of_n":
+        if p.management == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         scores = detected, hits, before.visible
         history = _history((table.times, table.views), scores, after.gates, scan.time)
@@ -154,9 +154,11 @@ class Tracker:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p, now, scans = self.parameters, self._link.time, self._link.scans
         means, covariances = self._undetected(message)
-        existence = message.existence() if p.life == "existence" else np.ones(len(means))
+        existence = message.existence() if p.management == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, now, p.delete[1])
-        gone = existence < p.doubt if p.life == "existence" else np.bitwise_count(misses) >= p.delete[0]
+        gone = (
+            existence < p.deletion_threshold if p.management == "existence" else np.bitwise_count(misses) >= p.delete[0]
+        )
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
         recent = message.times[:, 0] > now - _SHARED_WITHIN
@@ -187,7 +189,7 @@ class Tracker:
         views = (message.views[..., None] >> _BITS) & 1 > 0
         views[detected] = False
         missed = miss_likelihood(*message.beliefs, views, now - message.times[:, 3], p.detection_probability)
-        return negative_information_update(message.beliefs, power_each(missed, p.absence_weight))
+        return negative_information_update(message.beliefs, power_each(missed, p.negative_information))
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.

@@ -26,7 +26,7 @@ KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
         s, neighbours=tuple(_moved(v, -_DISPLACEMENT) for v in s.neighbours)
     ),
     "people not found": lambda s: replace(
-        s, unseen=s.unseen and replace(s.unseen, people=s.unseen.people[::-1].copy())
+        s, undetected=s.undetected and replace(s.undetected, people=s.undetected.people[::-1].copy())
     ),
 }
 
@@ -82,7 +82,7 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             neighbours=tuple(fleet[v.id] for v in s.neighbours),
             tracks=tuple(_displaced(track, rng.normal(0.0, 0.5, 4), 1.0) for track in s.tracks),
             intents=dict(intents),
-            unseen=Intensity(
+            undetected=Intensity(
                 np.where(places.random((20, 30)) < 0.1, places.random((20, 30)), 0.0), (-75.0, -50.0), (5.0, 5.0)
             ),
         )

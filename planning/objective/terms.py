@@ -101,15 +101,15 @@ class Search:
 
     def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
         """As `planning.composition.Term.term`; None where no undetected people are expected."""
-        unseen = situation.unseen
-        cells = np.zeros(0, np.int64) if unseen is None else np.flatnonzero(unseen.people.ravel() > _FEWEST)
-        if unseen is None or len(cells) == 0:
+        undetected = situation.undetected
+        cells = np.zeros(0, np.int64) if undetected is None else np.flatnonzero(undetected.people.ravel() > _FEWEST)
+        if undetected is None or len(cells) == 0:
             return None
-        centres = unseen.centres().reshape(-1, 2)[cells]
-        points = centres[:, None] + _QUARTERS * unseen.cell
+        centres = undetected.centres().reshape(-1, 2)[cells]
+        points = centres[:, None] + _QUARTERS * undetected.cell
         vehicles = situation.vehicles
         fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), velocities, situation.step)
-        left = np.repeat(unseen.people.ravel()[cells][None], velocities.shape[1], axis=0)
+        left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
         for i in sorted(set(range(len(vehicles))) - set(uavs)):
             _thin(left, _viewed([vehicles[i]], [fleet[i]], points, situation.forest))
         raster = _raster(situation, uavs, fleet, (centres, points, left[-1]))
@@ -118,9 +118,12 @@ class Search:
         return partial(_costs, float(self.weight), to_come, raster, own, situation.step)
 
 
-def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:
-    """Raster of the places in reach of UAVs; `unseen`: centres (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
-    centres, points, people = unseen
+def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected: tuple[Array, Array, Array]) -> _Raster:
+    """Raster of the places in reach of UAVs.
+
+    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people left in them (C,).
+    """
+    centres, points, people = undetected
     deciding, step = [situation.vehicles[i] for i in uavs], situation.step
     reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places each way
     low = np.array([v.position[:2] - _SPACING * r for v, r in zip(deciding, reach, strict=True)], dtype=float)

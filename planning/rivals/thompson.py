@@ -82,12 +82,12 @@ def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
     errors = deviations(covariances, rng)
     exists = rng.random(len(means)) < np.array([track.existence for track in situation.tracks])
     people = np.zeros((0, 4))
-    if situation.unseen is not None:
-        sums = np.cumsum(situation.unseen.people)
+    if situation.undetected is not None:
+        sums = np.cumsum(situation.undetected.people)
         count = poisson(rng, float(sums[-1]))
         cells = np.searchsorted(sums, rng.random(count) * sums[-1], side="right")
-        centres = situation.unseen.centres().reshape(-1, 2)[np.minimum(cells, len(sums) - 1)]
-        people = np.hstack([centres + situation.unseen.cell * (rng.random((count, 2)) - 0.5), np.zeros((count, 2))])
+        centres = situation.undetected.centres().reshape(-1, 2)[np.minimum(cells, len(sums) - 1)]
+        people = np.hstack([centres + situation.undetected.cell * (rng.random((count, 2)) - 0.5), np.zeros((count, 2))])
     states = np.concatenate([(means + errors)[exists], people])
     return DrawnWorld(states, np.concatenate([errors[exists], np.full(people.shape, math.inf)]))
 

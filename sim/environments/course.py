@@ -138,7 +138,7 @@ class Course:
             del tables["neighbours"]
         for name, (rows, columns) in tables.items():
             found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
-        found["unseen"] = spaces.Box(0.0, np.inf, raster_shape(area))
+        found["undetected"] = spaces.Box(0.0, np.inf, raster_shape(area))
         if self.image:
             found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
         return spaces.Dict(found)

@@ -31,7 +31,7 @@ class Observations:
     - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; not
       there for a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
-    - `unseen` (rows, columns): expected number of undetected people in each cell of the area, from south to north.
+    - `undetected` (rows, columns): expected number of undetected people in each cell of the area, from south to north.
     """
 
     neighbours: int  # rows of neighbours, such as the size of the fleet less one
@@ -53,8 +53,10 @@ class Observations:
             del parts["neighbours"]
         for name, (rows, most) in parts.items():
             found[name], found[f"{name}_mask"] = _padded(rows, most)
-        unseen = situation.unseen
-        found["unseen"] = _float32(np.zeros(raster_shape(situation.area)) if unseen is None else unseen.people)
+        undetected = situation.undetected
+        found["undetected"] = _float32(
+            np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
+        )
         return found
 
 

@@ -28,11 +28,11 @@ def expected_gospa(situation: Situation, people: Array) -> float:
     errors = covariances[:, 0, 0] + covariances[:, 1, 1]
     cut_off(errors, FAR)
     r = np.array([track.existence for track in situation.tracks])
-    unseen = 0.0 if situation.unseen is None else float(situation.unseen.people.sum())
+    undetected = 0.0 if situation.undetected is None else float(situation.undetected.people.sum())
     missed = FAR * FAR / 2
     reported = [track.reported for track in situation.tracks]
     costs = np.where(reported, r * errors + (1.0 - r) * missed, r * missed)
-    return -math.sqrt(float(costs.sum()) + unseen * missed)
+    return -math.sqrt(float(costs.sum()) + undetected * missed)
 
 
 def true_gospa(situation: Situation, people: Array) -> float:

@@ -43,7 +43,7 @@ class Knowledge:
             for i, camera in enumerate(self._cameras)
         ]
         self._area = (scenario.area.width, scenario.area.height)
-        people = settings.unseen if settings.initial_tracks == "none" else 0.0
+        people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
             for _ in self._cameras
@@ -93,7 +93,7 @@ class Knowledge:
                     forest=self._known_forest,
                     area=self._area,
                     motion=planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
-                    unseen=self._undetected[i].belief,
+                    undetected=self._undetected[i].belief,
                 )
             )
             for i in working

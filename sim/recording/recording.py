@@ -67,7 +67,7 @@ class Recording:
     plan_bytes: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     plan_rounds: Annotated[Indices, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
-    # Existence probability; NaN where the tracker has none, as in life m_of_n; -1 where it was not recorded.
+    # Existence probability; NaN where the tracker has none, as with m of n scans; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
     # Position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell, -1 as above.
     track_sightings: Annotated[Array, "<f8", "S 3"] = field(default_factory=lambda: np.zeros((0, 3)))

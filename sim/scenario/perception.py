@@ -42,7 +42,8 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # or yours, `"package.module:Class"`, with a method `detect(frame)`
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to it over
-    # the field of view in m²; with `tracking.life = "m_of_n"` two of three false alarms that happen to fit make a track
+    # the field of view in m²; with `tracking.management = "m_of_n"` two of three false alarms that happen to fit make a
+    # track
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     # probability that a detection is lost; set `tracking.detection_probability` to its complement
     miss_probability: Probability = 0.0
@@ -79,28 +80,29 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # m of n scans: a track ends after so many misses where the person should have been seen; n is at most 62, as of
     # `confirm`
     delete: tuple[Scans, Scans] = (5, 5)
-    # exponent of the likelihood of negative information; 0: a place seen empty says nothing of where people are
-    absence_weight: Annotated[float, Meta(ge=0, le=100)] = 1.0
+    # exponent of the likelihood of negative information; 0: none
+    negative_information: Annotated[float, Meta(ge=0, le=100)] = 1.0
     # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
-    recovery_after: Time = 0.2
+    reacquire_after: Time = 0.2
     # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
     max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
     # m/s, largest speed of people: reach of lost ones, velocities of new tracks, spread of undetected people
     max_speed: Speed = 3.0
     # m/s, expected of people while few have been seen, for `motion = "mean-reverting"`
     walking_speed: Speed = 1.75
-    # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`;
-    # `"m_of_n"` counts scans, `confirm` and `delete`, as the paper does
-    life: Literal["m_of_n", "existence"] = "existence"
+    # track management, initiation and deletion of tracks: `"existence"`: each track has a probability of existence,
+    # `confirmation_threshold` and `deletion_threshold`; `"m_of_n"` counts scans, `confirm` and `delete`, as the paper
+    # does
+    management: Literal["m_of_n", "existence"] = "existence"
     # with `"existence"`: probability of a person to be there still a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
     # 1/m², with `"existence"`: people detected for the first time per scan; against `clutter_density`, how far a first
     # detection is believed
     birth_density: Density = 1e-5
     # with `"existence"`: probability of existence that confirms a new track
-    sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99
-    # with `"existence"`: probability of existence below which a track ends
-    doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001
+    confirmation_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    # with `"existence"`: probability of existence below which a track is deleted
+    deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
     # motion model of the trackers: `"mean-reverting"`: speeds return to that at which people were seen to walk;
     # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
@@ -109,8 +111,9 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
     # ([how](../how-to/trackers.md)), which takes of these keys what it can use
     tracker: str = "jpda"
-    # people expected anywhere in the area where `initial_tracks` is `"none"`; UAVs then search for them
-    unseen: Expected = 4.0
+    # people expected undetected anywhere in the area at the start, where `initial_tracks` is `"none"`; UAVs then search
+    # for them
+    undetected: Expected = 4.0
 
     def __post_init__(self) -> None:
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
@@ -118,8 +121,9 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"{name} {m} of {n} can never happen")
             if n > _MOST_SCANS:
                 raise ValueError(f"{name} {m} of {n} counts too many scans; at most {_MOST_SCANS} are allowed")
-        if self.doubt >= self.sure:
-            raise ValueError(f"doubt {self.doubt:g} must be below sure {self.sure:g}")
+        if self.deletion_threshold >= self.confirmation_threshold:
+            allowed = f"below confirmation_threshold {self.confirmation_threshold:g}"
+            raise ValueError(f"deletion_threshold {self.deletion_threshold:g} must be {allowed}")
 
 
 # Bounds are far beyond any mission, and short of what overflows or ends no more.

@@ -9,10 +9,10 @@ from sim.scenario.scenario import Scenario
 
 # Keys that are not used where another one, a part of the same table, has this value.
 _UNUSED = {
-    ("tracking.life", "existence"): ("confirm", "delete"),
-    ("tracking.life", "m_of_n"): ("survival", "birth_density", "sure", "doubt"),
+    ("tracking.management", "existence"): ("confirm", "delete"),
+    ("tracking.management", "m_of_n"): ("survival", "birth_density", "confirmation_threshold", "deletion_threshold"),
     ("tracking.motion", "ncv"): ("walking_speed",),
-    ("tracking.initial_tracks", "known"): ("unseen",),
+    ("tracking.initial_tracks", "known"): ("undetected",),
     ("sensing.mode", "ideal"): ("renderer", "detector"),
 }
 
@@ -83,7 +83,9 @@ def _about_false_alarms(scenario: Scenario) -> list[str]:
     if scenario.tracking.clutter_density < expected / 10:
         density = f"tracking.clutter_density: {scenario.tracking.clutter_density:g} per m2 is far below"
         found.append(f"{density} the {expected:.2g} that sensing.false_alarms means; tracks will follow false alarms")
-    if scenario.tracking.life == "m_of_n":
+    if scenario.tracking.management == "m_of_n":
         m, n = scenario.tracking.confirm
-        found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
+        found.append(
+            f'tracking.management: {m} of {n} false alarms make a track; "existence" weighs them against clutter'
+        )
     return found

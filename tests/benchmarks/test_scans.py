@@ -18,7 +18,7 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
-PARAMETERS = TrackerParameters(MOTION, life="m_of_n")
+PARAMETERS = TrackerParameters(MOTION, management="m_of_n")
 
 
 class Scene:

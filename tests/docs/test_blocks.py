@@ -139,7 +139,9 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    settings = [f"tracking.{s}" for s in ("absence_weight=0.3", "life=m_of_n", "recovery_after=1", "sigma_a=0.5")]
+    settings = [
+        f"tracking.{s}" for s in ("management=m_of_n", "negative_information=0.3", "reacquire_after=1", "sigma_a=0.5")
+    ]
     settings += ["tracking.motion=ncv", "tracking.max_variance=400"]
     assert scenario_of(recording) == load_scenario(grove, [*settings, "network.fusion=kla"])  # as the page says
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151

@@ -96,7 +96,7 @@ def test_study_files_on_pages_are_valid(tmp_path):
     path = tmp_path / "trackers.toml"
     path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
     assert [cell.settings for cell in cells(read(str(path)))] == [
-        {"tracking.tracker": "jpda"}, {"tracking.life": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
+        {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
     ]  # fmt: skip
 
 

@@ -85,7 +85,7 @@ LOADS |= {"rates.physics", "rates.sensing", "rates.planning", "sensing.false_ala
 WAYS = {
     "dynamics": ["quadrotor", "kinematic"], "uavs.0.mount": ["gimbal", "body"], "sensing.noise": ["camera"],
     "sensing.occlusion": ["disc"], "sensing.field_of_view": ["unlimited"], "tracking.initial_tracks": ["none"],
-    "tracking.life": ["existence"], "tracking.motion": ["ncv"], "network.fusion": ["kla"],
+    "tracking.management": ["existence"], "tracking.motion": ["ncv"], "network.fusion": ["kla"],
     "sensing.mode": ["camera"], "wind.velocity": [[12.0, 0.0], [-8.0, 8.0]], "sensing.detector": ["segmentation"],
     "rates.physics": [5, 60, 1000], "people.count": [0, 1, 9], "duration": [1e-9, 1.0], "network.rounds": [0, 20],
     "tracking.confirm": [[1, 1], [62, 62]], "tracking.delete": [[1, 62]], "trees.density": [0, 9],

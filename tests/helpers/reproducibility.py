@@ -41,7 +41,7 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "seed 1": (1, ()),
     "seed 2": (2, ()),
     "camera noise": (3, ("sensing.noise=camera",)),
-    "m of n": (4, ("tracking.life=m_of_n",)),
+    "m of n": (4, ("tracking.management=m_of_n",)),
     "kla": (5, ("network.fusion=kla",)),
     "unknown tracks": (6, ("tracking.initial_tracks=none",)),
     "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),

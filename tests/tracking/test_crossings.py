@@ -26,18 +26,18 @@ CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
 NOISE = NoiseModel.range_bearing(0.1)
 # Association alone, as Stone Soup does it: no track begins or ends, and people who are lost have not turned.
-_ALONE = {"confirm": (62, 62), "delete": (62, 62), "life": "m_of_n", "recovery_after": math.inf}
+_ALONE = {"confirm": (62, 62), "delete": (62, 62), "management": "m_of_n", "reacquire_after": math.inf}
 HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, **_ALONE)
 # Tracks begin and end, with what the testbed's cameras give by default: hardly a miss, no false alarms.
-WHOLE = TrackerParameters(MOTION, recovery_after=math.inf)
-COUNTED = TrackerParameters(MOTION, life="m_of_n", recovery_after=math.inf)
+WHOLE = TrackerParameters(MOTION, reacquire_after=math.inf)
+COUNTED = TrackerParameters(MOTION, management="m_of_n", reacquire_after=math.inf)
 # People without a detection in the last scan may have turned, too, which Stone Soup's JPDA does not weigh.
-RECOVERING = TrackerParameters(MOTION)
+REACQUIRING = TrackerParameters(MOTION)
 CASES = {
     "association alone": (HARD, 1e-4),
     "whole tracker": (WHOLE, 0),
     "whole tracker, m of n scans": (COUNTED, 0),
-    "whole tracker with re-acquisition": (RECOVERING, 0),
+    "whole tracker with re-acquisition": (REACQUIRING, 0),
 }
 # Largest mean OSPA beyond Stone Soup's [m]. By existence, two people so near that they may give one measurement are
 # not quite JPDA's.

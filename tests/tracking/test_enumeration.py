@@ -16,7 +16,12 @@ from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
-FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "max_variance": 1e9, "recovery_after": math.inf}
+FILTER = {
+    "confirmation_threshold": 1 - 1e-12,
+    "deletion_threshold": 1e-300,
+    "max_variance": 1e9,
+    "reacquire_after": math.inf,
+}
 IN_VIEW = Forest(()), Camera(ALL_ROUND, 128).lens(ABOVE)  # everything
 
 

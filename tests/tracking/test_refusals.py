@@ -25,13 +25,13 @@ from tracking.tracker import Track, Tracker, TrackerParameters
         ("survival", 0.0, r"in \(0, 1\]"),
         ("clutter_density", 0.0, "positive"),
         ("birth_density", 0.0, "positive"),
-        ("life", "musicki", "m_of_n or existence"),
+        ("management", "musicki", "m_of_n or existence"),
         ("confirm", (4, 3), "integers"),
         ("delete", (0, 3), "integers"),
-        ("absence_weight", -1.0, "0 or more"),
-        ("absence_weight", math.nan, "0 or more"),
-        ("recovery_after", -1.0, "0 or more"),
-        ("recovery_after", math.nan, "0 or more"),
+        ("negative_information", -1.0, "0 or more"),
+        ("negative_information", math.nan, "0 or more"),
+        ("reacquire_after", -1.0, "0 or more"),
+        ("reacquire_after", math.nan, "0 or more"),
         ("max_variance", 0.0, "positive"),
         ("max_variance", math.nan, "positive"),
         ("max_speed", -3.0, "positive"),
@@ -44,8 +44,9 @@ from tracking.tracker import Track, Tracker, TrackerParameters
 def test_wrong_parameters_of_a_tracker_are_named(field, value, allowed):
     with pytest.raises(ValueError, match=f"^{field} must be .*{allowed}.* is .*{str(value)[1:-1]}"):
         TrackerParameters(MOTION, **{field: value})
-    with pytest.raises(ValueError, match=r"doubt and sure must be 0 < doubt < sure < 1, are 0.5 and 0.4"):
-        TrackerParameters(MOTION, doubt=0.5, sure=0.4)
+    wrong = "deletion_threshold and confirmation_threshold must be 0 < deletion < confirmation < 1, are 0.5 and 0.4"
+    with pytest.raises(ValueError, match=f"^{wrong}$"):
+        TrackerParameters(MOTION, deletion_threshold=0.5, confirmation_threshold=0.4)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +97,7 @@ def test_a_scan_from_an_impossible_attitude_is_refused_and_changes_nothing(quate
     [
         ("tracking.delete=[63,63]", "delete 63 of 63 counts too many scans; at most 62 are allowed"),
         ("tracking.confirm=[2,100]", "confirm 2 of 100 counts too many scans"),
-        ("tracking.recovery_after=nan", "recovery_after"),
+        ("tracking.reacquire_after=nan", "reacquire_after"),
     ],
 )
 def test_wrong_settings_of_a_scenarios_tracker_are_named(setting, complaint):

@@ -37,18 +37,20 @@ def test_the_belief_in_a_hidden_person_stays_behind_the_tree():
 
 
 def test_m_of_n_scans_that_should_have_shown_the_person_end_a_track():
-    assert play(tracker(track(3, 0, 0, 0, 0), life="m_of_n"), [scan(k) for k in range(6)]) == [(3,)] * 4 + [()] * 2
+    assert (
+        play(tracker(track(3, 0, 0, 0, 0), management="m_of_n"), [scan(k) for k in range(6)]) == [(3,)] * 4 + [()] * 2
+    )
     assert play(tracker(track(3, 0, 0, 0, 0)), [scan(k, pose=AWAY) for k in range(30)])[-1] == (3,)
     poses = [ABOVE] * 4 + [AWAY] * 10 + [ABOVE]
-    ids = play(tracker(track(3, 0, 0, 0, 0), life="m_of_n"), [scan(k, pose=pose) for k, pose in enumerate(poses)])
+    ids = play(tracker(track(3, 0, 0, 0, 0), management="m_of_n"), [scan(k, pose=pose) for k, pose in enumerate(poses)])
     assert ids == [(3,)] * 14 + [()]
     seen = {4}
-    subject = tracker(track(3, 0, 0, 0, 0), life="m_of_n")
+    subject = tracker(track(3, 0, 0, 0, 0), management="m_of_n")
     ids = play(subject, [scan(k, *([(0, 0)] if k in seen else [])) for k in range(10)])
     assert ids == [(3,)] * 9 + [()]
     scans = [scan(k, *([(0, 0)] if k % 2 else [])) for k in range(10)]  # miss, hit, miss, hit, miss
-    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 5), life="m_of_n"), scans).index(()) == 4
-    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 4), life="m_of_n"), scans)[-1] == (3,)
+    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 5), management="m_of_n"), scans).index(()) == 4
+    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 4), management="m_of_n"), scans)[-1] == (3,)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +58,7 @@ def test_m_of_n_scans_that_should_have_shown_the_person_end_a_track():
     [((0, 1), 1), ((0, 2), 2), ((0, 3), None), ((0,), None), ((0, 3, 6), None), ((0, 3, 5), 5)],
 )
 def test_a_track_is_confirmed_by_two_hits_in_three_scans(hits, confirmed_at):
-    subject = tracker(life="m_of_n")
+    subject = tracker(management="m_of_n")
     ids = play(subject, [scan(k, *([(0.3 * k, 1)] if k in hits else [])) for k in range(8)])
     assert next((k for k, held in enumerate(ids) if held), None) == confirmed_at
 

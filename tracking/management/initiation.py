@@ -33,9 +33,9 @@ def initiated(
 
     z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; view: map of trees, and the camera of the scan.
     A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
-    at `sure`, and ends below `doubt` times its start, or after `PATIENCE` s without a measurement. By m of n, it needs
-    so many measurements within its first n scans. A measurement counts that is the track's with a probability above
-    one half. Source: [Musicki04], [Williams15].
+    at `confirmation_threshold`, and ends below `deletion_threshold` times its start, or after `PATIENCE` s without a
+    measurement. By m of n, it needs so many measurements within its first n scans. A measurement counts that is the
+    track's with a probability above one half. Source: [Musicki04], [Williams15].
     """
     if not tentative and not len(z):
         return [], []
@@ -60,20 +60,20 @@ def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
     covariance[:2, :2] = R
     covariance[2, 2] = covariance[3, 3] = p.max_speed * p.max_speed / 4
     belief = Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
-    return Tentative(belief, 1.0 if p.life == "m_of_n" else _start(p))
+    return Tentative(belief, 1.0 if p.management == "m_of_n" else _start(p))
 
 
 def _verdict(track: Tentative, p: TrackerParameters) -> bool | None:
     """True if the track is confirmed, False if it ends."""
-    if p.life == "m_of_n":
+    if p.management == "m_of_n":
         m, n = p.confirm
         if track.hits >= m:
             return True
         return False if track.hits + n - track.scans < m else None
-    if track.existence >= p.sure:
+    if track.existence >= p.confirmation_threshold:
         return True
     late = track.unseen > round(PATIENCE / p.motion.dt)
-    return False if late or track.existence < p.doubt * _start(p) else None
+    return False if late or track.existence < p.deletion_threshold * _start(p) else None
 
 
 def _updated(

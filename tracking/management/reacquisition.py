@@ -17,7 +17,7 @@ _TURN = 10.0  # s, mean time in which people turn or change speed as no motion m
 
 
 def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
-    """Rows of the tracks that no UAV has detected surely for `recovery_after` s, after the scan at `time` s.
+    """Rows of the tracks that no UAV has detected surely for `reacquire_after` s, after the scan at `time` s.
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """

@@ -216,7 +216,7 @@ class Nosy(Good):
     """Goes by where those it hears look for people."""
 
     def plan(self, team, rng):
-        north = {s.own.id: s.unseen.people[10:].sum() / max(s.unseen.people.sum(), 1e-9) for s in team}
+        north = {s.own.id: s.undetected.people[10:].sum() / max(s.undetected.people.sum(), 1e-9) for s in team}
         return [Plan(np.array([[0.0, 0.1 * sum(north[v.id] for v in s.vehicles if v.id in north)]])) for s in team]
 
 

@@ -1,4 +1,4 @@
-"""Terms of the objective: the worth of unseen ground against a plain transcription, and UAVs that keep apart."""
+"""Terms of the objective: search for undetected people against a plain transcription, and UAVs that keep apart."""
 
 import dataclasses
 import math
@@ -19,14 +19,14 @@ NONE = Intensity(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
 
 
 def unaware(situation, people=NONE.people):
-    return dataclasses.replace(situation, unseen=dataclasses.replace(NONE, people=people))
+    return dataclasses.replace(situation, undetected=dataclasses.replace(NONE, people=people))
 
 
 def found(situation, uav, place):
     """Part of each cell that a UAV sees from a place, by four points, times the probability of a find."""
     vehicle, points = situation.vehicles[uav], np.full((600, 4, 3), TARGET_HEIGHT)
     quarters = [(a, b) for a in (-1.25, 1.25) for b in (-1.25, 1.25)]
-    points[..., :2] = situation.unseen.centres().reshape(-1, 1, 2) + quarters
+    points[..., :2] = situation.undetected.centres().reshape(-1, 1, 2) + quarters
     camera = np.array([*place, vehicle.position[2]])
     view = view_quadrangle(vehicle)
     shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
@@ -38,7 +38,7 @@ def transcribed(situation, controls, uavs, candidate):
     """People not found, summed over steps, and beyond them the steps to each of them."""
     plans = controls.copy()
     plans[list(uavs)] = candidate
-    belief = situation.unseen
+    belief = situation.undetected
     start = np.array([v.position[:2] for v in situation.vehicles])
     ends = start + controls.sum(axis=1)
     left, total = belief.people.ravel().copy(), 0.0
@@ -102,7 +102,7 @@ def test_two_do_not_look_in_the_same_place(random_team):
     assert sorted(np.sign(east)) == [-1.0, 1.0] and min(np.abs(east)) > 15.0
 
 
-def unseen_people(*overrides, **options):
+def undetected_people(*overrides, **options):
     """People that each UAV expects where no camera has looked, at the end of a mission, and its faults."""
     mission, _ = fly("sensing.mode=ideal", *overrides, **options)
     assert mission.faults == []
@@ -112,10 +112,10 @@ def unseen_people(*overrides, **options):
 UNKNOWN = ("tracking.initial_tracks=none", "trees.density=0")
 
 
-def test_each_uav_infers_what_is_unseen_from_the_cameras_it_hears_of():
+def test_each_uav_infers_what_is_undetected_from_the_cameras_it_hears_of():
     together, apart, alone, more = (
-        unseen_people(*UNKNOWN, *overrides, duration=0.2)
-        for overrides in ((), ("network.range=1",), ("people.count=1",), ("tracking.unseen=9",))
+        undetected_people(*UNKNOWN, *overrides, duration=0.2)
+        for overrides in ((), ("network.range=1",), ("people.count=1",), ("tracking.undetected=9",))
     )
     np.testing.assert_array_equal(together[1:], together[[0, 0]])
     np.testing.assert_allclose(together[0], np.prod(apart, axis=0) / (4.0 / 600) ** 2, rtol=1e-12)
@@ -126,7 +126,7 @@ def test_each_uav_infers_what_is_unseen_from_the_cameras_it_hears_of():
 def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
     def left(duration):
         settings = ("rates.planning=5", "uavs.0.rate=1", "uavs.1.rate=1", "network.range=1", "people.paths=[]")
-        return unseen_people(*UNKNOWN, *settings, "people.count=1", duration=duration, seed=1).sum(axis=(1, 2))
+        return undetected_people(*UNKNOWN, *settings, "people.count=1", duration=duration, seed=1).sum(axis=(1, 2))
 
     once, again, later = left(0.1), left(0.8), left(1.0)
     np.testing.assert_allclose(again[:2], once[:2], rtol=1e-9)
@@ -134,14 +134,14 @@ def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
 
 
 def test_with_all_targets_known_none_is_undetected():
-    assert not unseen_people(planner="sma-nbo-mwtp", duration=3).any()
+    assert not undetected_people(planner="sma-nbo-mwtp", duration=3).any()
 
 
 def test_with_search_fewer_people_are_left_where_no_camera_looked():
     """Wandering people: without search UAVs hover by the people that they have found."""
     settings = (UNKNOWN[0], "people.paths=[]", "trees.density=15")
     without, searching = (
-        unseen_people(*settings, planner=f"sma-nbo-mwtp(search={search}, evaluations=256)", duration=12, seed=3)
+        undetected_people(*settings, planner=f"sma-nbo-mwtp(search={search}, evaluations=256)", duration=12, seed=3)
         for search in (0, 25)
     )
     assert searching.sum(axis=(1, 2)).max() < without.sum(axis=(1, 2)).min() - 0.5

@@ -23,7 +23,7 @@ def sprinkled(people):
 def test_drawn_people_are_as_many_and_where_the_intensity_has_them(random_team):
     rng = np.random.default_rng(4)
     people = rng.random((4, 6)) * (rng.random((4, 6)) < 0.7) * 0.4
-    situation = dataclasses.replace(random_team(0, targets=0)[0], unseen=sprinkled(people))
+    situation = dataclasses.replace(random_team(0, targets=0)[0], undetected=sprinkled(people))
     worlds = [drawn_world(situation, rng) for _ in range(4000)]
     counts = np.bincount([len(w.states) for w in worlds], minlength=20)
     each = np.exp(-people.sum()) * people.sum() ** np.arange(20) / [math.factorial(n) for n in range(20)]
@@ -31,12 +31,12 @@ def test_drawn_people_are_as_many_and_where_the_intensity_has_them(random_team):
         chisquare(np.append(counts[:8], counts[8:].sum()), 4000 * np.append(each[:8], 1 - each[:8].sum())).pvalue > 0.01
     )
     places = np.concatenate([w.states for w in worlds])
-    columns, rows = np.floor((places[:, :2] - situation.unseen.low) / 5.0).astype(int).T
+    columns, rows = np.floor((places[:, :2] - situation.undetected.low) / 5.0).astype(int).T
     found = np.bincount(6 * rows + columns, minlength=24)
     expected = people.ravel() / people.sum() * len(places)
     assert found[expected == 0].sum() == 0
     assert chisquare(found[expected > 0], expected[expected > 0]).pvalue > 0.01
-    within = (places[:, :2] - situation.unseen.low) / 5.0 % 1.0
+    within = (places[:, :2] - situation.undetected.low) / 5.0 % 1.0
     for axis in within.T:
         assert chisquare(np.histogram(axis, 10, (0, 1))[0]).pvalue > 0.01
     assert np.all(np.isinf(np.concatenate([w.errors for w in worlds]))) and not places[:, 2:].any()
@@ -82,7 +82,7 @@ def test_the_goal_is_the_place_of_most_error_per_step_by_plain_enumeration(rando
     planner, away = Thompson(), 0
     for seed in range(15):
         situation = dataclasses.replace(
-            random_team(seed, trees=120, spread=30.0)[0], unseen=sprinkled(np.full((20, 30), 0.005))
+            random_team(seed, trees=120, spread=30.0)[0], undetected=sprinkled(np.full((20, 30), 0.005))
         )
         world = drawn_world(situation, np.random.default_rng(seed))
         place, rate = plain_goal(planner, situation, world)
@@ -97,7 +97,7 @@ def test_goals_fall_as_often_to_a_place_as_it_holds_more_people(random_team):
     (situation,) = refitted(team, lambda v: dataclasses.replace(v, position=np.array([0.0, 0.0, 20.0])))
     people = np.zeros((1, 21))
     people[0, 0], people[0, 20] = 1.2, 0.7
-    situation = dataclasses.replace(situation, unseen=sprinkled(people))
+    situation = dataclasses.replace(situation, undetected=sprinkled(people))
     planner, rng, west, east = Thompson(horizon=100), np.random.default_rng(1), 0, 0
     for _ in range(1500):
         controls = planner.plan([situation], rng)[0].controls

@@ -42,14 +42,14 @@ def test_rows_are_the_nearest_with_offsets_beliefs_and_times(teams):
         trees = sorted(situation.forest.trees, key=lambda t: math.dist((t.x, t.y), here[:2]))[:4]
         expected = [(t.x - here[0], t.y - here[1], t.canopy_radius) for t in trees]
         np.testing.assert_allclose(found["trees"], expected, rtol=1e-6)
-        np.testing.assert_allclose(found["unseen"], situation.unseen.people, rtol=1e-6)
+        np.testing.assert_allclose(found["undetected"], situation.undetected.people, rtol=1e-6)
     assert full > 5
 
 
 def test_where_undetected_people_are_not_estimated_none_are_expected(random_team):
     situation = random_team(0)[0]
     found = Observations(2).of(situation)
-    assert situation.unseen is None and found["unseen"].shape == (20, 30) and not found["unseen"].any()
+    assert situation.undetected is None and found["undetected"].shape == (20, 30) and not found["undetected"].any()
     assert "neighbours" not in Observations(0).of(situation)
 
 
@@ -77,9 +77,9 @@ def test_a_time_unseen_grows_while_no_camera_sees_the_person(teams):
     assert grown and any(seen.values())
 
 
-def believed(situation, tracks, unseen):
-    people = np.full((2, 2), unseen / 4)
-    return dataclasses.replace(situation, tracks=tracks, unseen=Intensity(people, (0.0, 0.0), (1.0, 1.0)))
+def believed(situation, tracks, undetected):
+    people = np.full((2, 2), undetected / 4)
+    return dataclasses.replace(situation, tracks=tracks, undetected=Intensity(people, (0.0, 0.0), (1.0, 1.0)))
 
 
 def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
@@ -97,8 +97,8 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
             for track, spread in zip(tracks, spreads, strict=True)
             if rng.random() < track.existence
         ]
-        unseen = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
-        squares.append(gospa(reported_positions(tracks), np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
+        undetected = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
+        squares.append(gospa(reported_positions(tracks), np.array([*there, *undetected]).reshape(-1, 2)).distance ** 2)
     reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
     assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
     assert reward < 0

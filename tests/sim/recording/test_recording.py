@@ -179,9 +179,9 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks_renders_and_exports
     assert len(rows) == 1 + len(recording.track_ids)
 
 
-def lived(life: str):
+def managed(management: str):
     """A recording, and the tracks that the mission had."""
-    flown = fly("sensing.mode=ideal", "trees.density=0", f"tracking.life={life}", seed=1, duration=2)
+    flown = fly("sensing.mode=ideal", "trees.density=0", f"tracking.management={management}", seed=1, duration=2)
     return recording_of(*flown, seed=1), [track for s in flown[1] for held in s.tracks for track in held]
 
 
@@ -192,7 +192,7 @@ def exported(recording, folder) -> list[float]:
 
 
 def test_sightings_and_existence_come_back_to_the_last_bit_where_they_are_known(tmp_path):
-    recording, given = lived("existence")
+    recording, given = managed("existence")
     existence = [track.existence for track in given]
     assert all(0.0 < r < 1.0 for r in existence) and len(set(existence)) > 5
     assert len({track.sighting[2] for track in given}) > 1
@@ -201,7 +201,7 @@ def test_sightings_and_existence_come_back_to_the_last_bit_where_they_are_known(
     found = [track for k in range(11) for i in range(3) for track in again.tracks_at(k, i)]
     assert [track.existence for track in found] == exported(again, tmp_path / "csv") == existence
     np.testing.assert_array_equal([track.sighting for track in found], [track.sighting for track in given])
-    counted, given = lived("m_of_n")
+    counted, given = managed("m_of_n")
     assert {track.existence for track in given} == {1.0} and np.all(np.isnan(counted.track_existence))
     lacking = {"track_existence": None, "track_sightings": None}
     old = load(rewritten(tmp_path / "mission.npz", tmp_path / "old.npz", **lacking))

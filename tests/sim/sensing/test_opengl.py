@@ -148,10 +148,10 @@ def test_misses_for_which_the_tracker_is_not_set_are_remarked_on():
 
 
 def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
-    assert remarks(load("forest", ["sensing.false_alarms=1", "tracking.life=m_of_n"])) == [
+    assert remarks(load("forest", ["sensing.false_alarms=1", "tracking.management=m_of_n"])) == [
         "tracking.clutter_density: 1e-06 per m2 is far below the 0.0025 that sensing.false_alarms means; "
         "tracks will follow false alarms",
-        'tracking.life: 2 of 3 false alarms make a track; "existence" weighs them against clutter',
+        'tracking.management: 2 of 3 false alarms make a track; "existence" weighs them against clutter',
     ]
     ready = ["sensing.false_alarms=1", "tracking.clutter_density=0.002"]
     assert remarks(load("forest", ready)) == []
@@ -162,13 +162,16 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
 @pytest.mark.parametrize(
     ("changes", "remark"),
     [
-        (["tracking.confirm=[3, 4]"], 'tracking.confirm: not used with tracking.life = "existence"'),
-        (["tracking.life=m_of_n", "tracking.sure=0.9"], 'tracking.sure: not used with tracking.life = "m_of_n"'),
+        (["tracking.confirm=[3, 4]"], 'tracking.confirm: not used with tracking.management = "existence"'),
+        (
+            ["tracking.management=m_of_n", "tracking.confirmation_threshold=0.9"],
+            'tracking.confirmation_threshold: not used with tracking.management = "m_of_n"',
+        ),
         (
             ["tracking.motion=ncv", "tracking.walking_speed=1"],
             'tracking.walking_speed: not used with tracking.motion = "ncv"',
         ),
-        (["tracking.unseen=9"], 'tracking.unseen: not used with tracking.initial_tracks = "known"'),
+        (["tracking.undetected=9"], 'tracking.undetected: not used with tracking.initial_tracks = "known"'),
         (["sensing.mode=ideal", "sensing.renderer=egl"], 'sensing.renderer: not used with sensing.mode = "ideal"'),
         (
             ["people.walks=['waypoints']", "people.paths=[[[0, 0], [9, 9]]]"],

@@ -149,9 +149,9 @@ def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
         assert (s.sensing.mode, s.sensing.occlusion, s.sensing.noise) == ("ideal", "disc", "range_bearing")
         assert (s.dynamics, s.first_decision, s.duration) == ("kinematic", 1.0, 40.0)
         assert (s.tracking.initial_tracks, s.tracking.sigma_a, s.tracking.motion) == ("none", 1.0, "ncv")
-        assert (s.tracking.confirm, s.tracking.delete, s.tracking.life) == ((2, 3), (5, 5), "m_of_n")
+        assert (s.tracking.confirm, s.tracking.delete, s.tracking.management) == ((2, 3), (5, 5), "m_of_n")
         assert (s.network.fusion, s.network.rounds, s.network.links, s.network.loss) == ("kla", 5, (), 0.0)
-        assert s.tracking.absence_weight == 0.0 and s.tracking.recovery_after > s.duration
+        assert s.tracking.negative_information == 0.0 and s.tracking.reacquire_after > s.duration
         assert s.trees.canopy_radius == 5.0 and (s.area.width, s.area.height) == (150.0, 100.0)
         assert [(u.alpha, u.max_speed) for u in s.uavs] == [(0.1, 5), (0.15, 5), (0.12, 5)]
         edges = [2 * (u.altitude - TARGET_HEIGHT) * math.tan(math.radians(u.fov_deg / 2)) for u in s.uavs]
@@ -410,7 +410,13 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         {"sensing.mode", "uavs"},
         {
             f"tracking.{k}"
-            for k in ("life", "detection_probability", "gate_probability", "absence_weight", "recovery_after")
+            for k in (
+                "management",
+                "detection_probability",
+                "gate_probability",
+                "negative_information",
+                "reacquire_after",
+            )
         },
         {"tracking.sigma_a"},
         set(),

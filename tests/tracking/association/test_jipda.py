@@ -75,11 +75,11 @@ def test_one_track_follows_musickis_recursion():
 def test_a_tracker_follows_the_recursion_over_hits_and_misses():
     subject = tracker(
         maybe(0.6, 0, 0, 1, 0),
-        life="existence",
+        management="existence",
         survival=0.98,
         clutter_density=0.01,
-        absence_weight=0.0,
-        recovery_after=math.inf,
+        negative_information=0.0,
+        reacquire_after=math.inf,
     )
     belief, r = maybe(0.6, 0, 0, 1, 0).belief, 0.6
     for k, seen in enumerate([True, False, False, True, False, True, True]):
@@ -126,7 +126,7 @@ def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
     r = np.array([1e-8, 0.2, 0.5, 1 - 1e-8])
     np.testing.assert_allclose(from_log_odds(log_odds(r)), r, rtol=1e-12)
     assert np.isfinite(log_odds(np.array([0.0, 1.0]))).all()
-    counted = tracker(track(3, 0, 0, 0, 0), life="m_of_n")
+    counted = tracker(track(3, 0, 0, 0, 0), management="m_of_n")
     play(counted, [scan(k) for k in range(4)])
     assert [t.existence for t in counted.tracks] == [1.0]
 
@@ -134,7 +134,7 @@ def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
 @pytest.mark.parametrize(("survival", "left"), [(1.0, 0.9), (0.99, 0.9 * 0.99**20)])
 def test_a_person_hidden_for_twenty_seconds_exists_as_survival_says(survival, left):
     trees = Forest((Tree(0, 0, 90.0),))
-    settings = {"life": "existence", "survival": survival, "max_variance": 400.0}
+    settings = {"management": "existence", "survival": survival, "max_variance": 400.0}
     subject = tracker(maybe(0.9, -1, 0, 0.1, 0), forest=trees, **settings)
     assert play(subject, [scan(k) for k in range(101)])[-1] == (3,)
     assert subject.tracks[0].existence == pytest.approx(left, rel=1e-9)
@@ -146,7 +146,9 @@ def test_a_person_hidden_for_twenty_seconds_exists_as_survival_says(survival, le
 @pytest.mark.parametrize("radius", [2.0, 5.0])
 def test_the_track_of_a_person_under_a_watched_canopy_is_not_deleted(radius):
     """The belief reaches beyond the edge and is pushed back: only what it should have shown counts."""
-    subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, radius),)), life="existence", survival=1.0)
+    subject = tracker(
+        track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, radius),)), management="existence", survival=1.0
+    )
     assert play(subject, [scan(k) for k in range(101)])[-1] == (3,) and subject.tracks[0].existence > 0.9
 
 
@@ -154,7 +156,7 @@ def test_the_track_of_a_person_under_a_watched_canopy_is_not_deleted(radius):
 def test_an_empty_place_in_plain_view_ends_a_track_when_the_odds_say_so(detection, scans):
     """From a log-odds of 9: each miss multiplies the odds by 1 - P_D, down to 1 : 999."""
     r = float(from_log_odds(np.array(9.0)))
-    settings = {"life": "existence", "survival": 1.0, "detection_probability": detection, "max_variance": 1e6}
+    settings = {"management": "existence", "survival": 1.0, "detection_probability": detection, "max_variance": 1e6}
     ids = play(tracker(maybe(r, 0, 0, 0, 0), **settings), [scan(k) for k in range(25)])
     assert ids.index(()) == math.ceil((9 + math.log(999)) / -math.log(1 - detection * 0.9999)) - 1 == scans - 1
 
@@ -162,22 +164,22 @@ def test_an_empty_place_in_plain_view_ends_a_track_when_the_odds_say_so(detectio
 def test_half_a_belief_in_view_lowers_existence_by_half_the_probability_of_detection():
     # The mean lies on the border of the field of view, the plane of sight at a person's height.
     edge = (20.0 - 0.85) * math.tan(math.radians(30))
-    subject = tracker(maybe(0.5, edge, 0, 0, 0), life="existence", survival=1.0)
+    subject = tracker(maybe(0.5, edge, 0, 0, 0), management="existence", survival=1.0)
     play(subject, [scan(0)])
     assert subject.tracks[0].existence == pytest.approx((1 - PLAIN / 2) / (2 - PLAIN / 2), rel=1e-6)
 
 
 def test_tentative_tracks_are_confirmed_unless_clutter_explains_them_or_forgotten():
-    few, many = ({"life": "existence", "clutter_density": c} for c in (1e-6, 1e-2))
+    few, many = ({"management": "existence", "clutter_density": c} for c in (1e-6, 1e-2))
     scans = [scan(k, (0.2 * k, 1.0)) for k in range(8)]
     assert play(tracker(**few), scans).index((2_000_000,)) == 1
     assert 2 <= next(k for k, ids in enumerate(play(tracker(**many), scans)) if ids) <= 4
     # Newcomers likelier than clutter by far are believed at sight.
-    assert play(tracker(life="existence", birth_density=1e-3), scans)[0] != ()
-    subject = tracker(life="existence")
+    assert play(tracker(management="existence", birth_density=1e-3), scans)[0] != ()
+    subject = tracker(management="existence")
     scans = [scan(0, (0, 0)), *(scan(k, pose=AWAY) for k in range(1, 7)), scan(7, (0.1, 0))]
     assert play(subject, scans) == [()] * 8
-    waited = tracker(life="existence")
+    waited = tracker(management="existence")
     assert play(waited, [scan(0, (0, 0)), *(scan(k, pose=AWAY) for k in range(1, 4)), scan(4, (0.1, 0))])[-1] != ()
 
 
@@ -200,11 +202,13 @@ def cluttered(seed: int, **settings) -> tuple[int, int]:
 
 
 def test_ghosts_are_fewer_than_by_counting_scans_and_die():
-    counted = np.array([cluttered(seed, life="m_of_n") for seed in range(4)]).sum(axis=0)
-    existing = np.array([cluttered(seed, life="existence") for seed in range(4)]).sum(axis=0)
+    counted = np.array([cluttered(seed, management="m_of_n") for seed in range(4)]).sum(axis=0)
+    existing = np.array([cluttered(seed, management="existence") for seed in range(4)]).sum(axis=0)
     assert counted[0] > 50 and existing[0] <= 5
     assert existing[1] - counted[1] <= 2 * 4 * 2  # two people, four runs, at most two scans each
-    subject = tracker(maybe(0.999, 0, 0, 0, 0), maybe(0.999, 7, 7, 1, 0, id=4), life="existence", clutter_density=1e-3)
+    subject = tracker(
+        maybe(0.999, 0, 0, 0, 0), maybe(0.999, 7, 7, 1, 0, id=4), management="existence", clutter_density=1e-3
+    )
     rng = np.random.default_rng(3)
     held = play(subject, [scan(k, *rng.uniform(-11, 11, (rng.poisson(0.48), 2))) for k in range(40)])
     assert held[-1] == ()

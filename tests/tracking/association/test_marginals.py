@@ -94,7 +94,7 @@ def test_a_tracker_on_a_whole_run_is_stone_soups():
     never = (62, 62)  # no other track begins
     known = [track(k, -3 + 2 * k, 2 - 2 * k, 1 - k, k - 1) for k in range(3)]
     settings = {"detection_probability": 0.9, "clutter_density": 0.01, "gate_probability": 0.99}
-    subject = tracker(*known, **settings, confirm=never, life="m_of_n", recovery_after=math.inf)
+    subject = tracker(*known, **settings, confirm=never, management="m_of_n", reacquire_after=math.inf)
     subject.step(scan(0))
     fuse([subject], np.zeros((1, 1), bool), 0)
     peer = StoneSoup(subject.parameters, subject.tracks)

@@ -42,7 +42,7 @@ def true_deviations(radius: float, speed: float, around: bool) -> np.ndarray:
 def believed(radius: float, speed: float, around: bool, **settings) -> np.ndarray:
     """The same of a fleet of trackers, all of which hear one another."""
     known, tree, out = track(3, *start(radius, speed)), Forest((Tree(0.0, 0.0, radius),)), []
-    members = [tracker(known, uav=u, forest=tree, doubt=1e-300, **settings) for u in range(UAVS)]
+    members = [tracker(known, uav=u, forest=tree, deletion_threshold=1e-300, **settings) for u in range(UAVS)]
     for k in range(INSTANTS[-1] + 1):
         for member, pose in zip(members, poses(radius, around), strict=True):
             member.step(scan(k, uav=member.uav, pose=pose))
@@ -60,5 +60,5 @@ def test_a_fleets_belief_in_a_hidden_person_is_as_wide_as_a_particle_filters(aro
 
 
 def test_without_negative_information_beliefs_are_wider():
-    ratios = believed(2.0, 1.0, True, absence_weight=0.0) / true_deviations(2.0, 1.0, True)
+    ratios = believed(2.0, 1.0, True, negative_information=0.0) / true_deviations(2.0, 1.0, True)
     assert ratios[0] > 1.3 and ratios[1] > 2.5

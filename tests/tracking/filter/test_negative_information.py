@@ -101,7 +101,7 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     predicted = mean[None], covariance[None]
 
     def undetected(weight):
-        p = TrackerParameters(MOTION, absence_weight=weight)
+        p = TrackerParameters(MOTION, negative_information=weight)
         return scan_prediction(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
 
     off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
@@ -124,7 +124,7 @@ def true_posterior(radius: float, speed: float, detection: float = 0.99) -> tupl
 def believed(radius: float, speed: float, every: int = 1, **settings) -> tuple[np.ndarray, np.ndarray]:
     """The same of a tracker that has a frame in some of the scans."""
     known, tree = track(3, *start(radius, speed), variance=0.05), Forest((Tree(0.0, 0.0, radius),))
-    subject, out = tracker(known, forest=tree, delete=(60, 60), life="m_of_n", **settings), []
+    subject, out = tracker(known, forest=tree, delete=(60, 60), management="m_of_n", **settings), []
     for k in range(INSTANTS[-1] + 1):
         if k % every == 0:
             play(subject, [scan(k)])
@@ -143,7 +143,7 @@ def test_the_belief_in_a_hidden_person_agrees_with_a_particle_filter(radius, spe
     assert np.max(np.abs(found - means) / deviations) < 0.8
     assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.5
     if radius < 8.0:  # from under which it takes longer to come out than this
-        found, widths = believed(radius, speed, absence_weight=0.0)
+        found, widths = believed(radius, speed, negative_information=0.0)
         assert np.max(np.abs(found - means) / deviations) > 2.0 and np.max(widths / deviations) > 2.0
 
 

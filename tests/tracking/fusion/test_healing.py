@@ -14,7 +14,7 @@ PAIR = np.ones((2, 2), bool)
 
 
 def test_misses_of_a_split_do_not_count_against_a_track_seen_elsewhere():
-    trackers = fleet(2, track(3, 0, 0, 0, 0), life="m_of_n")
+    trackers = fleet(2, track(3, 0, 0, 0, 0), management="m_of_n")
     for k in range(8):
         seen = [(0.0, 0.0)]
         looks = (seen if k <= 4 else None), (seen if k == 0 or k >= 6 else [])
@@ -39,7 +39,7 @@ def test_a_relabelled_track_does_not_take_a_hidden_persons_track():
 
 
 def test_people_are_found_if_every_miss_makes_a_track_lost():
-    trackers = fleet(1, recovery_after=0.0)
+    trackers = fleet(1, reacquire_after=0.0)
     for k in range(6):
         trackers[0].step(scan(k, (0, 0), (5, 5)))
         fuse(trackers, np.zeros((1, 1), bool), 5)

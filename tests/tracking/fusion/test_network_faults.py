@@ -156,7 +156,7 @@ def test_a_reacquisition_unknown_to_some_uavs_makes_no_duplicate():
         for t in trackers:
             t.step(scan(k, *z, uav=t.uav) if t.uav == 0 else scan(k, uav=t.uav, pose=AWAY))
         deaf = np.zeros((5, 3, 3), bool)
-        deaf[:, 1] = k == 13  # two of three: confirmed and recovered in this scan
+        deaf[:, 1] = k == 13  # two of three: confirmed and re-acquired in this scan
         fuse(trackers, graph("complete", 3), 5, deaf)
     assert ids(trackers) == [(3,)] * 3
 

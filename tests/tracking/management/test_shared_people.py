@@ -57,7 +57,7 @@ def fed_apart(**settings) -> list[tuple[int, ...]]:
 
 
 def test_two_uavs_do_not_feed_a_track_each_of_one_person():
-    assert fed_apart()[7:] == [(3,)] * 13 and fed_apart(life="m_of_n")[7:] == [(3,)] * 13
+    assert fed_apart()[7:] == [(3,)] * 13 and fed_apart(management="m_of_n")[7:] == [(3,)] * 13
 
 
 def test_a_measurement_is_a_hit_of_one_track():
@@ -82,7 +82,7 @@ def test_two_people_under_one_canopy_stay_two(radius):
 def test_a_lost_track_that_takes_a_neighbours_measurements_starves_nobody():
     """Person 3 goes under a tree and stands; person 4 passes it. Both come out as themselves."""
     subject = tracker(
-        track(3, -3.0, 0, 1.0, 0), track(4, -3.0, -2.6, 1.0, 0), forest=Forest((Tree(0, 0, 2.0),)), recovery_after=0.2
+        track(3, -3.0, 0, 1.0, 0), track(4, -3.0, -2.6, 1.0, 0), forest=Forest((Tree(0, 0, 2.0),)), reacquire_after=0.2
     )
     rng, held = np.random.default_rng(5), []
     for k in range(60):

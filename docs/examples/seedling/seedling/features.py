@@ -32,7 +32,7 @@ class View(NamedTuple):
     known: Array  # (T, 3): trace of the covariance [m²], time since the last sighting [s], existence
     cylinders: Array
     grid: Grid
-    unseen: Array  # (rows, columns)
+    undetected: Array  # (rows, columns)
     low: tuple[float, float]
     cell: tuple[float, float]
 
@@ -124,11 +124,11 @@ def of_pair(view: View, move: Array, t: int, about: tuple[Array, Array], row: Ar
 @compiled
 def search_goal(view: View) -> tuple[float, float, float]:
     """Place [m] where most people not found are expected about a field of view, for its distance; and their number."""
-    rows, columns = view.unseen.shape
+    rows, columns = view.undetected.shape
     own, best, found = view.own, 0.0, (0.0, 0.0, 0.0)
     for r in range(rows):
         for c in range(columns):
-            people = view.unseen[max(0, r - 2) : r + 3, max(0, c - 2) : c + 3]
+            people = view.undetected[max(0, r - 2) : r + 3, max(0, c - 2) : c + 3]
             around = 0.0
             for a in range(people.shape[0]):
                 for b in range(people.shape[1]):
@@ -150,12 +150,12 @@ def of_place(view: View, move: Array, goal: tuple[float, float, float], row: Arr
     own, x, y = view.own, view.positions[view.own, 0], view.positions[view.own, 1]
     reach, expected, nearer, close = max(view.reach, 1e-9), 0.0, 0.0, 0.0
     if goal[2] > 0.0:
-        for r in range(view.unseen.shape[0]):
-            for c in range(view.unseen.shape[1]):
+        for r in range(view.undetected.shape[0]):
+            for c in range(view.undetected.shape[1]):
                 dx = view.low[0] + (c + 0.5) * view.cell[0] - x - 2.0 * move[0]
                 dy = view.low[1] + (r + 0.5) * view.cell[1] - y - 2.0 * move[1]
-                if view.unseen[r, c] > 0.0 and inside(view.views, own, dx, dy):
-                    expected += view.unseen[r, c]
+                if view.undetected[r, c] > 0.0 and inside(view.views, own, dx, dy):
+                    expected += view.undetected[r, c]
         place = goal[0], goal[1]
         nearer = (gap(view, own, x, y, place) - gap(view, own, x + move[0], y + move[1], place)) / reach
     for j in range(len(view.views)):

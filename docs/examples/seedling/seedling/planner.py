@@ -53,7 +53,7 @@ def choices(situation: Situation, decided: Mapping[int, Plan]) -> tuple[Array, A
 
 def _view(situation: Situation, heard: Mapping[int, Plan]) -> View:
     """Knowledge of a UAV as arrays."""
-    vehicles, step, unseen = situation.vehicles, situation.step, situation.unseen
+    vehicles, step, undetected = situation.vehicles, situation.step, situation.undetected
     positions = np.array([v.position for v in vehicles], dtype=float)
     nexts = positions.copy()
     for row, vehicle in zip(nexts, vehicles, strict=True):
@@ -78,9 +78,9 @@ def _view(situation: Situation, heard: Mapping[int, Plan]) -> View:
         known=_known(situation.tracks, covariances, situation.time),
         cylinders=situation.forest.blockers,
         grid=situation.forest.grid,
-        unseen=_NOWHERE if unseen is None else np.ascontiguousarray(unseen.people, dtype=float),
-        low=(0.0, 0.0) if unseen is None else unseen.low,
-        cell=(1.0, 1.0) if unseen is None else unseen.cell,
+        undetected=_NOWHERE if undetected is None else np.ascontiguousarray(undetected.people, dtype=float),
+        low=(0.0, 0.0) if undetected is None else undetected.low,
+        cell=(1.0, 1.0) if undetected is None else undetected.cell,
     )
 
 

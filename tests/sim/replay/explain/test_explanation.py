@@ -196,7 +196,7 @@ def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission)
     [
         ("uavs.0.fails_at=0.4", "uavs.2.fails_at=0.4", "uavs.1.rate=1"),
         ("sensing.mode=ideal", "sensing.field_of_view=unlimited", "tracking.initial_tracks=none"),
-        ("uavs.0.pixels=200", "uavs.1.tilt_deg=30", "tracking.life=existence", "uavs.2.mount=body"),
+        ("uavs.0.pixels=200", "uavs.1.tilt_deg=30", "tracking.management=existence", "uavs.2.mount=body"),
     ],
     ids=["broken and slow", "unlimited", "cameras"],
 )

@@ -13,7 +13,7 @@ from tracking.measurement_update import associate, scan_update
 
 CASES = {
     "m_of_n": ["trees.density=75"],
-    "existence": ["tracking.life=existence", "tracking.initial_tracks=none", "sensing.false_alarms=1"],
+    "existence": ["tracking.management=existence", "tracking.initial_tracks=none", "sensing.false_alarms=1"],
     "discs, nearly constant velocity, a slow camera, one that breaks down": [
         "sensing.occlusion=disc", "tracking.motion=ncv", "uavs.1.rate=1", "uavs.2.fails_at=2",
         "network.fusion=hcmci",

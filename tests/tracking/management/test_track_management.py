@@ -19,14 +19,14 @@ from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
 from tracking.tracker import Tracker
 
-BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
+BOTH = pytest.mark.parametrize("management", ["m_of_n", "existence"])
 EDGE = (20.0 - 0.85) * math.tan(math.radians(30))  # of the field of view, at a person's height [m]
 PAIR = np.ones((2, 2), bool)
 
 
 @BOTH
-def test_a_person_that_turns_under_a_canopy_keeps_the_id(life):
-    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
+def test_a_person_that_turns_under_a_canopy_keeps_the_id(management):
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), management=management)
     play(subject, [scan(k) for k in range(17)])
     ids = play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
     assert ids[-1] == (3,)
@@ -34,7 +34,7 @@ def test_a_person_that_turns_under_a_canopy_keeps_the_id(life):
 
 
 def test_of_more_births_than_labels_the_rest_begins_in_the_next_scan():
-    subject, half = tracker(life="m_of_n", confirm=(1, 1)), LABELS_PER_SCAN // 2
+    subject, half = tracker(management="m_of_n", confirm=(1, 1)), LABELS_PER_SCAN // 2
     places = [(float(k % 25 - 12) * 0.8, float(k // 25 - 12) * 0.8) for k in range(half + 3)]
     first, second = play(subject, [scan(k, *places) for k in range(2)])
     assert first == tuple(new_label(1, 0, k) for k in range(half))
@@ -49,8 +49,8 @@ def test_a_tentative_track_ends_after_a_second_without_a_measurement(apart, conf
 
 
 @BOTH
-def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
-    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
+def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(management):
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), management=management)
     play(subject, [scan(k) for k in range(7)])
     ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
     assert len(ids[-1]) == 2 and ids[-1][0] == 3
@@ -58,9 +58,9 @@ def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
 
 @BOTH
 @pytest.mark.parametrize("kind", ["ncv", "mean-reverting"])
-def test_crossing_people_keep_their_ids(life, kind):
+def test_crossing_people_keep_their_ids(management, kind):
     rng = np.random.default_rng(0)
-    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0, 1.6), life=life)
+    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0, 1.6), management=management)
     subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
     for k in range(41):
         people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
@@ -69,9 +69,9 @@ def test_crossing_people_keep_their_ids(life, kind):
 
 
 @BOTH
-def test_two_people_detected_at_once_get_two_lasting_tracks(life):
+def test_two_people_detected_at_once_get_two_lasting_tracks(management):
     rng = np.random.default_rng(1)
-    subject = tracker(life=life)
+    subject = tracker(management=management)
     people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
     ids = play(subject, [scan(k, *(p + rng.normal(scale=0.15, size=(2, 2)))) for k, p in enumerate(people)])
     assert ids[1:] == [(2_000_000, 2_000_001)] * 24
@@ -80,7 +80,7 @@ def test_two_people_detected_at_once_get_two_lasting_tracks(life):
 @pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
 def test_only_scans_that_should_have_shown_the_person_count(place, counts):
     """At the edge half of the belief is in view, at the corner a quarter, a metre inside all of it."""
-    subject = tracker(track(3, *place, 0, 0, variance=0.01), absence_weight=0.0)
+    subject = tracker(track(3, *place, 0, 0, variance=0.01), negative_information=0.0)
     ids = play(subject, [scan(k) for k in range(5)])
     assert ids[3] == (3,) and (ids[4] == ()) == counts
 
@@ -89,8 +89,10 @@ def test_a_trunk_between_camera_and_person_makes_a_scan_not_count():
     # Seen from the west at a low angle, the trunk's 3 m hide what stands behind it.
     low, behind = Pose.level(-9.0, 0.0, 20.0), track(3, 0.6, 0, 0, 0, variance=1e-4)
     trunk = Forest((Tree(0, 0, 0.2, trunk_radius=0.2),))
-    assert play(tracker(behind, forest=trunk, absence_weight=0.0), [scan(k, pose=low) for k in range(5)])[-1] == (3,)
-    assert play(tracker(behind, absence_weight=0.0), [scan(k, pose=low) for k in range(5)])[-1] == ()
+    assert play(tracker(behind, forest=trunk, negative_information=0.0), [scan(k, pose=low) for k in range(5)])[-1] == (
+        3,
+    )
+    assert play(tracker(behind, negative_information=0.0), [scan(k, pose=low) for k in range(5)])[-1] == ()
 
 
 def test_scans_without_a_frame_count_neither_way():
@@ -105,7 +107,7 @@ def test_scans_without_a_frame_count_neither_way():
 
 
 def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
-    trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, life="m_of_n") for u in range(2)]
+    trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, management="m_of_n") for u in range(2)]
     for k in range(10):
         for u, t in enumerate(trackers):
             t.step(scan(k, *([(0, 0)] if (u, k) == (1, 4) else []), uav=u))
