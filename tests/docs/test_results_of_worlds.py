@@ -68,6 +68,5 @@ def test_trials_of_the_list_are_those_of_this_program(world, planner):
     listed = next(row for row in scores.trials() if (row.scenario, row.planner, row.seed) == (world, planner, 4))
     study = adapted(scores.STUDY, scenarios=[world], planners=[planner], seeds="4")
     row = fly(next(task for task in tasks(study) if task.planner == planner)).row
-    assert row.recording.startswith(listed.recording) and len(listed.recording) == 16
     shown = [[metrics[name] for name in scores.METRICS] for metrics in (row.metrics, listed.metrics)]
-    np.testing.assert_allclose(*shown, rtol=1e-5)
+    np.testing.assert_allclose(*shown, rtol=1e-9)
