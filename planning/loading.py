@@ -18,8 +18,12 @@ if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
 
 
+class PlannerError(InputError):
+    """The planner fails, wherever it is called."""
+
+
 # A planner of any origin: its errors are all told alike. Names and classes are found by `load_planner`.
-ANY_PLANNER = Registry("planner", {}, ("plan(team, rng)",))
+ANY_PLANNER = Registry("planner", {}, ("plan(team, rng)",), raises=PlannerError)
 
 
 def load_planner(text: str) -> Planner:

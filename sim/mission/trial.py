@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from planning.loading import PlannerError
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
@@ -22,9 +23,11 @@ class Trial:
 
 @contextmanager
 def naming(place: str) -> Iterator[None]:
-    """InputErrors that are raised in the block begin with a place, such as `Trial.place`."""
+    """InputErrors that are raised in the block begin with a place, such as `Trial.place`, but for those of planners."""
     try:
         yield
+    except PlannerError:
+        raise
     except InputError as error:
         raise InputError(f"{place}{error}") from error
 

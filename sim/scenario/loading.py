@@ -38,7 +38,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """The packaged scenario or TOML file `name`, with `key=value` overrides; InputError says what is wrong.
 
     The path of a trajectory file starts at the scenario file's folder, in an override at the current one. An error
-    about a key begins with `place_of`; where the file is wrong by itself, no override is blamed.
+    about a key begins with `place_of`; where it is one of the file by itself, no override is blamed.
     """
     path = located(name, SCENARIOS, "scenario")
     data = toml_file(path, "scenario")
@@ -48,9 +48,17 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     try:
         return _anchored(decode(data), Path() if named_here else path.parent)
     except InputError as error:
-        if overrides and name not in SCENARIOS:
-            load(name)
-        raise InputError(f"{place_of(name, overrides)}{error}") from error
+        own = _error_of(name) if overrides else ""
+        raise InputError(own if own.endswith(str(error)) else f"{place_of(name, overrides)}{error}") from error
+
+
+def _error_of(name: str) -> str:
+    """The error of a scenario without overrides; empty if it has none."""
+    try:
+        load(name)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def place_of(scenario: object, settings: Collection[str] | None) -> str:

@@ -56,8 +56,7 @@ def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
     if path.suffix != ".toml":
         raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
     if not path.is_file():
-        siblings = (sibling.name for sibling in path.parent.glob("*.toml"))
-        raise InputError(f"{where}: there is no file {name}{nearest(path.name, siblings)}")
+        raise InputError(f"{where}: there is no file {name}{nearest(name, map(str, path.parent.glob('*.toml')))}")
     return path
 
 

@@ -35,6 +35,7 @@ class Registry:
     built_in: Mapping[str, str]  # import strings by name; they and their arguments may differ from those of outside
     methods: tuple[str, ...]  # that each has, with arguments: "detect(frame)"
     bare: bool = False  # plug-ins from outside are made without arguments
+    raises: type[InputError] = InputError  # for errors of plug-ins
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.built_in)
@@ -69,7 +70,7 @@ class Registry:
     def errors(
         self, name: str, what: str, *passing: type[BaseException], called: tuple[object, str] | None = None
     ) -> Iterator[None]:
-        """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
+        """Raise `raises`, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
 
         called: as of `contained`.
         Errors of `passing` pass as they are. So do InputErrors of a built-in plug-in, which may be of
@@ -79,7 +80,7 @@ class Registry:
             with contained(*passing, *[InputError] * (name in self.built_in), called=called):
                 yield
         except ForeignError as error:
-            raise InputError(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error
+            raise self.raises(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error
 
 
 def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes

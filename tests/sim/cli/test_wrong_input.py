@@ -31,6 +31,7 @@ FILES = {
     "woods.toml": b"study = {planners = ['hover'], scenarios = ['forest', 'wood.toml']}",
     "crowds.toml": b"study = {planners = ['hover'], scenarios = ['crowd.toml']}",
     "full/summary.json": b"{}",
+    "full/grove.toml": b"",
     "other/file": b"",
     "there.mp4": b"mine",
     "there.png": b"mine",
@@ -46,6 +47,7 @@ COMMANDS = {
     "broken TOML": (["run", "broken.toml"], ["broken.toml", "line 1"]),
     "no text": (["run", "binary.toml"], ["binary.toml"]),
     "near file": (["run", "groves.toml"], ["scenario: there is no file groves.toml; did you mean grove.toml?"]),
+    "near file elsewhere": (["run", "full/groves.toml"], ["no file full/groves.toml; did you mean full/grove.toml?"]),
     "misspelt key": (["run", "grove.toml"], ["grove.toml: trees.densty: unknown key", "did you mean density?"]),
     "misspelt key beside another": (
         ["run", "grove.toml", "--set", "trees.density=3"],
