@@ -128,7 +128,9 @@ def test_what_is_wrong_in_a_scenario_file_is_refused_with_its_name(content, mess
     for fly in (understory.run, understory.mission, lambda name: understory.parallel_env(name).reset(seed=0)):
         with pytest.raises(understory.InputError, match=f"^{path}: {message}"):
             fly(path)
-    with pytest.raises(understory.InputError, match=r"with other settings: trees\.densty: unknown key"):  # not the file's own error
+    with pytest.raises(
+        understory.InputError, match=r"with other settings: trees\.densty: unknown key"
+    ):  # not the file's own error
         understory.mission(path, settings={content.split(" = ")[0]: 1, "trees.densty": 3})
     settings = {"trees.density": 170}
     if "trees" in content:
@@ -147,7 +149,7 @@ def test_an_error_of_a_planner_names_no_scenario_file(tmp_path):
     path = tmp_path / "wood.toml"
     path.write_text("trees.density = 0")
     for fly in (understory.run, understory.mission):
-        with pytest.raises(understory.InputError, match="^planner: '.*Secretive' cannot be given the truth by"):
+        with pytest.raises(understory.InputError, match=r"^planner: '.*Secretive' cannot be given the truth by"):
             fly(path, planner=Secretive())
 
 

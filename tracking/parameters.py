@@ -61,8 +61,8 @@ class TrackerParameters:
         if self.management not in MANAGEMENT:
             raise ValueError(f"management must be {' or '.join(MANAGEMENT)}, is {self.management!r}")
         if not 0.0 < self.deletion_threshold < self.confirmation_threshold < 1.0:
-            allowed = "deletion_threshold and confirmation_threshold must be 0 < deletion < confirmation < 1"
-            raise ValueError(f"{allowed}, are {self.deletion_threshold} and {self.confirmation_threshold}")
+            allowed = "0 < deletion_threshold < confirmation_threshold < 1 must hold"
+            raise ValueError(f"{allowed}, they are {self.deletion_threshold} and {self.confirmation_threshold}")
 
     @cached_property
     def association(self) -> tuple[float, float, float]:

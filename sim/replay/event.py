@@ -46,7 +46,9 @@ class Event:
     first: int
     last: int
     time: float  # s, of the beginning; a breakdown has its own, which may lie between two scans
-    until: float  # s, of the end: `time` for what takes no time, infinite for a state that lasts to the end
+    # s, of the end: `time` for what takes no time, infinite for a state that lasts to the end; of contacts and faults
+    # that of the last one
+    until: float
     why: str = ""
     person: int | None = None
     former: int | None = None  # the person for whom the track stood before

@@ -42,6 +42,6 @@ def table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
 
 
 def _labelled(row: str, heads: Sequence[str]) -> str:
-    """A row whose cells know their headings, for screens too narrow for columns."""
+    """A row whose cells know their headings, for screens too narrow for columns; those over several have none."""
     names = iter(heads)
-    return re.sub(r"<td\b", lambda _: f'<td data-head="{escape(next(names))}"', row)
+    return re.sub(r"<td\b(?! colspan)", lambda _: f'<td data-head="{escape(next(names))}"', row)

@@ -160,7 +160,7 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     left_out = shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
-    counted = f"Of the {flown} maps flown, a comparison counts those on which both planners have a value. Left out:"
+    counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value. Left out:"
     return listed(lines) + (paragraph(counted if sentences else "Left out:") + listed(left_out) if left_out else "")
 
 

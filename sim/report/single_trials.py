@@ -36,17 +36,18 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     rows: list[str] = []
     places: list[str] = []
     for group in groups:
-        cells = []
-        for what, row, remark in _extremes(group, metric, names):
+        cells, ends = [], _extremes(group, metric, names)
+        for what, row, remark in ends:
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
             name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
-            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a>{remark}</td>')
+            link = f'<a href="#{name}">{flown}</a>{remark}'
+            one = f'<td colspan="4">{escape(value)}, {link}</td>'  # under neither heading
+            cells.append(f"<td>{escape(value)}</td><td>{link}</td>" if len(ends) > 1 else one)
             text = f"{_label(group.cell, row)}: {what}{value} {metric.unit}".rstrip() + remark
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
         if cells:
             cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
-            values = "".join(cells) + "<td></td><td></td>" * (2 - len(cells))
-            rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{values}</tr>')
+            rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{"".join(cells)}</tr>')
     unit = f" [{metric.unit}]" if metric.unit else ""
     heads = ["cell"] * several + ["planner"]
     for name in names:

@@ -34,8 +34,8 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
         for name, divisor in pairwise(("physics", "sensing", "planning")):
             rate, step = getattr(self, name), getattr(self, divisor)
             if rate % step:
-                near = " and ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
-                raise ValueError(f"{name} {rate} Hz is no multiple of {divisor} {step} Hz; the nearest are {near}")
+                near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
+                raise ValueError(f"{name} {rate} Hz is no multiple of {divisor} {step} Hz, as {near} would be")
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):

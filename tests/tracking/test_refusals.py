@@ -44,7 +44,7 @@ from tracking.tracker import Track, Tracker, TrackerParameters
 def test_wrong_parameters_of_a_tracker_are_named(field, value, allowed):
     with pytest.raises(ValueError, match=f"^{field} must be .*{allowed}.* is .*{str(value)[1:-1]}"):
         TrackerParameters(MOTION, **{field: value})
-    wrong = "deletion_threshold and confirmation_threshold must be 0 < deletion < confirmation < 1, are 0.5 and 0.4"
+    wrong = "0 < deletion_threshold < confirmation_threshold < 1 must hold, they are 0.5 and 0.4"
     with pytest.raises(ValueError, match=f"^{wrong}$"):
         TrackerParameters(MOTION, deletion_threshold=0.5, confirmation_threshold=0.4)
 

@@ -57,9 +57,10 @@ class _View:
     def draw(self) -> None:
         people = [sighting for sighting in self._sight.people if sighting.inside or sighting.pixels]
         hiding = sorted({tree for sighting in people for tree in sighting.hidden_by})
-        others = any(parts for tree, parts in enumerate(self._outlines) if tree not in hiding)
-        with self._drawing(_RIM if others else _HIDING_RIM):  # which covers it
-            _draw_rim(self._image, [part for tree in self._outlines for part in tree])
+        others = self._image.copy()
+        _draw_rim(others, [part for tree, parts in enumerate(self._outlines) if tree not in hiding for part in parts])
+        self.shown |= {_RIM} if np.any(others != self._image) else set()
+        _draw_rim(self._image, [part for tree in self._outlines for part in tree])
         with self._drawing(_HIDING_RIM):
             for tree in hiding:
                 _draw_rim(self._image, self._outlines[tree], hiding=True)

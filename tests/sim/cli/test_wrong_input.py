@@ -59,7 +59,7 @@ COMMANDS = {
     ),
     "value out of range": (["run", "late.toml"], ["understory: late.toml: duration: -4 is not", "a number > 0.0"]),
     "UAV outside": (["run", "far.toml"], ["far.toml: uavs.0.start: [900.0, 0.0]", "|x| <= 75 and |y| <= 50 m"]),
-    "rates that do not divide": (["run", "odd.toml"], ["odd.toml: rates: physics 241 Hz", "are 240 and 245"]),
+    "rates that do not divide": (["run", "odd.toml"], ["odd.toml: rates: physics 241 Hz", "as 240 or 245 would be"]),
     "trees that do not fit": (["run", "wood.toml"], ["understory: wood.toml: trees.density = 160: ", "lower the"]),
     "trees of an override": (
         ["run", "wood.toml", "--set", "trees.density=170"],

@@ -204,6 +204,7 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
     tree = scene(people=[place], trees=[Tree(*place, 3.0)])
     hidden = dataclasses.replace(bare(tree), people=(Sighting(0, place, True, (0,), 0, False),))
     two = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(-6.0, 6.0, 2.0))))
+    beside = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(10.0, 10.0, 2.0))))
     away = Track(0, Gaussian(np.array([30.0, 0.0, 0.0, 0.0]), np.eye(4)))
     for sight, expected in (
         (bare(scene()), set()),
@@ -211,6 +212,7 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
         (in_view, found | truth),
         (hidden, truth | hiding),
         (two, truth | hiding | plain),
+        (beside, truth | hiding),
     ):
         assert annotated(blank, sight, 512)[1] == expected
     listed = []
