@@ -173,6 +173,7 @@ def mission(
         InputError: Where scenario, settings or planner cannot be used.
     """
     from planning.contract import planner_of
+    from planning.loading import PlannerError
     from sim.mission.mission import Mission
     from sim.mission.trial import naming
     from sim.scenario.loading import chosen, place_of
@@ -180,7 +181,7 @@ def mission(
 
     made = None if planner is None else planner_of(planner)
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
-    with naming(place_of(scenario, settings)):
+    with naming(place_of(scenario, settings), PlannerError):
         return Mission(setting, made, *numbers)
 
 

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from planning.loading import PlannerError
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
@@ -22,11 +21,11 @@ class Trial:
 
 
 @contextmanager
-def naming(place: str) -> Iterator[None]:
-    """InputErrors that are raised in the block begin with a place, such as `Trial.place`, but for those of planners."""
+def naming(place: str, *passing: type[InputError]) -> Iterator[None]:
+    """InputErrors that are raised in the block begin with a place, such as `Trial.place`, but for those `passing`."""
     try:
         yield
-    except PlannerError:
+    except passing:
         raise
     except InputError as error:
         raise InputError(f"{place}{error}") from error

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from planning.loading import load_planner
+from planning.loading import PlannerError, load_planner
 from planning.planner import Planner
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
@@ -31,7 +31,7 @@ def flown(
     start = time.perf_counter()
     if planner is None:
         planner = load_planner(trial.planner)
-    with naming(trial.place):
+    with naming(trial.place, PlannerError):
         mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
     recorder = Recorder(trial.repeat)
     with mission:
