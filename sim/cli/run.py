@@ -85,18 +85,22 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
-    alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}
+    from sim.replay.history import fleet_text  # late, as it needs NumPy
+
+    alike: dict[tuple[object, ...], list[Mapping[str, Any]]] = {}
     for fault in faults:
-        alike.setdefault((fault["uav"], fault["message"]), []).append(fault)
+        kind = fault["uav"] is None, fault["message"], *fault.get("trace", ())
+        alike.setdefault(kind, []).append(fault)
     for first, *more in list(alike.values())[:_SHOWN]:
-        place = "team" if first["uav"] is None else f"UAV {first['uav']}"
+        place = "team" if first["uav"] is None else fleet_text(sorted({f["uav"] for f in (first, *more)}))
         often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
         text = f"at {first['time']:.1f} s{often}, {place}: {first['message']}"
         console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)
         for line in first.get("trace", ()):
             console.print(f"  {escape(line)}", soft_wrap=True)
     if len(faults) > _SHOWN:
-        console.print(f"All {len(faults)} faults are in summary.json.")
+        kinds = f", of {len(alike)} kinds," if len(alike) > _SHOWN else ""
+        console.print(f"All {len(faults)} faults{kinds} are in summary.json.")
 
 
 def _name(scenario: str, trial: Trial) -> str:

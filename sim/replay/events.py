@@ -55,17 +55,18 @@ def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
 
 
 def _faults(recording: Recording) -> Iterator[Event]:
-    """Faults of planner and detectors, each kind once, however often; breakdowns are events of their own."""
+    """Faults of planner and detectors, each kind once for all its UAVs; breakdowns are events of their own."""
     times, grouped = recording.times, defaultdict(list)
     for fault in recording.all_faults:
         k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
         if fault.uav is None or recording.working[k, fault.uav]:
-            grouped[fault.uav, fault.message].append((fault.time, k))
-    for (uav, message), found in grouped.items():
-        (time, first), (until, last) = found[0], found[-1]
+            grouped[fault.uav is None, fault.message].append((fault.time, k, fault.uav))
+    for (_, message), found in grouped.items():
+        (time, first, _), (until, last, _) = found[0], found[-1]
+        uavs = tuple(sorted({uav for *_, uav in found if uav is not None}))
         count = f"{len(found)} faults" if len(found) > 1 else "fault"
-        text = f"{count} of {'the team' if uav is None else f'UAV {uav}'}"
-        yield Event("fault", text, first, last, time, until, message, uavs=() if uav is None else (uav,))
+        text = f"{count} of {fleet_text(uavs) if uavs else 'the team'}"
+        yield Event("fault", text, first, last, time, until, message, uavs=uavs)
 
 
 def _contacts(recording: Recording) -> Iterator[Event]:

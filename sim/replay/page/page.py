@@ -127,8 +127,8 @@ def _film(film: bytes) -> str:
 def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event]) -> str:
     """Lines on what the results lack: the part that was not flown, and the first faults of planner and detector."""
     lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_SHOWN]]
-    if len(faults) > _SHOWN:
-        lines.append(f"{len(faults) - _SHOWN} more kinds of fault are listed below.")
+    if (more := len(faults) - _SHOWN) > 0:
+        lines.append(f"{more} more {'kind of fault is' if more == 1 else 'kinds of fault are'} listed below.")
     if recording.interrupted:
         lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {scenario.duration:g} s.")
     return "\n".join(f'<p class="warning">{escape(line)}</p>' for line in lines)

@@ -16,6 +16,7 @@ from helpers.recordings import record
 
 from planning.registry import PLANNERS
 from sim.__main__ import COMMANDS
+from sim.cli.run import show_run
 from sim.recording.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES
@@ -76,6 +77,31 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
     assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
     assert "Files in runs/forest-ailing.Ailing-seed0-2:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
+
+
+def test_a_fault_of_several_uavs_is_shown_once_and_further_kinds_are_counted(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sim.evaluation.summary.results_table", lambda summary: "")
+    blind = [
+        {"time": 0.1 * k, "uav": uav, "message": "ValueError: no", "trace": ["mine.py:4, in detect: raise"]}
+        for k in range(2)
+        for uav in range(3)
+    ]
+    elsewhere = {"time": 0.3, "uav": 1, "message": "ValueError: no", "trace": ["mine.py:9, in detect: raise"]}
+    team = {"time": 0.4, "uav": None, "message": "AttributeError: team[0].trackz", "trace": []}
+    faults = [*blind, elsewhere, team]
+
+    def shown(faults):
+        show_run({"faults": faults}, tmp_path)
+        return [line for line in capsys.readouterr().out.splitlines() if line.startswith(("fault", "All"))]
+
+    lines = [
+        "fault at 0.0 s, 6 times until 0.1 s, UAVs 0, 1 and 2: ValueError: no",
+        "fault at 0.3 s, UAV 1: ValueError: no",
+        "fault at 0.4 s, team: AttributeError: team[0].trackz",
+    ]
+    assert shown(faults) == [*lines, "All 8 faults are in summary.json."]
+    more = [*faults, {"time": 0.5, "uav": 0, "message": "ValueError: late"}]
+    assert shown(more) == [*lines, "All 9 faults, of 4 kinds, are in summary.json."]
 
 
 def test_a_mission_without_people_is_explained(call, tmp_path):

@@ -225,8 +225,13 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
         "2 faults of the team 0.0 to 0.2 s: &lt;i&gt;a&lt;/i&gt;",
         "fault of the team at 0.4 s: b",
         "fault of the team at 0.6 s: c",
-        "1 more kinds of fault are listed below.",
+        "1 more kind of fault is listed below.",
     ]
+    faults = [*(Fault(0.0, uav, "a") for uav in (2, 0)), *(Fault(0.2, None, message) for message in "abcd")]
+    header = page(Flight(dataclasses.replace(recording, faults=recorded(faults)))).partition("</header>")[0]
+    warnings = re.findall(r'<p class="warning">(.*?)</p>', header)
+    assert warnings[0] == "2 faults of UAVs 0 and 2 at 0.0 s: a" and warnings[1] == "fault of the team at 0.2 s: a"
+    assert warnings[3:] == ["2 more kinds of fault are listed below."]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
     header = page(Flight(dataclasses.replace(still, faults=recorded([broken])))).partition("</header>")[0]
