@@ -28,13 +28,15 @@ class CheckedTracker:
         self._name, self._made = name, made
         self._scans, self._time = 0, -math.inf  # number of scans, and time of the last [s]
         self._read: tuple[Track, ...] | None = None
+        self._last = ""  # method that was called last; empty: none
         _ = self.tracks
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """As `Member.tracks`, by ascending id."""
         if self._read is None:
-            with self._errors("give its tracks", "tracks"):
+            what = f"give its tracks after {self._last}" if self._last else "give its tracks"
+            with self._errors(what, self._last or "tracks"):
                 self._read = checked_tracks(self._made.tracks)
         return self._read
 
@@ -43,15 +45,18 @@ class CheckedTracker:
         self._begin(scan.time)
         with self._errors("take a scan", "step"):
             self._made.step(deepcopy(scan))
+        self._look("step")
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""
         self._begin(time)
         with self._errors("coast", "coast"):
             self._made.coast(time)
+        self._look("coast")
 
     def message(self, degree: int) -> Message:
         """As `Member.message`."""
+        self._read, self._last = None, "message"
         with self._errors("give a message", "message"):
             given = checked_message(self._made.message(degree))
             if (given.scan, given.time) != (self._scans, self._time):
@@ -61,14 +66,17 @@ class CheckedTracker:
 
     def accept(self, message: Message) -> None:
         """As `Member.accept`."""
-        self._read = None
         with self._errors("accept a message", "accept"):
             self._made.accept(deepcopy(message))
-        _ = self.tracks
+        self._look("accept")
 
     def _begin(self, time: float) -> None:
-        self._read = None
         self._scans, self._time = self._scans + 1, time
+
+    def _look(self, method: str) -> None:
+        """Read and check the tracks at once, so that an error names the method that left them."""
+        self._read, self._last = None, method
+        _ = self.tracks
 
     def _errors(self, what: str, method: str) -> AbstractContextManager[None]:
         return TRACKERS.errors(self._name, what, called=(self._made, method))

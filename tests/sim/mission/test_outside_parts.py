@@ -179,11 +179,11 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
 @pytest.mark.parametrize(
     ("call", "line", "complaint"),
     [
-        ("step", f"for t in self.tracks: {MEAN}[:] = np.nan", "cannot give a message: "),
-        ("accept", f"for t in self.tracks: {MEAN}[:] = np.nan", "give its tracks: means of tracks are not finite"),
+        ("step", f"for t in self.tracks: {MEAN}[:] = np.nan", "give its tracks after step: means of tracks are not fi"),
+        ("accept", f"for t in self.tracks: {MEAN}[:] = np.nan", "tracks after accept: means of tracks are not finite"),
         ("accept", f"for t in self.tracks: {COVARIANCE}[:] *= -1", "are not symmetric and positive definite"),
-        ("accept", "self.tracks *= 2", "cannot give its tracks: ids of tracks are there twice: [0, 1, 2, 3]"),
-        ("accept", "self.tracks = None", "cannot give its tracks: "),
+        ("accept", "self.tracks *= 2", "its tracks after accept: ids of tracks are there twice: [0, 1, 2, 3]"),
+        ("accept", "self.tracks = None", "cannot give its tracks after accept: "),
         ("accept", "self.tracks = tuple(replace(t, existence=0.0) for t in self.tracks)", "existence of tracks is not"),
         ("accept", "self.tracks = tuple(replace(t, id=-t.id) for t in self.tracks)", "not whole numbers of at least 0"),
         ("accept", "raise KeyError('table')", "cannot accept a message: KeyError: 'table' ("),

@@ -1,13 +1,17 @@
-"""Messages from outside: what they hold is as the fleet's own have it, up to the largest number of tracks."""
+"""Trackers and messages from outside: wrong tracks and messages are refused, and the error names what left them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers.graphs import message
 
-from tracking.fusion.checked_tracker import checked_message
+from tracking.fusion.checked_tracker import CheckedTracker, checked_message
+from tracking.geometry.camera import Pose
 from tracking.plugins.containment import Unusable
+from tracking.plugins.registry import InputError
+from tracking.track import Scan
 
 ONE = message(0, [3], np.zeros(4), np.eye(4), degree=0)
 
@@ -30,3 +34,33 @@ def test_a_message_about_ten_thousand_tracks_is_taken():
     count = 10_000
     many = message(0, range(count), np.zeros((count, 4)), np.tile(np.eye(4), (count, 1, 1)), degree=0)
     assert len(checked_message(many).ids) == count
+
+
+class Spoilt:
+    """Leaves a wrong mean of its one track after a call."""
+
+    def __init__(self, mean):
+        self.mean, self.tracks = mean, ()
+
+    def step(self, scan):
+        belief = SimpleNamespace(mean=self.mean, covariance=np.eye(4))
+        self.tracks = (SimpleNamespace(id=0, belief=belief, existence=1.0),)
+
+    def coast(self, time):
+        self.step(None)
+
+
+@pytest.mark.parametrize(
+    ("mean", "complaint"),
+    [([1.0, 2.0], r"of shape \(1, 2\), not \(1, 4\)"), ([0.0, 0.0, 0.0, np.nan], "are not finite")],
+)
+@pytest.mark.parametrize("method", ["step", "coast"])
+def test_wrong_tracks_are_an_error_of_the_method_that_left_them(method, mean, complaint):
+    given = {"step": Scan(0, 0.0, Pose.level(0.0, 0.0, 25.0), np.zeros((0, 2)), np.zeros((0, 2, 2))), "coast": 0.0}
+    tracker = CheckedTracker("mine:Spoilt", Spoilt(mean), 0, 3.0)
+    with pytest.raises(InputError) as error:
+        getattr(tracker, method)(given[method])
+    assert error.match(
+        rf"^tracking\.tracker: 'mine:Spoilt' cannot give its tracks after {method}: means of tracks {complaint} "
+        rf"\(.*test_checked_tracker\.py:\d+, in Spoilt\.{method}\)$"
+    )
