@@ -178,10 +178,9 @@ class _Subject:
 def _defects(kind: str, subject: _Subject) -> str:
     if kind in subject.first.defects:
         raise Unfit(subject.first.defects[kind])
-    if kind == "scans":
-        return f"{len(subject.first.seconds)} of two UAVs: detections, misses, clutter, a look elsewhere, no frame"
     subject.flown()
-    return {"ids": "all different", "finite": "all numbers are"}.get(kind, "all covariances are")
+    flown = f"{_SCANS} of two UAVs: detections, misses, clutter, a look elsewhere, no frame"
+    return {"scans": flown, "ids": "all different", "finite": "all numbers are"}.get(kind, "all covariances are")
 
 
 def _known(subject: _Subject) -> str:

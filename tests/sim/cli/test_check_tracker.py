@@ -41,6 +41,12 @@ class Infinite(Nearest):
         self.tracks = tuple(Track(t.id, Gaussian(t.belief.mean + np.inf, np.eye(4))) for t in self.tracks)
 
 
+class Shape(Nearest):
+    def step(self, scan):
+        super().step(scan)
+        self.tracks = tuple(Track(t.id, Gaussian(t.belief.mean[:2], t.belief.covariance)) for t in self.tracks)
+
+
 class Sure(Nearest):
     def step(self, scan):
         super().step(scan)
@@ -112,6 +118,7 @@ BROKEN = {
     Raising: {"scans": "cannot take a scan: RuntimeError: two lines ("},
     Blank: {"scans": "cannot give a message: it is no tracking.fusion.message.Message but NoneType"},
     Infinite: {"finite": "means of tracks are not finite"},
+    Shape: {"finite": "means of tracks of shape (3, 2), not (3, 4)"},
     Sure: {"positive definite": "covariances of tracks are not symmetric and positive definite"},
     Twin: {"ids": "ids of tracks are there twice: [2]"},
     Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 people, one of whom"},
@@ -145,6 +152,13 @@ def test_a_broken_tracker_fails_the_check_that_fits(kind):
     assert failed.keys() == BROKEN[kind].keys()
     for name, words in BROKEN[kind].items():
         assert words in failed[name]
+
+
+@pytest.mark.parametrize("kind", [Shape, Infinite, Twin])
+def test_scans_that_are_not_all_flown_have_not_passed(kind):
+    found = {f.check: f for f in check(named(kind))}
+    assert (found["scans"].passed, found["scans"].seen) == (None, "not tried: it does not fly all scans")
+    assert [f.check for f in found.values() if f.passed] == ["known tracks"]
 
 
 def test_the_command_prints_a_line_per_check_and_exits_with_1(monkeypatch, capsys):
