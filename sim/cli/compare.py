@@ -117,11 +117,16 @@ def _study(name: str, planners: Sequence[str], trackers: Sequence[str], scenario
 
 def _named(name: str) -> Study:
     is_file = name.endswith(".toml")
-    if name in STUDIES or (is_file and Path(name).is_file() and {*STUDY_TABLES} & {*toml_file(Path(name), "study")}):
+    if name in STUDIES or (is_file and _is_study(Path(name))):
         return read(name)
     if not is_file:
         check_known("study", name, [*STUDIES, *SCENARIOS], " (or a .toml file)")
     return Study(name="compare", planners=COMPARED, scenarios=(name,))
+
+
+def _is_study(path: Path) -> bool:
+    """Tell a file of a study from one of a scenario; a missing one is taken for what is packaged under its name."""
+    return bool({*STUDY_TABLES} & {*toml_file(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 
 def _kept(keep: str | None, folder: Path) -> Path | None:

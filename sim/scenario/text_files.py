@@ -56,8 +56,16 @@ def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
     if path.suffix != ".toml":
         raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
     if not path.is_file():
-        raise InputError(f"{where}: there is no file {name}{nearest(name, map(str, path.parent.glob('*.toml')))}")
+        raise InputError(f"{where}: there is no file {name}{_meant(path, packaged)}")
     return path
+
+
+def _meant(path: Path, packaged: Mapping[str, Path]) -> str:
+    """The end of an error message: what may be meant by a path without a file; the ending of all is no likeness."""
+    if path.stem in packaged:
+        return f"; did you mean {path.stem}, which is packaged?"
+    near = [str(file) for file in sorted(path.parent.glob("*.toml")) if nearest(path.stem, [file.stem])]
+    return nearest(str(path), near)
 
 
 def toml_file(path: Path, where: str) -> dict[str, Any]:

@@ -32,6 +32,8 @@ FILES = {
     "crowds.toml": b"study = {planners = ['hover'], scenarios = ['crowd.toml']}",
     "full/summary.json": b"{}",
     "full/grove.toml": b"",
+    "h.toml": b"",
+    "f.toml": b"",
     "other/file": b"",
     "there.mp4": b"mine",
     "there.png": b"mine",
@@ -47,6 +49,11 @@ COMMANDS = {
     "broken TOML": (["run", "broken.toml"], ["broken.toml", "line 1"]),
     "no text": (["run", "binary.toml"], ["binary.toml"]),
     "near file": (["run", "groves.toml"], ["scenario: there is no file groves.toml; did you mean grove.toml?"]),
+    "file of the name of a packaged one": (
+        ["run", "forest.toml"],
+        ["no file forest.toml; did you mean forest, which is packaged?"],
+    ),
+    "no near file": (["run", "nothere.toml"], ["scenario: there is no file nothere.toml\n"]),
     "near file elsewhere": (["run", "full/groves.toml"], ["no file full/groves.toml; did you mean full/grove.toml?"]),
     "misspelt key": (["run", "grove.toml"], ["grove.toml: trees.densty: unknown key", "did you mean density?"]),
     "misspelt key beside another": (
@@ -125,6 +132,7 @@ SETTINGS = {
 COMPARISONS = {
     "unknown study": (["paper-horizn"], ["study: 'paper-horizn'", "did you mean paper-horizon?"]),
     "missing file": (["no.toml"], ["no file no.toml"]),
+    "file of the name of a packaged one": (["paper-horizon.toml"], ["did you mean paper-horizon, which is packaged?"]),
     "misspelt key": (["misspelt.toml"], ["study.planers: unknown key", "did you mean planners?"]),
     "study without a head": (["headless.toml"], ["headless.toml: study.planners: is missing, and has no default\n"]),
     "planners of no study": (["bare.toml"], ["planners: unknown key; no part of a scenario, but one of a study"]),
