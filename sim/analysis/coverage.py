@@ -38,7 +38,8 @@ def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
     found = []
     few = min((maps for metric, maps in counted if metric.name == _SHARE), default=ENOUGH)
     if few < ENOUGH:
-        found.append(f"Intervals over {few} maps, which are few, hold in {SHARES[_known(few)]} % of cases.")
+        least = min(SHARES[n] for n in _nearest(few))
+        found.append(f"Intervals over {few} maps, which are few, hold in {least} % of cases.")
     errors = [(maps, metric.name) for metric, maps in counted if metric.name in ERRORS]
     if errors:
         found.append(_of_errors(errors))
@@ -48,14 +49,15 @@ def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
     return found
 
 
-def _known(maps: int) -> int:
-    """The greatest number of maps counted that is no more than this."""
-    return max(n for n in SHARES if n <= maps)
+def _nearest(maps: int) -> set[int]:
+    """The numbers of maps counted between which this one lies, or itself; the last beyond that."""
+    return {max(n for n in SHARES if n <= maps), min((n for n in SHARES if n >= maps), default=max(SHARES))}
 
 
 def _of_errors(errors: Sequence[tuple[int, str]]) -> str:
     """Coverage of intervals of mean errors at worst, by number of maps and name of the metric."""
-    usual, least = (min(shares) for shares in zip(*(ERRORS[name][_known(n)] for n, name in errors), strict=True))
+    counted = [ERRORS[name][n] for maps, name in errors for n in _nearest(maps)]
+    usual, least = (min(shares) for shares in zip(*counted, strict=True))
     fewest, most = min(errors)[0], max(errors)[0]
     many = str(most) if fewest == most else f"{fewest} to {most}"
     return f"Intervals of mean errors over {many} maps hold in {usual} % of cases, at worst in {least} %."
