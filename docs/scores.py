@@ -32,7 +32,6 @@ from tracking.numerics.arrays import Array
 DOCS = Path(__file__).parent
 TRIALS, FIGURE = DOCS / "results" / "worlds.csv", DOCS / "media" / "scores.png"
 STUDY = read("bench-1")
-FLEET = "fleet"  # takes half as long as all others together, so it has fewer maps and a table of its own
 DEFAULT, *RIVALS = (
     "sma-nbo-gospa",
     "sma-nbo-mwtp",
@@ -76,9 +75,9 @@ def write(rows: Iterable[Row]) -> None:
             writer.writerow([*place, row.version, *texts])
 
 
-def scores_table(world: str = "") -> str:
-    """Normalised scores in one world, or in all but `fleet` and in the mean over them."""
-    groups = _groups(world)
+def scores_table() -> str:
+    """Normalised scores in all worlds and in the mean over them."""
+    groups = _groups()
     found, metric, ends = _scored(groups)
     texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
     planners = [name for name in ORDER if any(score.planner == name for score in found)]
@@ -87,8 +86,7 @@ def scores_table(world: str = "") -> str:
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
         maps = str(max(score.maps for score in found if score.cell == cell))
         columns.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
-    if not world:
-        columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
+    columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
     heads, *lines = zip(*columns, strict=True)
     return _markdown(heads, lines)
 
@@ -120,8 +118,8 @@ def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:
 
 
 def _groups(world: str = "") -> list[Group]:
-    """The trials in one world, or in all but `fleet`, by world and planner."""
-    return grouped([row for row in trials() if (row.scenario == world if world else row.scenario != FLEET)], DEFAULT)
+    """The trials in one world, or in all, by world and planner."""
+    return grouped([row for row in trials() if world in ("", row.scenario)], DEFAULT)
 
 
 def _scored(groups: Sequence[Group]) -> Scored:
@@ -148,7 +146,7 @@ def _markdown(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 
 
 def draw() -> None:
-    """The figure of scores in all worlds but `fleet`, in the order of the tables."""
+    """The figure of scores in all worlds, in the order of the tables."""
 
     def place(score: NormalisedScore) -> tuple[int, int]:
         world = len(STUDY.scenarios) if score.cell is None else STUDY.scenarios.index(dict(score.cell)["scenario"])

@@ -72,7 +72,8 @@ def test_the_commands_on_ten_worlds_fly_their_planners(shell, monkeypatch):
     found = blocks(re.sub(r"( --scenario [\w-]+)+", " --scenario paper", text))
     commands = [line for _, block in found for line in block.splitlines()]
     for k, command in enumerate(commands):
-        out = shell.line(command, "--duration", "1.2", "--out", f"runs/{k}")
+        world = () if "--scenario" in command else ("--scenario", "paper")
+        out = shell.line(command, *world, "--duration", "1.2", "--out", f"runs/{k}")
         planners = set(re.findall(r"--planner '?([\w-]+)", command)) or {name.split("(")[0] for name in BENCH.planners}
         assert planners == {name for name in planners if name in out} and len(planners) >= 2
     assert len(commands) == 5
