@@ -142,11 +142,9 @@ class TrackFacts:
     def _enough(self, count: int, odds: float) -> bool:
         """True if so many measurements with these odds confirm a track."""
         p = self.parameters
-        return (
-            count >= p.confirm[0]
-            if p.management == "m_of_n"
-            else count > 1 and odds >= p.confirmation_threshold / (1.0 - p.confirmation_threshold)
-        )
+        if p.management == "m_of_n":
+            return count >= p.confirm[0]
+        return count > 1 and odds >= p.confirmation_threshold / (1.0 - p.confirmation_threshold)
 
     def _explained(self, k: int, uav: int) -> Flags:
         """Flags (N,) of the measurements that are rather another track's, one that is new perhaps, than of no track."""
@@ -268,8 +266,9 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         if math.isnan(existence):
             yield f"a track ends after {p.delete[0]} misses in {p.delete[1]} scans that should have shown it"
         else:
-            yield f"existence {existence:.4f} before; a track ends below {p.deletion_threshold:g}"
-        yield f"variance {np.trace(own.covariance[:2, :2]):.1f} m² before; a track ends beyond {p.max_variance:g} m²"
+            yield f"existence {existence:.4f} before; a track is deleted below {p.deletion_threshold:g}"
+        variance = np.trace(own.covariance[:2, :2])
+        yield f"variance {variance:.1f} m² before; a track is deleted beyond {p.max_variance:g} m²"
     others = [t for t in recording.tracks_at(last, uav) if t.id != facts.id]
     gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), recording.track_numbers[t.id]) for t in others]
     if gaps:

@@ -110,7 +110,7 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
         lines = dict(track_story(facts, events))["ended"]
         existence, variance = (float(line.split()[1]) for line in lines[1:3])
         assert lines[0] == f"deleted at {event.time:.1f} s"
-        assert "a track ends below 0.001" in lines[1] and "a track ends beyond 400 m²" in lines[2]
+        assert "a track is deleted below 0.001" in lines[1] and "a track is deleted beyond 400 m²" in lines[2]
         assert existence < 0.1 or variance > 390.0
     assert len(ended) >= 2
 
