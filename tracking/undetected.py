@@ -47,6 +47,7 @@ class UndetectedIntensity:
     At first `people` are expected evenly over the area. They spread as walkers do. Each frame thins the intensity where
     the line of sight is free. A track that ends is recycled: its person is added to the intensity.
     Source: [Williams15], the Poisson part.
+    Note: there a track adds its probability of existence, and people survive with a probability; here one, and all do.
     """
 
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
