@@ -17,7 +17,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 
@@ -86,7 +86,7 @@ def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose
     camera, trees = view_of(scenario.uavs[uav], scenario), known_forest(recording, scenario)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
-        point = np.append(place, TARGET_HEIGHT)[None]
+        point = at_target_height(place[None])
         if np.isfinite(place).all() and camera.sees(pose, point)[0]:
             found[s] = IN_VIEW if trees.visible(pose.position, point)[0, 0] else HIDDEN
     return found

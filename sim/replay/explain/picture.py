@@ -17,7 +17,7 @@ from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import TRACK, annotated, marks_of
 from sim.replay.frames.pages import MARK
 from sim.replay.frames.sightings import Sight
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
@@ -42,7 +42,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
         shown |= marks
         tiles.append((_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
-            place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
+            place = sight.camera.project(sight.pose, at_target_height(facts.place[None]))[0][0]
             insets.append((f"pixels of UAV {w.uav}", _near(image, place)))
     words = np.vstack([_words(groups, shown), *_beside(insets)])
     columns = min(len(tiles), 2)
