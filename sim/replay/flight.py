@@ -98,7 +98,7 @@ class Flight:
             raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
         (k,) = scans_between(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
-            return _picture(draw(self.recording, again, k, uav, size=640))
+            return _picture(draw(again, k, uav, size=640))
 
     @cached_property
     def facts(self) -> dict[str, str]:

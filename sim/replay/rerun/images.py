@@ -11,7 +11,6 @@ from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
 from sim.replay.explain.association import Association
-from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import broken_at
 from sim.sensing.cameras import camera_of
@@ -29,9 +28,9 @@ _SLIGHT = 0.01  # a weight below which no line is drawn
 class Cameras:
     """Logs the images of one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, flight: Flight, again: Rerenderer) -> None:
+    def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
-        self._recording, self._scenario = flight.recording, flight.scenario
+        self._recording, self._scenario = again.recording, again.scenario
 
     def log(self, k: int) -> None:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
