@@ -109,10 +109,8 @@ class Flight:
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
         ended = " (interrupted)" if r.interrupted else ""
-        mean, share, held = (
-            METRICS[name].with_unit(METRICS[name](Outcome(r)))
-            for name in ("ospa.mean_m", "ospa.share_under_1m", "share_held")
-        )
+        outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
+        mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
