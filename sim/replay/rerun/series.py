@@ -64,7 +64,7 @@ def _tracks(recording: Recording) -> list[Series]:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
         for gap in gaps_at(recording, k):
-            gaps[numbers[gap.track], k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
+            gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
     return [
         Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))
