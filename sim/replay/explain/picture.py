@@ -62,8 +62,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 def _nearest(facts: PersonFacts) -> list[PersonObservation]:
     """The UAVs with frames to show: first those with the person inside, then the nearest."""
     working = [w for w in facts.observations if w.works]
-    outside = {w.uav: not (w.sighting.inside or w.sighting.pixels) for w in working}
-    return sorted(working, key=lambda w: (outside[w.uav], np.nan_to_num(w.away)))[:_FRAMES]
+    return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
 
 
 def _heading(w: PersonObservation) -> str:

@@ -152,7 +152,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
 
 def _people(sight: Sight, ideal: bool) -> list[str]:
     """Those in the view one by one, the rest together."""
-    near = [sighting for sighting in sight.people if sighting.inside or sighting.pixels]
+    near = [sighting for sighting in sight.people if sighting.in_image]
     lines = _shortened([_described(sighting, ideal) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
