@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
-from sim.drawing.map_view import MapView, aspect
+from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import METRICS, Outcome
@@ -84,7 +84,8 @@ class Flight:
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with the trails of the seconds before; its axes are in metres."""
         (k,) = scans_between(self.recording, time, None, name="time")
-        size = (_MAP, round(_MAP / aspect(self.scenario)))
+        width, height = map_extent(self.scenario)
+        size = (_MAP, round(_MAP / (width / height)))
         view = MapView(self.scenario, self.recording.forest, size)
         edges = np.array([(0, 0), size]) - 0.5  # of the first and the last pixel, whose centres are whole numbers
         (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Group, Image, TextStyle, listed, write
-from sim.drawing.map_view import MARGIN, MapView
+from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
@@ -102,10 +102,9 @@ def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
 
     True, if there are tracks on it.
     """
-    recording, area = observer.recording, observer.scenario.area
-    extent = np.array([area.width, area.height]) + 2 * MARGIN
-    scale = min(_SCALE, _LARGEST / float(extent.max()))
-    width, height = np.ceil(scale * extent).astype(int).tolist()
+    recording, metres = observer.recording, np.array(map_extent(observer.scenario))
+    scale = min(_SCALE, _LARGEST / float(metres.max()))
+    width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(observer.scenario, recording.forest, (width, height))
     holds = facts.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
