@@ -19,13 +19,8 @@ from sim.replay.rerun.scene import gaps_at
 from tracking.numerics.arrays import Array, Indices
 
 _PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, palette.BLUE)
-_STATES = dict(
-    zip(
-        STATES,
-        (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, pale(palette.BLUE), palette.BLUE),
-        strict=True,
-    )
-)
+_SHADES = (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, pale(palette.BLUE), palette.BLUE)
+_STATES = dict(zip(STATES, _SHADES, strict=True))
 _UNMATCHED = {
     "none": palette.PANEL,
     "false": palette.FALSE,
