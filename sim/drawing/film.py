@@ -15,7 +15,7 @@ from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, Parts, parts_in
 from sim.drawing.legend import Sparkline, draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
-from sim.drawing.map_view import MapView, aspect
+from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
@@ -36,8 +36,8 @@ _BT601 = 6  # the matrix OpenCV converts with; players need it, they assume anot
 
 def parts_of(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
     """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.parts_in`."""
-    renders = scenario.sensing.renders
-    return parts_in(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
+    width, height = map_extent(scenario)
+    return parts_in(_PANEL, width / height, len(scenario.uavs), layout if scenario.sensing.renders else "map")
 
 
 class Film:

@@ -39,9 +39,9 @@ def ellipse(mean: Array, covariance: Array) -> Array:
     return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
 
 
-def aspect(scenario: Scenario) -> float:
-    """Width over height of the map, its margin included."""
-    return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
+def map_extent(scenario: Scenario) -> tuple[float, float]:
+    """Width and height of the map [m], its margin included."""
+    return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN
 
 
 class MapView:
@@ -51,7 +51,8 @@ class MapView:
         self._area = (scenario.area.width, scenario.area.height)
         self._views = [view_of(uav, scenario) for uav in scenario.uavs]
         self._size = size
-        self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
+        width, height = map_extent(scenario)
+        self.scale = min(size[0] / width, size[1] / height)
         self._scenario, self._rate = scenario, scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))

@@ -9,7 +9,8 @@ from sim.drawing.marks import broken, cross, detection
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
+from tracking.track import beliefs_of
 
 BORDER = 4
 
@@ -59,7 +60,7 @@ def _ink_on(colour: Colour) -> Colour:
 
 def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
-    points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
+    points = at_target_height(beliefs_of(tracks)[0][:, :2])
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
     shown = [(tracks[t], pixels[t]) for t in np.flatnonzero(camera.sees(pose, points)).tolist()]
     for track, at in shown:

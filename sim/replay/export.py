@@ -11,6 +11,7 @@ from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken, scenario_of
+from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
@@ -37,11 +38,11 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 def _csv(recording: Recording, folder: Path) -> None:
     """Tables that `tracking.measurement_files` reads; the truth can be flown again as `people.trajectories`."""
-    _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
+    scenario = scenario_of(recording)
+    _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording, scenario))
     tracks = sorted([time, uav, *row] for _, uav, time, _, *row in _tracks(recording))
     _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)
     _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, x, y] for _, m, time, x, y, *_ in _truth(recording)))
-    scenario = scenario_of(recording)
     cameras = [view_of(uav, scenario) for uav in scenario.uavs]
     _table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras)))
     _table(folder / "trees.csv", TREE_COLUMNS, recording.trees.tolist())
@@ -90,9 +91,9 @@ def _mot_row(k: int, id: int, position: Sequence[float]) -> Row:
 TARGETS: dict[str, Callable[[Recording, Path], None]] = {"csv": _csv, "stonesoup": _stonesoup, "mot": _mot}
 
 
-def _scan_rows(recording: Recording) -> Iterator[Row]:
+def _scan_rows(recording: Recording, scenario: Scenario) -> Iterator[Row]:
     """A row for each measurement, and one without for each scan that has none."""
-    for k, uav in np.argwhere(frames_taken(recording, scenario_of(recording))).tolist():
+    for k, uav in np.argwhere(frames_taken(recording, scenario)).tolist():
         scan = recording.scan_at(k, uav)
         pose = recording.cameras[k, uav].tolist()
         for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
-from sim.drawing.map_view import MapView, aspect
+from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import METRICS, Outcome
@@ -84,7 +84,8 @@ class Flight:
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with the trails of the seconds before; its axes are in metres."""
         (k,) = scans_between(self.recording, time, None, name="time")
-        size = (_MAP, round(_MAP / aspect(self.scenario)))
+        width, height = map_extent(self.scenario)
+        size = (_MAP, round(_MAP / (width / height)))
         view = MapView(self.scenario, self.recording.forest, size)
         edges = np.array([(0, 0), size]) - 0.5  # of the first and the last pixel, whose centres are whole numbers
         (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
@@ -98,7 +99,7 @@ class Flight:
             raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
         (k,) = scans_between(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
-            return _picture(draw(self.recording, again, k, uav, size=640))
+            return _picture(draw(again, k, uav, size=640))
 
     @cached_property
     def facts(self) -> dict[str, str]:
@@ -109,10 +110,8 @@ class Flight:
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
         ended = " (interrupted)" if r.interrupted else ""
-        mean, share, held = (
-            METRICS[name].with_unit(METRICS[name](Outcome(r)))
-            for name in ("ospa.mean_m", "ospa.share_under_1m", "share_held")
-        )
+        outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
+        mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",

@@ -117,7 +117,7 @@ def _moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
 
 
 def _place(world: World, cones: Sequence[int], recording: Recording, moment: float) -> None:
-    k = min(int(np.searchsorted(recording.times, moment, side="right")) - 1, len(recording.times) - 1)
+    k = int(np.searchsorted(recording.times, moment, side="right")) - 1
     after = min(k + 1, len(recording.times) - 1)
     share = (moment - recording.times[k]) / (recording.times[after] - recording.times[k]) if after > k else 0.0
     people = recording.people[k] + share * (recording.people[after] - recording.people[k])

@@ -42,8 +42,9 @@ class Association:
         Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
         rounds differently. A recording of an earlier version is read by the rules of this one.
         """
-        takes = recording.working[:, uav]
-        if not (takes[k] and scenario.has_frame(uav, k)):
+        works = recording.working[:, uav]
+        taken = [j for j in range(k + 1) if works[j] and scenario.has_frame(uav, j)]
+        if k not in taken:
             return None
         p = tracker_parameters(scenario)
         here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
@@ -55,8 +56,7 @@ class Association:
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
         camera = view_of(scenario.uavs[uav], scenario)
-        frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
-        last = next(frames, None)
+        last = recording.scan_at(taken[-2], uav) if len(taken) > 1 else None
         lenses = camera.lens(scan.pose), camera.lens(last.pose) if last else None
         views = visible_samples(known_forest(recording, scenario), (means, covariances), *lenses)
         elapsed = np.full(len(means), scan.time - last.time if last else np.inf)

@@ -24,12 +24,12 @@ _LEAST = 0.005  # probability below which a measurement is not worth a line
 
 def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
     """Facts of one person at one scan: the person, each UAV, the track, the mission's events then, and intents."""
-    groups = [(f"person {facts.person} at {recording.times[facts.k]:.1f} s", _person(facts, recording, events))]
+    groups = [(f"person {facts.person} at {recording.times[facts.k]:.1f} s", _person(facts, events))]
     if np.isnan(facts.place[0]):
         return groups
     groups += [(f"UAV {w.uav}", _observation(w, facts, recording)) for w in facts.observations]
     if facts.holder:
-        groups.append((f"track {facts.holder.number}", _track(facts.holder, facts, recording)))
+        groups.append((f"track {facts.holder.number}", _track(facts.holder, facts)))
     now = [event for event in events if event.first <= facts.k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
     if now:
@@ -38,7 +38,7 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
     return groups
 
 
-def _person(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[str]:
+def _person(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
     walks = ""
@@ -133,8 +133,8 @@ def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> 
     return lines
 
 
-def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> list[str]:
-    now = float(recording.times[facts.k])
+def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
+    now = float(facts.history.times[facts.k])
     role = f"stands for the person for {fleet_text(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
@@ -157,12 +157,11 @@ def _intents(facts: PersonFacts) -> list[str]:
         if planned is None:
             lines.append(f"UAV {observation.uav}: no plan{'' if observation.works else ', as it has broken down'}")
             continue
-        parts = [] if facts.holder is None or planned.track is None else [
-            f"track {facts.holder.number} {_ahead(planned, planned.track)}"
-        ]  # fmt: skip
-        parts.append(f"the person {_ahead(planned, planned.person)}")
+        parts = [f"the person {_ahead(planned, planned.person)}"]
+        if facts.holder and planned.track is not None:
+            parts.insert(0, f"track {facts.holder.number} {_ahead(planned, planned.track)}")
         plan = f"plan of {planned.made:.1f} s to {planned.times[-1]:.1f} s"
-        lines.append(f"UAV {planned.uav}, {plan}: " + "; ".join(parts))
+        lines.append(f"UAV {observation.uav}, {plan}: " + "; ".join(parts))
     return lines
 
 

@@ -81,7 +81,7 @@ class Observer(ExitStack):
 
     def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
         """Pixels of the person in the same frame of the same world without its trees."""
-        if not self._renders(k, uav) or not (sighting.inside or sighting.pixels):
+        if not self._renders(k, uav) or not sighting.in_image:
             return None
         people = self._treeless.rendered(k, uav).people
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])

@@ -17,7 +17,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 
@@ -29,7 +29,6 @@ _SLACK = 1e-6  # s
 class PlannedVisibility:
     """The rest of one UAV's plan from a scan on, at S instants that are as far apart as scans."""
 
-    uav: int
     made: float  # s, when the plan was made
     times: Array  # (S,) s
     path: Array  # (S, 2) m, of the UAV
@@ -62,7 +61,7 @@ def planned_visibility(
         scan = replace(planned_motion(scenario, motion_at(recording, scenario, k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
         track = _states(recording, scenario, uav, views, nominal[:, 0])
-    return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)
+    return PlannedVisibility(float(recording.plan_times[plan]), times, path, ahead, track)
 
 
 def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tuple[Array, Array, Pose]:
@@ -86,7 +85,7 @@ def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose
     camera, trees = view_of(scenario.uavs[uav], scenario), known_forest(recording, scenario)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
-        point = np.append(place, TARGET_HEIGHT)[None]
+        point = at_target_height(place[None])
         if np.isfinite(place).all() and camera.sees(pose, point)[0]:
             found[s] = IN_VIEW if trees.visible(pose.position, point)[0, 0] else HIDDEN
     return found
@@ -114,7 +113,7 @@ class HoldingTrack:
         """Distance [m] of its position from a place (2,) m, and its square in its own standard deviations (NEES)."""
         assert self.belief is not None
         off = self.belief.mean[:2] - place
-        return float(np.hypot(*off)), float(squared_distance(off[None], self.belief.covariance[None, :2, :2])[0])
+        return float(np.hypot(*off)), float(squared_distance(off, self.belief.covariance[:2, :2]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Group, Image, TextStyle, listed, write
-from sim.drawing.map_view import MARGIN, MapView
+from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
@@ -17,7 +17,7 @@ from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import TRACK, annotated, marks_of
 from sim.replay.frames.pages import MARK
 from sim.replay.frames.sightings import Sight
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
@@ -42,7 +42,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
         shown |= marks
         tiles.append((_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
-            place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
+            place = sight.camera.project(sight.pose, at_target_height(facts.place[None]))[0][0]
             insets.append((f"pixels of UAV {w.uav}", _near(image, place)))
     words = np.vstack([_words(groups, shown), *_beside(insets)])
     columns = min(len(tiles), 2)
@@ -62,8 +62,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 def _nearest(facts: PersonFacts) -> list[PersonObservation]:
     """The UAVs with frames to show: first those with the person inside, then the nearest."""
     working = [w for w in facts.observations if w.works]
-    outside = {w.uav: not (w.sighting.inside or w.sighting.pixels) for w in working}
-    return sorted(working, key=lambda w: (outside[w.uav], np.nan_to_num(w.away)))[:_FRAMES]
+    return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
 
 
 def _heading(w: PersonObservation) -> str:
@@ -103,10 +102,9 @@ def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
 
     True, if there are tracks on it.
     """
-    recording, area = observer.recording, observer.scenario.area
-    extent = np.array([area.width, area.height]) + 2 * MARGIN
-    scale = min(_SCALE, _LARGEST / float(extent.max()))
-    width, height = np.ceil(scale * extent).astype(int).tolist()
+    recording, metres = observer.recording, np.array(map_extent(observer.scenario))
+    scale = min(_SCALE, _LARGEST / float(metres.max()))
+    width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(observer.scenario, recording.forest, (width, height))
     holds = facts.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own

@@ -73,11 +73,15 @@ class TrackFacts:
         first, last = int(own[0]), int(own[-1])
         self.scans = (first, last)  # the first and the last at which any UAV had it
         self.known = first == 0 and tracking.initial_tracks == "known"  # given at the start
-        uavs = range(recording.poses.shape[1])
-        holders = tuple(i for i in uavs if self.id in recording.track_ids_at(first, i))
+        holders = self.holders(first)
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
         # UAVs that had it first; the one that confirmed it, by its label.
         self.makers = confirmed or holders
+
+    def holders(self, k: int) -> tuple[int, ...]:
+        """The UAVs that have the track after scan k."""
+        uavs = range(self.recording.poses.shape[1])
+        return tuple(i for i in uavs if self.id in self.recording.track_ids_at(k, i))
 
     def held_at(self, k: int) -> tuple[int, Gaussian, float]:
         """The first UAV that has the track after scan k, its belief, and its existence; NaN if not estimated."""
@@ -103,7 +107,6 @@ class TrackFacts:
         return [
             TrackDetection(o.k, o.uav, int(self.observer.owners(o.k, o.uav)[j]), float(o.weights[j]))
             for o in self.observations
-            if o.weight >= SEEN
             for j in np.flatnonzero(o.weights >= SEEN).tolist()
         ]
 
@@ -257,7 +260,7 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         yield "still there at the end of the mission"
         return
     uav, own, existence = facts.held_at(last)
-    holders = [i for i in range(recording.poses.shape[1]) if facts.id in recording.track_ids_at(last, i)]
+    holders = facts.holders(last)
     if not recording.working[last + 1, holders].any():
         yield f"ended at {times[last + 1]:.1f} s, as {fleet_text(holders)} broke down"
         return

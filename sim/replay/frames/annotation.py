@@ -55,7 +55,7 @@ class _View:
             self.shown.add(mark)
 
     def draw(self) -> None:
-        people = [sighting for sighting in self._sight.people if sighting.inside or sighting.pixels]
+        people = [sighting for sighting in self._sight.people if sighting.in_image]
         hiding = sorted({tree for sighting in people for tree in sighting.hidden_by})
         others = self._image.copy()
         _draw_rim(others, [part for tree, parts in enumerate(self._outlines) if tree not in hiding for part in parts])

@@ -30,16 +30,17 @@ _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's d
 _SLACK = 1e-6  # s, for times that were typed
 
 
-def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
+def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
-    sight = Sight.of(recording, again.scenario, k, uav)
+    recording, scenario = again.recording, again.scenario
+    sight = Sight.of(recording, scenario, k, uav)
     view, shown = annotated(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
-    mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
+    mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [titled(recording), f"scan {k} of {len(recording.times) - 1}, {mount}"]
-    if not again.scenario.sensing.renders:
+    if not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
-    elif not again.scenario.has_frame(uav, k):
+    elif not scenario.has_frame(uav, k):
         notes.append("the camera took no image at this scan")
     panel = _draw_panel(sight, notes, shown, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
@@ -64,8 +65,7 @@ def write_frames(
     with new_folder(out) as folder, Rerenderer(recording) as again:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
-            page = draw(recording, again, k, uav, size=size)
-            (folder / name).write_bytes(png(page))
+            (folder / name).write_bytes(png(draw(again, k, uav, size=size)))
             progress(k)
 
 
@@ -152,7 +152,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
 
 def _people(sight: Sight, ideal: bool) -> list[str]:
     """Those in the view one by one, the rest together."""
-    near = [sighting for sighting in sight.people if sighting.inside or sighting.pixels]
+    near = [sighting for sighting in sight.people if sighting.in_image]
     lines = _shortened([_described(sighting, ideal) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]

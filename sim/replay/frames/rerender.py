@@ -30,7 +30,7 @@ class Rerenderer(ExitStack):
 
     def __init__(self, recording: Recording) -> None:
         super().__init__()
-        self._recording = recording
+        self.recording = recording
         self.scenario = scenario_of(recording)
         people = recording.people.shape[1]
         world = World(self.scenario, recording.forest, people, recording.seed, repeat=recording.repeat)
@@ -43,7 +43,7 @@ class Rerenderer(ExitStack):
 
     def rendered(self, k: int, uav: int) -> Rendered:
         """The same, and the person in each of its pixels."""
-        r = self._recording
+        r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
         camera = camera_of(self.scenario.uavs[uav])
@@ -57,7 +57,7 @@ class Rerenderer(ExitStack):
         taken: list[Image | None] = [None] * len(self.scenario.uavs)
         if self.scenario.sensing.renders:
             for i in uavs:
-                if self._recording.working[k, i] and self.scenario.has_frame(i, k):
+                if self.recording.working[k, i] and self.scenario.has_frame(i, k):
                     taken[i] = self.image(k, i)
         return taken
 

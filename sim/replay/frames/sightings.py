@@ -35,6 +35,11 @@ class Sighting:
     looked: bool = True  # the camera took a frame
 
     @property
+    def in_image(self) -> bool:
+        """True if some of the person is in the image, or would be but for what stands before them."""
+        return self.inside or self.pixels > 0
+
+    @property
     def status(self) -> str:
         """The person's state to the camera, in words."""
         if math.isnan(self.place[0]):

@@ -14,7 +14,6 @@ from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, lanes
 from sim.replay.flight import Flight
 from sim.scenario.scenario import Scenario
-from tracking.numerics.arrays import Array
 
 
 def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
@@ -97,5 +96,5 @@ def css(colour: palette.Colour) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _rounded(values: ArrayLike | Array, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array
+def _rounded(values: ArrayLike, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array
     return (np.round(np.asarray(values, dtype=float), digits) + 0.0).tolist()

@@ -11,11 +11,9 @@ from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
 from sim.replay.explain.association import Association
-from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import broken_at
 from sim.sensing.cameras import camera_of
-from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
@@ -29,9 +27,9 @@ _SLIGHT = 0.01  # a weight below which no line is drawn
 class Cameras:
     """Logs the images of one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, flight: Flight, again: Rerenderer) -> None:
+    def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
-        self._recording, self._scenario = flight.recording, flight.scenario
+        self._recording, self._scenario = again.recording, again.scenario
 
     def log(self, k: int) -> None:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
@@ -42,15 +40,15 @@ class Cameras:
             association = Association.of(self._recording, self._scenario, k, i)
             if association is None:
                 continue
-            root, camera = f"world/camera/{i}", camera_of(uav)
+            root = f"world/camera/{i}"
             self._log_image(i, self._again.image(k, i))
-            spots = self._spots(k, i, camera)
+            spots = self._spots(k, i)
             inside = spots[~np.isnan(spots).any(axis=1)]
-            half = np.full(inside.shape, _BOX * camera.pixels)  # as large in all images
+            half = np.full(inside.shape, _BOX * uav.pixels)  # as large in all images
             frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
             self._stream.log(f"{root}/detections", frames)
-            self._log_tracks(k, i, camera, tracks[i])
-            expected = self._project(k, i, camera, association.before.means)
+            self._log_tracks(k, i, tracks[i])
+            expected = self._project(k, i, association.before.means)
             self._log_weights(f"{root}/association", association, spots, expected)
             self._stream.log(f"association/{i}", rr.TextDocument(table(association), media_type="text/markdown"))
 
@@ -67,20 +65,20 @@ class Cameras:
         for name in ("detections", "tracks", "association"):
             self._stream.log(f"world/camera/{uav}/{name}", rr.Clear(recursive=False))
 
-    def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
+    def _project(self, k: int, uav: int, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
-        pose = self._recording.camera_at(k, uav)
+        camera, pose = camera_of(self._scenario.uavs[uav]), self._recording.camera_at(k, uav)
         points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 
-    def _spots(self, k: int, uav: int, camera: Camera) -> Array:
+    def _spots(self, k: int, uav: int) -> Array:
         """Pixels (N, 2) of the measurements; in ideal sensing of their places on the ground."""
         pixels = self._recording.pixels_at(k, uav)
         places = self._recording.scan_at(k, uav).measurements
-        return pixels if len(pixels) == len(places) else self._project(k, uav, camera, places)
+        return pixels if len(pixels) == len(places) else self._project(k, uav, places)
 
-    def _log_tracks(self, k: int, uav: int, camera: Camera, tracks: Sequence[Track]) -> None:
-        marks = self._project(k, uav, camera, beliefs_of(tracks)[0])
+    def _log_tracks(self, k: int, uav: int, tracks: Sequence[Track]) -> None:
+        marks = self._project(k, uav, beliefs_of(tracks)[0])
         shown = np.flatnonzero(~np.isnan(marks[:, 0])).tolist()
         points = rr.Points2D(
             marks[shown],

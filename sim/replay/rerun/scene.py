@@ -32,7 +32,7 @@ _SEE_THROUGH = 150  # of 255, opacity of canopies
 class Gap(NamedTuple):
     """The distance between two UAVs' means of one track."""
 
-    track: int  # id
+    track: int  # number
     metres: float
     one: Array  # (2,) m
     other: Array
@@ -173,12 +173,11 @@ class Scene:
         self._stream.log(f"world/tracks/{uav}/means", marks)
 
     def _log_gaps(self, gaps: Sequence[Gap]) -> None:
-        numbers = [self._recording.track_numbers[gap.track] for gap in gaps]
         lines = rr.LineStrips3D(
             [_at(np.array([gap.one, gap.other]), TARGET_HEIGHT) for gap in gaps],
             colors=[ALARM],
             radii=0.05,
-            labels=[f"track {n}: {gap.metres:.2f} m apart" for n, gap in zip(numbers, gaps, strict=True)],
+            labels=[f"track {gap.track}: {gap.metres:.2f} m apart" for gap in gaps],
             show_labels=False,
         )
         self._stream.log("world/agreement", lines)
@@ -216,10 +215,10 @@ def gaps_at(recording: Recording, k: int) -> list[Gap]:
     held = defaultdict(list)
     for i in range(recording.poses.shape[1]):
         for track in recording.tracks_at(k, i):
-            held[track.id].append(track.belief.mean[:2])
+            held[recording.track_numbers[track.id]].append(track.belief.mean[:2])
     return [
-        max((Gap(id_, math.dist(a, b), a, b) for a, b in combinations(means, 2)), key=lambda gap: gap.metres)
-        for id_, means in held.items()
+        max((Gap(number, math.dist(a, b), a, b) for a, b in combinations(means, 2)), key=lambda gap: gap.metres)
+        for number, means in held.items()
         if len(means) > 1
     ]
 

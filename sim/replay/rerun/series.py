@@ -10,22 +10,17 @@ from numpy.typing import NDArray
 from sim.drawing import palette
 from sim.drawing.palette import Colour, on_dark, pale, track_colour, uav_colour
 from sim.evaluation.fleet_facts import mean_ospa
-from sim.evaluation.holding import HOLDS
+from sim.evaluation.holding import episodes
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.history import STATES
 from sim.replay.rerun.scene import gaps_at
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 
 _PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, palette.BLUE)
-_STATES = dict(
-    zip(
-        STATES,
-        (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, pale(palette.BLUE), palette.BLUE),
-        strict=True,
-    )
-)
+_SHADES = (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, pale(palette.BLUE), palette.BLUE)
+_STATES = dict(zip(STATES, _SHADES, strict=True))
 _UNMATCHED = {
     "none": palette.PANEL,
     "false": palette.FALSE,
@@ -64,7 +59,7 @@ def _tracks(recording: Recording) -> list[Series]:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
         for gap in gaps_at(recording, k):
-            gaps[numbers[gap.track], k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
+            gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
     return [
         Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))
@@ -118,26 +113,26 @@ def log_states(stream: rr.RecordingStream, flight: Flight) -> None:
     """Log the states of each person to the cameras and to the tracks, and tracks that stand for no person."""
     history = flight.history
     for m in range(history.present.shape[1]):
-        for name, values, colours in (
-            ("cameras", np.array(STATES)[history.states[:, m]], _STATES),
-            ("tracks", np.array(HOLDS)[history.hold_states[:, m]], palette.HOLD_COLOURS),
-        ):
-            _log_states(stream, f"people/{m}/{name}", history.times, values, colours)
+        _log_states(stream, f"people/{m}/cameras", history.times, history.states[:, m], _STATES)
+        _log_states(stream, f"people/{m}/tracks", history.times, history.hold_states[:, m], palette.HOLD_COLOURS)
     kinds = np.zeros(len(history.times), dtype=np.int64)
     for event in flight.events:
         if event.kind in UNMATCHED:
             kinds[event.first : event.last + 1] |= 1 + UNMATCHED.index(event.kind)
-    _log_states(stream, "people/none/tracks", history.times, np.array(list(_UNMATCHED))[kinds], _UNMATCHED)
+    _log_states(stream, "people/none/tracks", history.times, kinds, _UNMATCHED)
 
 
 def _log_states(
-    stream: rr.RecordingStream, path: str, times: Array, values: NDArray[np.str_], colours: dict[str, Colour]
+    stream: rr.RecordingStream, path: str, times: Array, states: Indices, colours: dict[str, Colour]
 ) -> None:
-    changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+    """Log where states (K,) begin, which are indices into the names of `colours`."""
+    names, spans = list(colours), episodes(states)
+    changes = [span.first for span in spans]
     indexes = [rr.TimeColumn("time", duration=times[changes]), rr.TimeColumn("scan", sequence=changes)]
-    shown = rr.StateConfiguration(values=list(colours), labels=list(colours), colors=list(colours.values()))
+    shown = rr.StateConfiguration(values=names, labels=names, colors=list(colours.values()))
     stream.log(path, shown, static=True)
-    stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
+    columns = rr.StateChange.columns(state=[names[span.value] for span in spans])
+    stream.send_columns(path, indexes=indexes, columns=columns)
 
 
 def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:

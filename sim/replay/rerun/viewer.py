@@ -107,7 +107,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
     log_states(stream, flight)
     log_events(stream, flight.events)
     with Rerenderer(recording) as again:
-        scene, cameras = Scene(stream, flight), Cameras(stream, flight, again)
+        scene, cameras = Scene(stream, flight), Cameras(stream, again)
         for k, time in enumerate(recording.times.tolist()):
             stream.set_time("time", duration=time)
             stream.set_time("scan", sequence=k)

@@ -185,7 +185,7 @@ def test_views_of_anything_can_be_drawn():
     for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
         recording = record(3, seed=0, **options)
         with Rerenderer(recording) as again:
-            page = pages.draw(recording, again, 2, 1, size=300)
+            page = pages.draw(again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotated(np.zeros((128, 128, 3), np.uint8), seen, 256)
@@ -228,7 +228,7 @@ def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp
     assert scans_between(recording, 3.9, 4.0) == [20]
     with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
         scans_between(recording, 1.05, 1.15)
-    monkeypatch.setattr(pages, "draw", lambda r, again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)])
+    monkeypatch.setattr(pages, "draw", lambda again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)])
     with pytest.raises(ZeroDivisionError):
         write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)
     assert list(tmp_path.iterdir()) == []
