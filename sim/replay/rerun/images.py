@@ -62,8 +62,9 @@ class Cameras:
         tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._scenario.uavs[uav].pixels
         draw_broken(tile, uav)
         self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
-        for name in ("detections", "tracks", "association"):
-            self._stream.log(f"world/camera/{uav}/{name}", rr.Clear(recursive=False))
+        root = f"world/camera/{uav}"
+        for path in (f"{root}/detections", f"{root}/tracks", f"{root}/association", f"association/{uav}"):
+            self._stream.log(path, rr.Clear(recursive=False))
 
     def _project(self, k: int, uav: int, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""

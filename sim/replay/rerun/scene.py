@@ -159,7 +159,7 @@ class Scene:
             [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
             colors=colours,
             radii=0.08,
-            labels=[f"track {track.id}" for track in tracks],
+            labels=[f"track {track_name(track)}" for track in tracks],
             show_labels=False,
         )
         marks = rr.Points3D(

@@ -145,6 +145,7 @@ def test_people_not_found_yet_and_uavs_that_break_down_early_are_shown_as_such(t
     names = rows(entities, "/world/people/lost", "labels")[0]
     assert names == [f"person {m} not found yet" for m in range(4)]
     assert [sorted(rows(entities, f"/world/camera/{i}/image", "blob"))[-1] for i in (0, 1)] == [3, 0]
+    assert [sorted(rows(entities, f"/association/{i}", "is_recursive")) for i in (0, 1)] == [[3], [0]]
     shown = [rows(entities, f"/world/tracks/{i}/means", "show_labels") for i in (0, 2)]
     assert [shown[0][k] for k in range(3)] == 3 * [[True]]
     assert [shown[1][k] for k in range(6)] == 3 * [[False]] + 3 * [[True]]
