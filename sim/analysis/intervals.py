@@ -31,7 +31,7 @@ class Estimate:
     def text(self, metric: Metric, *, signed: bool = False) -> str:
         """The value and, in brackets, the interval if there is one, in the metric's unit, without it."""
         value, low, high = (metric.text(v, signed=signed) for v in (self.value, self.low, self.high))
-        return value if math.isnan(self.low) or math.isnan(self.high) else f"{value} [{low}, {high}]"
+        return value if math.isnan(self.low) else f"{value} [{low}, {high}]"
 
     def cut(self, least: float, most: float) -> "Estimate":
         """The estimate with its interval cut off where no value can be."""

@@ -175,9 +175,10 @@ def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | N
     from sim.replay.frames.rerender import scenario_of
     from sim.replay.redrawn_film import check_layout, write_film
 
-    check_layout(layout or AS_FLOWN, scenario_of(recording))
+    layout = layout or AS_FLOWN
+    check_layout(layout, scenario_of(recording))
     with counted_progress(len(scans), "scans") as progress:
-        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=speed, progress=progress)
+        write_film(recording, scans, path, layout=layout, speed=speed, progress=progress)
     show_place("Film", path)
 
 

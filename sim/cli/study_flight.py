@@ -61,10 +61,10 @@ def fly_study(
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
 
-                def heard(task: Task, row: Row, new: bool) -> None:
+                def heard(task: Task, row: Row, fresh: bool) -> None:
                     nonlocal again
-                    again += new
-                    tell(row.status == "failed", new)
+                    again += fresh
+                    tell(row.status == "failed", fresh)
 
                 try:
                     return complete(listed, store, backend, options, heard)

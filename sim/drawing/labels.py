@@ -10,14 +10,14 @@ from sim.drawing.palette import INK
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array
 from tracking.track import Track
 
 # Sides of a mark where a name may stand: rightwards and downwards.
-_SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)])
+_SIDES = np.array([(1.0, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)])
 # Of the top left corner of a view, so that no edge of the view runs through the name; and the corners.
-_OUTSIDE = np.array([(1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)])
-_CORNERS = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])
+_OUTSIDE = np.array([(1.0, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)])
+_CORNERS = np.array([(-1.0, -1), (1, -1), (-1, 1), (1, 1)])
 _VEIL = 0.65  # opacity of what lies behind a name
 _GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
 _CLOSE = 1.0  # pixels from the corner of a view
@@ -53,9 +53,7 @@ class Labels:
         """Keep names off a square round a mark at a pixel (2,)."""
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
-    def put(
-        self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array | Indices = _SIDES
-    ) -> None:
+    def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array = _SIDES) -> None:
         """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away.
 
         sides (N, 2): those of the mark where it may stand, rightwards and downwards.
@@ -105,7 +103,7 @@ def _size(text: str, style: TextStyle) -> Array:
     return np.array([width(text, style), style.size + 4.0])
 
 
-def _box(anchor: Array, size: Array, gap: float, side: Array | Indices) -> Array:
+def _box(anchor: Array, size: Array, gap: float, side: Array) -> Array:
     """Left, top, right, bottom (..., 4) of a text of a size (2,) on a side of its mark; marks and sides (..., 2)."""
     middle = anchor + side * (gap + size / 2)
     return np.concatenate([middle - size / 2, middle + size / 2], axis=-1)

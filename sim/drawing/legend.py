@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, detection, person, quadrotor
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, FAINT, INK, TRUNK, VERMILLION, track_colour
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, FAINT, INK, TRUNK, UNHELD_COLOURS, VERMILLION, track_colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
@@ -27,7 +27,7 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
         entries.append((_tree, "tree"))
         for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
             entries.append((partial(person, heading=0.0, view=view), text))
-        for hold in ("lost", "not found yet"):
+        for hold in UNHELD_COLOURS:
             entries.append((partial(person, heading=0.0, view="seen", hold=hold), hold))
     entries.append((_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:

@@ -60,10 +60,12 @@ def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[tuple[
     values = group.values(metric.name)
     finite = np.flatnonzero(np.isfinite(values))
     ends = np.unique(values[finite])[:: -1 if metric.better == "higher" else 1]
+    if not len(ends):
+        return []
     if len(ends) == 1:
         return [("", group.done[finite[0]], f", all {len(finite)} equal" if len(finite) > 1 else ", the only one")]
     found = []
-    for name, end in zip(names, ends[[0, -1]] if len(ends) else (), strict=False):
+    for name, end in zip(names, ends[[0, -1]], strict=True):
         first, *others = np.flatnonzero(values == end)
         found.append((f"{name}, ", group.done[first], f" and {len(others)} equal" if others else ""))
     return found

@@ -83,22 +83,25 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     sampled = [(answer.metric, answer.maps) for answer in found]
     gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
     compared = [(metric, pairs) for metric, pairs in gaps if pairs]
-    many = _corrected([pairs for _, pairs in compared])
-    said = {
-        _MAPS: any(answer.maps < answer.flown for answer in found),
-        _COMPARED: compared,
-        _NEEDED: compared and wide,
-        many: len(compared) > 1,
-        _REPEATED: _repeated(found),
-    }
-    return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
+    lines = [_NOTE, *caveats(sampled + compared)]
+    if any(answer.maps < answer.flown for answer in found):
+        lines.append(_MAPS)
+    if compared:
+        lines.append(_COMPARED)
+    if compared and wide:
+        lines.append(_NEEDED)
+    if len(compared) > 1:
+        lines.append(_corrected([pairs for _, pairs in compared]))
+    if _repeated(found):
+        lines.append(_REPEATED)
+    return lines
 
 
 def _corrected(pairs: Sequence[int]) -> str:
     """Note on the star, or that none can be given: no p-value of n maps is below 2 / 2ⁿ."""
     chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
-    needed = math.ceil(math.log2(2 * max(len(pairs), 1) / chance))
-    if max(pairs, default=needed) < needed:
+    needed = math.ceil(math.log2(2 * len(pairs) / chance))
+    if max(pairs) < needed:
         return f"No difference can survive {shown} ({100 * chance:.0f} %) on fewer than {needed} maps."
     return f"* survives {shown} ({100 * chance:.0f} %)."
 

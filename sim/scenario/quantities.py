@@ -26,7 +26,7 @@ Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 
 MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
-_LONGEST = 366 * 86_400.0  # s
+_LONGEST = 366 * DAY  # s
 REPEATS = 10_000  # of one map at most
 WORKERS = 1024  # at most, processes of one study
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}

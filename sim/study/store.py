@@ -19,16 +19,14 @@ from tracking.plugins.registry import InputError
 
 SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it
 NAME = "study.sqlite"
-# Columns that version 1 lacks: the type of each, and its default, as which it reads there.
-_LATER = {"repeat": ("INTEGER", "0"), "recording": ("TEXT", "''"), "machine": ("TEXT", "''")}
-_DECLARED = [f"{name} {kind} NOT NULL DEFAULT {default}" for name, (kind, default) in _LATER.items()]
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
-    f"""CREATE TABLE trials (
+    """CREATE TABLE trials (
         key TEXT PRIMARY KEY, scenario TEXT NOT NULL, factors TEXT NOT NULL, settings TEXT NOT NULL,
         planner TEXT NOT NULL, seed INTEGER NOT NULL, version TEXT NOT NULL, status TEXT NOT NULL,
         error TEXT NOT NULL, metrics TEXT NOT NULL, ospa BLOB NOT NULL, scans_per_s REAL NOT NULL,
-        finished TEXT NOT NULL DEFAULT (datetime('now')), {", ".join(_DECLARED)}
+        finished TEXT NOT NULL DEFAULT (datetime('now')), repeat INTEGER NOT NULL DEFAULT 0,
+        recording TEXT NOT NULL DEFAULT '', machine TEXT NOT NULL DEFAULT ''
     )""",
     "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
     "CREATE VIEW factors AS SELECT t.key, json_extract(j.value, '$[0]') AS name, json_extract(j.value, '$[1]') AS level"
@@ -140,14 +138,11 @@ def read_rows(path: Path) -> list[Row]:
     if not file.is_file():
         raise InputError(f"{file}: there is no store of a study")
     with _connected(file) as connection:
-        version = _version(connection, file)
-        if version == 0:
+        if _version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
         study = _name(connection, path)
-        absent = {name: default for name, (_, default) in _LATER.items()} if version == 1 else {}
-        columns = ", ".join(f"{absent[name]} AS {name}" if name in absent else name for name in _FIELDS)
         order = "scenario, factors, planner, length(seed), seed, repeat, version"
-        rows = connection.execute(f"SELECT {columns} FROM trials ORDER BY {order}").fetchall()
+        rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
 
 
@@ -183,17 +178,13 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
-    """Make the tables of a new store, or check that an old one is this study's and bring it to the present schema."""
+    """Make the tables of a new store, or check that an old one is this study's."""
     connection.execute("BEGIN IMMEDIATE")
-    version = _version(connection, path)
-    if version == 0:
+    if _version(connection, path) == 0:
         for table in _TABLES:
             connection.execute(table)
         connection.execute("INSERT INTO study VALUES (?)", (study,))
-    elif version == 1:
-        for column in _DECLARED:
-            connection.execute(f"ALTER TABLE trials ADD COLUMN {column}")
-    connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        connection.execute(f"PRAGMA user_version = {SCHEMA}")
     name = _name(connection, path)
     if name != study:
         raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
@@ -210,10 +201,10 @@ def _name(connection: sqlite3.Connection, path: Path) -> str:
 
 
 def _version(connection: sqlite3.Connection, path: Path) -> int:
-    """The schema's version, 0 of an empty file; InputError if it is no store or a newer one."""
+    """The schema's version, 0 of an empty file; InputError if it is no store or one of another version."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    if version > SCHEMA:
+    if version not in (0, SCHEMA):
         raise InputError(f"{path}: is a store of version {version}, but this program reads {SCHEMA}; update it")
     if version == 0 and tables:
         raise InputError(f"{path}: is a database, but no store of a study; name another folder")

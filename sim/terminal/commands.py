@@ -84,9 +84,11 @@ def with_options(overrides: list[str] | None, duration: str | None, sensing: str
     found = list(overrides or ())
     length = None if duration is None else seconds(duration, "--duration")
     for option, key, value in (("--duration", "duration", length), ("--sensing", "sensing.mode", sensing)):
-        if value is not None and key in keys:
+        if value is None:
+            continue
+        if key in keys:
             raise InputError(f"{option}: not allowed together with --set {key}")
-        found += [] if value is None else [f"{key}={value}"]
+        found.append(f"{key}={value}")
     return found
 
 

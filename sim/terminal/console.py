@@ -13,7 +13,7 @@ _LONGEST = 2000  # characters of a message
 
 def fail(message: str, *, code: int) -> NoReturn:
     """Say in one line why there is no result, and exit."""
-    print(f"understory: {_line(message)}", file=sys.stderr)
+    remark(message)
     sys.exit(code)
 
 

@@ -1,7 +1,6 @@
 """Repeats fly the map of a seed with another chance; the first repeat is what the seed alone gives."""
 
 import json
-import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -15,7 +14,7 @@ from sim.replay.events import links_of
 from sim.scenario.loading import load
 from sim.study.backends import Borrowed
 from sim.study.engine import complete
-from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
+from sim.study.store import Store, read_rows
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks
 from sim.world.appearance import sample_appearance
@@ -99,31 +98,3 @@ def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
     assert [plain(r) for r in rows[:2]] == [plain(invented(task)) for task in made[:2]]
     assert [(r.repeat, r.seed) for r in rows] == [(r, s) for r in range(3) for s in (0, 1)]
     assert [(r.seed, r.repeat) for r in read_rows(tmp_path)] == [(s, r) for s in (0, 1) for r in range(3)]
-
-
-def old_store(folder, task):
-    """A store as it was before there were repeats."""
-    with Store.opened(folder, "short") as store:
-        store.add(task, invented(task))
-    sql = sqlite3.connect(folder / NAME)
-    for column in ("repeat", "recording", "machine"):
-        sql.execute(f"ALTER TABLE trials DROP COLUMN {column}")
-    sql.execute("PRAGMA user_version = 1")
-    sql.commit()
-    sql.close()
-
-
-def test_a_store_of_the_first_version_reads_as_the_first_repeat_and_goes_on(tmp_path):
-    first, second = short(["hover"], "0", repeats=2)
-    old_store(tmp_path, first)
-    before = (tmp_path / NAME).read_bytes()
-    assert [plain(r) for r in read_rows(tmp_path)] == [plain(invented(first))]
-    assert (tmp_path / NAME).read_bytes() == before
-    with Store.opened(tmp_path, "short") as store:
-        assert plain(store.done([first])[first.key]) == plain(invented(first))
-        store.add(second, invented(second))
-    assert [r.repeat for r in read_rows(tmp_path)] == [0, 1]
-    sql = sqlite3.connect(tmp_path / NAME)
-    assert sql.execute("PRAGMA user_version").fetchone() == (SCHEMA,)
-    assert {name for _, name, *_ in sql.execute("PRAGMA table_info(trials)")} >= set(_COLUMNS.split(", "))
-    sql.close()

@@ -109,10 +109,14 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
             lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA + 1}"),
             f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}",
         ),
+        (
+            lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA - 1}"),
+            f"is a store of version {SCHEMA - 1}, but this program reads {SCHEMA}",
+        ),
         (lambda path: sql(path.parent, "CREATE TABLE mine (x)"), "is a database, but no store of a study"),
         (Path.mkdir, "cannot be used: is no file"),
     ],
-    ids=["text", "newer", "other", "folder"],
+    ids=["text", "newer", "older", "other", "folder"],
 )
 def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, make, message):
     path = tmp_path / NAME
