@@ -205,7 +205,9 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     if version not in (0, SCHEMA):
-        raise InputError(f"{path}: is a store of version {version}, but this program reads {SCHEMA}; name another folder")
+        raise InputError(
+            f"{path}: is a store of version {version}, but this program reads {SCHEMA}; name another folder"
+        )
     if version == 0 and tables:
         raise InputError(f"{path}: is a database, but no store of a study; name another folder")
     return int(version)
