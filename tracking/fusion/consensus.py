@@ -92,8 +92,7 @@ def _after_rounds(
         for i in range(len(numbers)):
             numbers[i] += novel_numbers(novel[i])
         shares = _averaged(shares, degrees, heard[k])
-        if novel.shape[2]:
-            novel = _averaged(novel, degrees, heard[k])
+        novel = _averaged(novel, degrees, heard[k])
         history = _latest(history, heard[k])
     return novel[: len(numbers)], shares, *history, numbers
 
