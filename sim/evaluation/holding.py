@@ -5,10 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Snapshot
+from sim.mission.snapshot import Snapshot, reported_positions
 from tracking.metrics.clearmot import Matcher
 from tracking.numerics.arrays import Flags, Indices
-from tracking.track import beliefs_of
 
 
 class Episode(NamedTuple):
@@ -40,10 +39,9 @@ class Holding:
         """The states (M,) at the next scan, indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
-            tracks = [track for track in known if track.reported]
-            own = [columns.setdefault(track.id, len(columns)) for track in tracks]
+            own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = beliefs_of(tracks)[0][:, :2]
+            places[own] = reported_positions(known)
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))
