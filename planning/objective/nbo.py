@@ -238,8 +238,7 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
         for k, (i, j) in enumerate(_TRIANGLE):
             P[k * LANES : (k + 1) * LANES] = belief.covariances[index * targets // each, i, j]
         for row in range(index, rows, each):
-            for k in range(len(_TRIANGLE)):
-                others.before[row, k] = P[k * LANES]
+            others.before[row] = P[::LANES]
             _fill(information, others.information[row])
             _advance(P, belief, information, measure, trace)
             others.costs[row] = trace[0]
@@ -263,5 +262,4 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
             if near[row]:
                 _fill(information, others.information[row])
                 add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information, free)
-                for k in range(3):
-                    others.information[row, k] = information[k * LANES]
+                others.information[row] = information[::LANES]
