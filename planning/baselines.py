@@ -82,7 +82,7 @@ class Lawnmower:
         run = way - abs(run % (2 * way) - way) if way else 0.0  # to and fro
         goal = np.array([np.interp(run, reached, corners[:, axis]) for axis in (0, 1)])
         gap = goal - aim_point(own) - own.position[:2]
-        return Plan(speed_limited((gap / situation.step)[None, None], own.max_speed)[0])
+        return Plan(speed_limited((gap / situation.step)[None], own.max_speed))
 
 
 def _lines(situation: Situation, strip: int, strips: int) -> Array:

@@ -32,9 +32,12 @@ class Optimizer(Protocol):
 
 
 def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
-    """Plans (..., k, H, 2) m/s, each control shortened to the speed limit of its UAV, (k,) or one for all [m/s]."""
+    """Plans (..., k, H, 2) m/s, each control shortened to the speed limit of its UAV (k,) [m/s].
+
+    With one limit for all, plans may have any leading axes.
+    """
     speed = length(plans)[..., None]
-    most = np.reshape(max_speeds, (-1, 1, 1))
+    most = np.asarray(max_speeds)[..., None, None]
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
 
 
@@ -55,7 +58,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     reached = np.tile(position, (len(goals), 1))
     plans = np.empty((len(goals), len(nominal), 2))
     for k, goal in enumerate(np.stack(goals, axis=1)):
-        plans[:, k] = speed_limited(((goal - reached) / step)[:, None], vehicle.max_speed)[:, 0]
+        plans[:, k] = speed_limited((goal - reached) / step, vehicle.max_speed)
         reached = reached + step * plans[:, k]
     return plans
 

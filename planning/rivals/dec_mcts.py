@@ -128,8 +128,7 @@ class TreeSearch:
 
     def _expect(self, uav: int, controls: Array, chances: Array) -> None:
         row = [v.id for v in self._vehicles].index(uav)
-        start = np.asarray(self._vehicles[row].position, dtype=float)
-        paths = camera_paths(np.tile(start, (len(controls), 1)), controls, self._situation.step)[:, :, :2]
+        paths = camera_paths(self._vehicles[row].position[None], controls, self._situation.step)[:, :, :2]
         steps = np.repeat(np.arange(self._planner.horizon), len(controls))
         flat = np.ascontiguousarray(paths.swapaxes(0, 1).reshape(-1, 2))
         table = information_from(self._belief, row, flat, steps)

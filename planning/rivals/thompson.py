@@ -58,11 +58,11 @@ class Thompson:
     def _flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
         last = situation.intents.get(situation.own.id)
         if last is not None and len(last.controls) > 1:
-            return Plan(speed_limited(last.controls[None, 1:], situation.own.max_speed)[0])
+            return Plan(speed_limited(last.controls[1:], situation.own.max_speed))
         way = self.goal(situation, drawn_world(situation, rng)) - situation.own.position[:2]
         steps = _steps(way[0], way[1], situation.own.max_speed * situation.step)
         controls = np.tile(way / (situation.step * steps), (int(min(steps, self.horizon)), 1))
-        return Plan(speed_limited(controls[None], situation.own.max_speed)[0])
+        return Plan(speed_limited(controls, situation.own.max_speed))
 
     def goal(self, situation: Situation, world: DrawnWorld) -> Array:
         """Place (2,) m to look from; the UAV's own if nothing is to be seen."""

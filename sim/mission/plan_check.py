@@ -78,7 +78,7 @@ def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
     own, controls = situation.own, plan.controls
     with np.errstate(over="ignore"):  # of huge, though finite, speeds
         fastest = length(controls).max()
-        limited = Plan(speed_limited(controls[None], own.max_speed)[0], plan.others)
+        limited = Plan(speed_limited(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
         text = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
         faults.append(Fault(situation.time, own.id, text))
