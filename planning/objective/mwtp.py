@@ -24,7 +24,7 @@ def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav:
     """Mark in `seen` (T,) the targets (T, 2 or 3) m in the field of view of a UAV's sensor at (2,) m."""
     for t in range(len(targets)):
         if not seen[t]:
-            seen[t] = inside(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
+            seen[t] = inside(views[uav], targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
 
 
 def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: Array) -> tuple[Match, ...]:

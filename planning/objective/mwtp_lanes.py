@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.prediction.predicted_belief import LANES
-from planning.prediction.quadrangle import corner
+from planning.prediction.quadrangle import corner, inside
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
@@ -58,15 +58,10 @@ def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums
 def mark_in_view_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
     """Mark targets (T, 2 or 3) m in the field of view of a UAV as seen; `mwtp.mark_in_view` lane by lane."""
     view, east, north = views[uav], work.sensors[uav, 0], work.sensors[uav, 1]
-    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
-    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
     for t in range(len(targets)):
         x, y, unseen = targets[t, 0], targets[t, 1], work.unseen[t]
         for lane in range(LANES):
-            dx, dy = x - east[lane], y - north[lane]
-            near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
-            near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
-            unseen[lane] = 0.0 if near else unseen[lane]
+            unseen[lane] = 0.0 if inside(view, x - east[lane], y - north[lane]) else unseen[lane]
 
 
 @compiled

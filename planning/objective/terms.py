@@ -189,7 +189,7 @@ def _views(
             seen = 0
             for k in range(points.shape[1]):
                 x, y = points[c, k, 0], points[c, k, 1]
-                if inside(view, uavs[v], x - camera[0], y - camera[1]):
+                if inside(view[uavs[v]], x - camera[0], y - camera[1]):
                     seen += unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
             if seen:
                 cells.append(c)

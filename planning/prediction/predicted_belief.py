@@ -101,14 +101,14 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
     for j in range(len(uavs)):
         for step in range(steps):
             x0, x1, y0, y1 = boxes[j, step]
-            wide = views[uavs[j] : uavs[j] + 1].copy()
+            wide = views[uavs[j]].copy()
             for side in range(4):
-                a, b = wide[0, side, 0], wide[0, side, 1]
-                wide[0, side, 2] = wide[0, side, 2] + max(a * x0, a * x1) + max(b * y0, b * y1)
+                a, b = wide[side, 0], wide[side, 1]
+                wide[side, 2] = wide[side, 2] + max(a * x0, a * x1) + max(b * y0, b * y1)
             for t in range(targets):
                 for k in range(count):
                     row = (step * targets + t) * count + k
-                    may[row] |= inside(wide, 0, points[step, t, k, 0], points[step, t, k, 1])
+                    may[row] |= inside(wide, points[step, t, k, 0], points[step, t, k, 1])
     return may
 
 
@@ -151,14 +151,10 @@ def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: A
     view (5, 3): its field of view; blockers (B, 5): cylinders that may hide the point.
     """
     x, y = point[0], point[1]
-    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
-    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
     east, north = cameras[0], cameras[1]
     some = 0
-    for lane in range(LANES):  # `inside` without branches, so that lanes are tested side by side
-        dx, dy = x - east[lane], y - north[lane]
-        near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
-        near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
+    for lane in range(LANES):
+        near = inside(view, x - east[lane], y - north[lane])
         free[lane] = 1.0 if near else 0.0
         some += near
     for k in range(len(blockers) if some else 0):

@@ -3,16 +3,18 @@
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 
 
-@compiled
-def inside(views: Array, uav: int, dx: float, dy: float) -> bool:
-    """True if (dx, dy) m from a UAV is in its field of view; views (n, 5, 3) are the `view_quadrangle` of each UAV."""
-    for k in range(4):
-        if views[uav, k, 0] * dx + views[uav, k, 1] * dy > views[uav, k, 2]:
-            return False
-    return True
+@inlined
+def inside(view: Array, dx: float, dy: float) -> bool:
+    """True if (dx, dy) m from a UAV is in its field of view (5, 3), as from `view_quadrangle`.
+
+    There are no branches, so that lanes are tested side by side.
+    """
+    near = (view[0, 0] * dx + view[0, 1] * dy <= view[0, 2]) & (view[1, 0] * dx + view[1, 1] * dy <= view[1, 2])
+    near &= (view[2, 0] * dx + view[2, 1] * dy <= view[2, 2]) & (view[3, 0] * dx + view[3, 1] * dy <= view[3, 2])
+    return bool(near)
 
 
 @compiled
@@ -21,7 +23,7 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
 
     The nearest point of the quadrangle lies on a side if the foot of the perpendicular does, else in a corner.
     """
-    if inside(views, uav, dx, dy):
+    if inside(views[uav], dx, dy):
         return 0.0, 0.0
     for k in range(4):
         a, b = views[uav, k, 0], views[uav, k, 1]

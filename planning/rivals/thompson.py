@@ -70,7 +70,7 @@ class Thompson:
         spots = points_shown(own, IMAGE_POINTS)
         start, reach = own.position.astype(float), own.max_speed * situation.step
         places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
-        view = np.array([view_quadrangle(own)])
+        view = view_quadrangle(own)
         found = _seen_errors(places, (start, reach, situation.step), view, world, (forest.blockers, forest.grid))
         # Of worlds without people nothing is seen: the first place is the UAV's own.
         return np.asarray(places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _ways(places, start, reach))])
@@ -135,7 +135,7 @@ def _seen_errors(
         for m in range(len(world.states)):
             state, error = world.states[m], world.errors[m]
             x, y = state[0] + time * state[2], state[1] + time * state[3]
-            if inside(view, 0, x - places[n, 0], y - places[n, 1]):
+            if inside(view, x - places[n, 0], y - places[n, 1]):
                 camera = places[n, 0], places[n, 1], start[2]
                 if unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
                     dx, dy = error[0] + time * error[2], error[1] + time * error[3]

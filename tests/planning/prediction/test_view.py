@@ -48,7 +48,7 @@ def test_the_half_planes_hold_exactly_what_the_camera_sees():
         view = view_quadrangle(v)
         clear = np.min(np.abs(offsets @ view[:4, :2].T - view[:4, 2]), axis=1) > 1e-9
         expected = seen(v, offsets[clear])
-        found = [inside(view[None], 0, dx, dy) for dx, dy in offsets[clear]]
+        found = [inside(view, dx, dy) for dx, dy in offsets[clear]]
         np.testing.assert_array_equal(found, expected)
         shares.append(expected.mean())
     assert 0.02 < np.mean(shares) < 0.5

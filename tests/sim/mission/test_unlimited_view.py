@@ -86,7 +86,7 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
     views = np.array([view_quadrangle(s.own) for s in team])
     rng = np.random.default_rng(0)
     for dx, dy in rng.normal(0, 1e3, (50, 2)).tolist():
-        assert inside(views, 1, dx, dy) and shortest_move(views, 1, dx, dy) == (0.0, 0.0)
+        assert inside(views[1], dx, dy) and shortest_move(views, 1, dx, dy) == (0.0, 0.0)
     targets = rng.normal(0, 500, (6, 2))
     assert weighted_trace_penalty(targets, np.ones(6), np.zeros((3, 2)), views) == 0.0
     still = np.zeros((3, 2, 2))
