@@ -103,7 +103,7 @@ def _split(lens: Lens, blob: Array) -> list[Array]:
         return [blob]
     middle = (blob.min(axis=0) + blob.max(axis=0))[None] / 2
     area = float(sizes_at(lens, middle).areas[0])
-    if len(blob) == 1 or math.isnan(area):
+    if math.isnan(area):
         return [blob]
     people = min(max(2, round(len(blob) / area)), len(blob))
     offset = blob - blob.mean(axis=0)
