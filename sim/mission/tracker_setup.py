@@ -56,5 +56,4 @@ def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]
         return []
     step = 1 / scenario.rates.sensing
     states = np.hstack([here, (there - here) / step])
-    covariance = np.diag([0.25, 0.25, 0.25, 0.25])
-    return [Track(i, Gaussian(s, covariance)) for i, s in enumerate(states) if np.all(np.isfinite(s))]
+    return [Track(i, Gaussian(s, 0.25 * np.eye(4))) for i, s in enumerate(states) if np.all(np.isfinite(s))]
