@@ -30,7 +30,6 @@ HELD_BY_SOME = FAINT
 LOST = ALARM
 NOT_FOUND_YET: Colour = (238, 170, 160)
 FALSE: Colour = (136, 34, 85)
-SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
 # By names of `HOLDS`, in their order.
 HOLD_COLOURS: dict[str, Colour] = {
     "absent": FAINT,
