@@ -44,7 +44,7 @@ def share_seen(view: View, uav: int, camera: tuple[float, float, float], t: int,
     x, y = track[0] + ahead * track[2], track[1] + ahead * track[3]
     for a, b in _ASIDE:
         px, py = x + a * track[4], y + b * track[5]
-        if inside(view.views, uav, px - camera[0], py - camera[1]):
+        if inside(view.views[uav], px - camera[0], py - camera[1]):
             seen += unobstructed(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid)
     return seen / len(_ASIDE)
 
@@ -154,7 +154,7 @@ def of_place(view: View, move: Array, goal: tuple[float, float, float], row: Arr
             for c in range(view.undetected.shape[1]):
                 dx = view.low[0] + (c + 0.5) * view.cell[0] - x - 2.0 * move[0]
                 dy = view.low[1] + (r + 0.5) * view.cell[1] - y - 2.0 * move[1]
-                if view.undetected[r, c] > 0.0 and inside(view.views, own, dx, dy):
+                if view.undetected[r, c] > 0.0 and inside(view.views[own], dx, dy):
                     expected += view.undetected[r, c]
         place = goal[0], goal[1]
         nearer = (gap(view, own, x, y, place) - gap(view, own, x + move[0], y + move[1], place)) / reach
