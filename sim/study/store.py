@@ -82,11 +82,11 @@ class Store:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
-                raise InputError(f"--out: {path} cannot be used: is no file")  # a pipe would be waited for
+                raise InputError(f"--out: {path}: cannot be used: is no file")  # a pipe would be waited for
             if (folder / "mission.npz").exists():
                 raise InputError(f"--out: {folder} holds a mission; allowed is a new folder, or that of a study")
         except OSError as error:
-            raise _unusable(path, error) from error
+            raise _unusable(path, error, "--out: ") from error
         with _connected(path) as connection:
             _prepare(connection, path, study)
             yield Store(connection, path, study)
@@ -213,11 +213,11 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
     return int(version)
 
 
-def _unusable(path: Path, error: Exception) -> Exception:
-    """The error to raise: a StoreError of a full disk, else an InputError about the folder."""
+def _unusable(path: Path, error: Exception, field: str = "") -> Exception:
+    """The error to raise of a file or folder: a StoreError of a full disk, else an InputError."""
     if getattr(error, "errno", None) == errno.ENOSPC or (isinstance(error, sqlite3.Error) and "full" in str(error)):
         return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
-    return InputError(f"--out: {path} cannot be used: {getattr(error, 'strerror', None) or error}")
+    return InputError(f"{field}{path}: cannot be used: {getattr(error, 'strerror', None) or error}")
 
 
 def _place(task: Task) -> tuple[str, str, str, str]:
