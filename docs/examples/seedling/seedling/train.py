@@ -99,7 +99,7 @@ class Tutored:
 
 
 def fly(lesson: Lesson) -> Learned:
-    """Fly a mission and learn from it."""
+    """Fly a mission and learn from it; RuntimeError says what the expert failed by if it decided nothing."""
     planner = Tutored(lesson) if lesson.expert else Seedling(lesson.weights)
     settings = {**_FAST, "duration": lesson.duration}
     distances: list[float] = []
@@ -109,7 +109,10 @@ def fly(lesson: Lesson) -> Learned:
             for uav in snapshot.working:
                 means, _ = beliefs_of(snapshot.tracks[uav])
                 distances.append(gospa(means[:, :2], people, FAR).distance)
-    return Learned(planner.examples if isinstance(planner, Tutored) else [], sum(distances) / len(distances))
+    examples = planner.examples if isinstance(planner, Tutored) else []
+    if lesson.expert and not examples:
+        raise RuntimeError(f"expert {lesson.expert!r}: {mission.faults[0].message}")
+    return Learned(examples, sum(distances) / len(distances))
 
 
 Map = Callable[[Callable[[Lesson], Learned], Iterable[Lesson]], Iterable[Learned]]

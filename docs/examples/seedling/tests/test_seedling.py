@@ -171,3 +171,18 @@ def test_a_training_that_cannot_be_is_refused_in_one_line(tmp_path: Path, capsys
         with pytest.raises(SystemExit) as left:
             main(given)
         assert left.value.code == 2 and said in capsys.readouterr().err.splitlines()[-1]
+
+
+class Failing:
+    """A planner whose every decision fails."""
+
+    def plan(self, team: object, rng: object) -> object:
+        """Fail."""
+        raise ArithmeticError("no idea")
+
+
+def test_an_expert_that_decides_nothing_is_told_by_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There would be nothing to fit to."""
+    monkeypatch.setattr("seedling.train.load_planner", lambda name: Failing())
+    with pytest.raises(RuntimeError, match=r"expert 'failing': .*no idea"):
+        fly(Lesson(drawn(0), "failing", 1.0, "forest", TRAINED, 2.0))
