@@ -19,7 +19,7 @@ _RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
     ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability")),
     ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
     ("positive", lambda x: x > 0.0, ("clutter_density", "birth_density", "max_variance", "max_speed", "forget_after")),
-    ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density")),
+    ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density", "max_speed")),
     ("0 or more and finite", lambda x: 0.0 <= x < math.inf, ("negative_information",)),
     ("0 or more", lambda x: x >= 0.0, ("reacquire_after",)),
 )
@@ -44,7 +44,7 @@ class TrackerParameters:
     survival: float = 0.999  # probability that a person in the area still is a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     confirmation_threshold: float = 0.99  # probability of existence that confirms a track
-    deletion_threshold: float = 0.001  # probability of existence below which a track is deleted
+    deletion_threshold: float = 0.001  # the one below which a track is deleted; probabilities stay above 1e-9
     fusion: str = "hcmci"  # rule of fusion, see `tracking.fusion.rule`
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 

@@ -73,7 +73,9 @@ class TrackTable:
     covariances: Array  # (T, 4, 4)
     existence: Array  # (T,) probabilities
     weights: Array  # (T,) of beliefs in the fleet's average
-    times: Array  # (T, 4) s: last detection by the fleet, scan with the person in view, sure detection, frame before
+    # (T, 4) s: last detection by the fleet, scan with the person in view, sure detection, frame before that showed some
+    # of the belief
+    times: Array
     views: Indices  # (T, 2), as bits, samples of the belief that a frame without a detection shows; that frame before
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each

@@ -134,8 +134,9 @@ class Tracker:
             means, covariances = self.motion.predict_all(means, covariances)
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
         times = self._table.times.copy()
-        times[:, 3], before = self._last_frame
+        last, before = self._last_frame
         views = visible_samples(self._forest, (means, covariances), frame, before)
+        times[:, 3] = np.where(views[:, 1].any(axis=1), last, -math.inf)
         self._last_frame = (time, frame) if frame else self._last_frame
         shown, table = (views << _BITS).sum(axis=2), self._table
         rest = existence, table.weights, times, shown, table.misses, table.sightings

@@ -91,7 +91,7 @@ class UndetectedIntensity:
 
     def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
         """Rows and columns of the cells that a camera may see."""
-        if camera.fov >= ALL_ROUND:
+        if camera.fov >= ALL_ROUND or camera.above_horizon(pose):
             return slice(None), slice(None)
         shown = camera.footprint(pose, TARGET_HEIGHT)
         low, cell = np.array(self.belief.low), np.array(self.belief.cell)

@@ -37,6 +37,7 @@ from tracking.tracker import Track, Tracker, TrackerParameters
         ("max_speed", -3.0, "positive"),
         ("clutter_density", math.inf, "finite"),
         ("birth_density", math.inf, "finite"),
+        ("max_speed", math.inf, "finite"),
         ("confirm", (1.5, 2.5), "integers"),
         ("delete", (63, 63), "<= 62"),
     ],

@@ -72,3 +72,17 @@ def test_people_of_deleted_tracks_but_not_duplicates_are_recycled_in_the_area():
     undetected.step(0.0, (), [track(1, 500.0, 0.0)], OPEN)
     undetected.step(0.0, (), [], OPEN)
     assert undetected.belief.people[:, -1].sum() == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("tilt", [50.0, 61.0, 80.0])
+def test_a_camera_thins_what_it_sees_also_if_it_sees_the_sky(tilt):
+    pose = Pose(
+        np.array([0.0, 0.0, 20.0]),
+        np.array([math.sin(math.radians(tilt) / 2), 0.0, 0.0, math.cos(math.radians(tilt) / 2)]),
+    )
+    undetected = UndetectedIntensity(AREA, 600.0, 0.9, 3.0)
+    undetected.step(0.0, [(CAMERA, pose)], (), OPEN)
+    centres = undetected.belief.centres().reshape(-1, 2)
+    shown = CAMERA.sees(pose, np.column_stack([centres, np.full(len(centres), TARGET_HEIGHT)]))
+    assert shown.sum() > 20
+    assert undetected.belief.people.sum() == pytest.approx(600.0 - 0.9 * shown.sum(), abs=10.0)

@@ -58,8 +58,8 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     def observed(self, velocities: Array) -> "MeanRevertingVelocity":
         """The model after a scan in which people of these velocities (N, 2) m/s were detected.
 
-        The walking speed is the mean of their speeds over all scans, and of the first value, which counts as much as
-        one person in view for 20 s.
+        The walking speed is the mean of their speeds over all scans with a detection, and of the first value, which
+        counts as much as one person who is detected in each scan for 20 s.
         """
         dt = self.dt / self.scans
         learned_in = self.learned_in + dt * len(velocities)

@@ -20,7 +20,8 @@ class HybridConsensus:
     """Sums of what each UAV has learned in this scan, added to the average of what was known before.
 
     Source: [Battistelli15].
-    Note: negative information is not added up, as that of UAVs with the same view is the same.
+    Note: negative information is not added up, as that of UAVs with the same view is the same; but for the part that
+    a probability of a miss has in the posterior of a track with a measurement in its gate.
     The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where partitions meet, UAVs that
     lost a person do not dilute the information of the others.
     """

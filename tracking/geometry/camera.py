@@ -101,9 +101,20 @@ class Camera:
         return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
-        """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""
+        """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise.
+
+        They have no meaning if part of the image is `above_horizon`.
+        """
+        return self.ground_points(pose, self._corners, height)
+
+    def above_horizon(self, pose: Pose) -> bool:
+        """True if part of the image is at or above the horizon."""
+        return bool((self.rays(pose, self._corners)[:, 2] >= 0.0).any())
+
+    @property
+    def _corners(self) -> Array:
         n = float(self.pixels)
-        return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
+        return np.array([[0, n], [n, n], [n, 0], [0, 0]])
 
 
 @compiled

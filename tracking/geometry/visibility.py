@@ -99,8 +99,9 @@ def _centroids(count: int) -> Array:
 
 
 # Equally probable points that stand for a standard normal distribution of the plane (36, 2), and the variance along
-# each axis of the part that each stands for. With an even number per axis no point lies on an edge through the mean,
-# and the moments of either side are exact; rules for smooth functions, as Gauss and Hermite's, give 1/6 or 5/6 there.
+# each axis of the parts that they stand for, in the mean over them: it is 0.2 of outer parts, and 0.02 of others. With
+# an even number per axis no point lies on an edge through the mean, and the moments of either side are exact; rules for
+# smooth functions, as Gauss and Hermite's, give 1/6 or 5/6 there.
 SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
