@@ -57,7 +57,7 @@ def _controls(name: str, given: object) -> Array:
     """Controls (H, 2) m/s."""
     controls = numbers(name, given, 2 * LONGEST_PLAN)
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H at least 1")
     return controls
 
 

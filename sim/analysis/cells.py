@@ -78,7 +78,7 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
         if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
             text = f"{entrant(row)}, {numbered(*run)} is there twice{place}"
-            raise InputError(f"study: {text}; flights with other settings need a folder of their own")
+            raise InputError(f"study: {text}; flights with other settings or other code need a folder of their own")
         group[run] = row
 
     def order(key: tuple[Cell, str]) -> tuple[Any, ...]:

@@ -133,7 +133,8 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
     if not path.exists():
         save(flight.timeline_figure(), path)
     show_place("Timeline", path)
-    asked, loss = f"understory explain {shlex.quote(str(recorded))}", _longest(unheld)
+    asked = f"understory explain {shlex.quote(str(recorded))}"
+    loss = _longest([event for event in unheld if event.kind == "person lost"] or unheld)
     if person is None and people:
         shown = loss.person if loss else people[0]
         show_place(f"All of person {shown}", f"{asked} --target {shown}")

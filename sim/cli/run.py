@@ -34,7 +34,7 @@ _Seed = Annotated[
 _Repeat = Annotated[
     str, typer.Option(metavar="N", help="Another draw of noise, network, wind and planner on the seed's map.")
 ]
-_Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")]
+_Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Another metric or module:NAME; repeatable.")]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
 

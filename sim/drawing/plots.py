@@ -28,16 +28,20 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     with new_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
         mean = mean_ospa(ospa)
+        broken: str | None = "broke down"  # once in the legend
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
         )
+        names = [f"UAV {i}" for i in range(4)] if ospa.shape[1] <= 4 else ["each UAV"]
         for i in range(ospa.shape[1]):
-            errors, colour, label = ospa[:, i, 0], rgb(uav_colour(i)), f"UAV {i}" if ospa.shape[1] <= 4 else None
+            errors, colour, label = ospa[:, i, 0], rgb(uav_colour(i)), names[i] if i < len(names) else None
             axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, marker=_dot(times), label=label)
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):
-                axes.scatter(times[works[-1]], errors[works[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
+                place = times[works[-1]], errors[works[-1]]
+                axes.scatter(*place, marker="x", s=50, color=colour, lw=2.0, zorder=3, label=broken)
+                broken = None
         axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=_dot(times), label="mean of UAVs")
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))

@@ -253,6 +253,11 @@ def _share(label: str, of: Of, key: str | None = None) -> Metric:
     return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
 
 
+def _faults(outcome: Outcome) -> int:
+    """Number of faults of plug-ins: each UAV that broke down, as its scenario has it, is told as a fault, too."""
+    return len(outcome.faults) - int(np.count_nonzero(~outcome.recording.working[-1]))
+
+
 def _seconds(stage: str) -> Metric:
     return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
 
@@ -288,7 +293,7 @@ METRICS = {
         "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
         "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
         "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
-        "faults": Metric("faults", lambda o: len(o.faults), key=""),
+        "faults": Metric("faults", _faults, key=""),
         "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
         "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),

@@ -1,7 +1,7 @@
 """Tracks that stand for no person: false tracks and duplicates, as metrics count them and events tell them."""
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ class Unmatched:
     nearest: int | None  # person, over these scans
     gap: float  # m to them, the median; infinite without people
     alone: Flags  # (last - first + 1, n), the UAVs for which it stands for no person
+    left: int | None  # the person for whom it stood last, if they have left the area
 
     @property
     def duplicate(self) -> bool:
@@ -41,12 +42,13 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
 
     One within `HELD` m of a person, that another track stands for, is a duplicate.
     """
-    people, working = recording.people, recording.working
+    people, working, stood = recording.people, recording.working, []
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
     for i in range(working.shape[1]):
         held = held_by(recording, i)
-        free = _unmatched_by(held, standing(held, people), people) & working[:, i, None]
+        stood.append(standing(held, people))
+        free = _unmatched_by(held, stood[i], people) & working[:, i, None]
         for column in np.flatnonzero(free.any(axis=0)).tolist():
             id_ = int(held.ids[column])
             alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
@@ -58,7 +60,8 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
         for first, last, value in episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
             if value:
                 span = slice(first, last + 1)
-                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span])
+                left = _left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
+                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span], left)
 
 
 def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
@@ -72,6 +75,12 @@ def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
     k, m = np.nonzero(matched >= 0)
     free[scans[k], matched[k, m]] = False
     return free
+
+
+def _left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
+    """The last person for whom a track stood by any UAV's ids (K, M), if they are among the absent (M,)."""
+    scans, people = np.nonzero(np.any([ids == id for ids in stood], axis=0))
+    return int(people[-1]) if len(scans) and absent[people[-1]] else None
 
 
 def _nearest(gaps: Array) -> tuple[int | None, float]:

@@ -237,6 +237,7 @@ def _unmatched(recording: Recording) -> Iterator[Event]:
         number, span = recording.track_numbers[found.id], (found.first, found.last)
         uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
         near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
+        near = near if found.left is None or found.duplicate else f" after its person {found.left} left"
         cost = np.nanmax(recording.ospa[found.first : found.last + 1, uavs, 2])
         why = f"held by {fleet_text(uavs)}{near}; OSPA's cardinality part is up to {cost:.1f} m"
         person = found.nearest if found.duplicate else None

@@ -129,7 +129,9 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
         if named:
             late = start > sum(axes.get_xlim()) / 2
             side, place = "right" if late else "left", axes.get_xaxis_transform()
-            axes.text(start, 1.0 - 0.14 * (n % 6), f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
+            text, paper = f"  {event.text}  ", {"color": "white", "alpha": 0.8, "lw": 0, "pad": 1}
+            height = 1.0 - 0.14 * (n % 6)
+            axes.text(start, height, text, transform=place, ha=side, va="top", fontsize=9, bbox=paper)
 
 
 def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:

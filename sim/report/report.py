@@ -148,7 +148,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 
 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
-    """Verdicts in one metric, a sentence for each planner, and what the numbers leave out."""
+    """Verdicts in one metric, a sentence for each planner, and what the numbers leave out or should not have."""
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
@@ -160,8 +160,8 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     left_out = shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
-    counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value. Left out:"
-    return listed(lines) + (paragraph(counted if sentences else "Left out:") + listed(left_out) if left_out else "")
+    counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
+    return listed(lines) + ((paragraph(counted) if sentences else "") + listed(left_out) if left_out else "")
 
 
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
@@ -176,6 +176,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
         ("set for all trials", ", ".join(sorted(settings))),
         *((f"{SYMBOLS.get(name, name)} varies", ", ".join(values)) for name, values in changing.items()),
         ("planners", "; ".join(planners)),
+        ("labels", "; ".join(f"{label} is {planner}" for planner, label in about.labels.items())),
         ("baseline", baseline),
         ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
         ("repeats of each map", str(repeats) if repeats > 1 else ""),

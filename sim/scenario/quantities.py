@@ -26,17 +26,16 @@ Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 
 MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
-_LONGEST = 366 * DAY  # s
 REPEATS = 10_000  # of one map at most
 WORKERS = 1024  # at most, processes of one study
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
-def seconds(text: str, field: str) -> float:
-    """A positive duration such as 40, 40s or 1.5 min [s], up to a year; InputError names the field."""
+def seconds(text: str, field: str, most: float = 366 * DAY) -> float:
+    """A positive duration such as 40, 40s or 1.5 min [s], up to `most`; InputError names the field."""
     value = _seconds(text, field)
-    if not 0 < value <= _LONGEST:
-        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {_LONGEST:g} s")
+    if not 0 < value <= most:
+        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {most:.0f} s")
     return value
 
 

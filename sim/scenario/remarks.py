@@ -46,6 +46,9 @@ def _about_people(people: People) -> list[str]:
         return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
     if any(":" in walk for walk in people.walks):  # a way of the user's is given all keys
         return []
+    spare = len(people.paths) - people.count
+    if spare > 0 and people.paths != default.paths and people.walks == ("levy",):
+        return [f"people.paths: the last {spare} not used, as people.count is {people.count}"]
     return [
         f'people.{key}: not used, as people.walks lacks "{walk}"'
         for key, walk in (("group", "groups"), ("paths", "levy"))

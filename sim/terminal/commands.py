@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from sim.processes.isolation import IsolationError
 from sim.recording.atomic_files import PlaceTaken
-from sim.scenario.quantities import seconds
+from sim.scenario.quantities import DAY, seconds
 from sim.terminal.console import fail
 from tracking.plugins.registry import InputError, check_known
 
@@ -82,7 +82,7 @@ def with_options(overrides: list[str] | None, duration: str | None, sensing: str
     if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
         raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
     found = list(overrides or ())
-    length = None if duration is None else seconds(duration, "--duration")
+    length = None if duration is None else seconds(duration, "--duration", DAY)
     for option, key, value in (("--duration", "duration", length), ("--sensing", "sensing.mode", sensing)):
         if value is None:
             continue

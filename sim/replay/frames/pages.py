@@ -37,7 +37,7 @@ def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     view, shown = annotated(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
-    notes = [titled(recording), f"scan {k} of {len(recording.times) - 1}, {mount}"]
+    notes = [titled(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
     if not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
     elif not scenario.has_frame(uav, k):

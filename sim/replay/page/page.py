@@ -158,7 +158,7 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
 def _span(lengths: Iterable[float]) -> str:
     """The least and the largest of some lengths [m] in words."""
     known = set(lengths)
-    return " to ".join(f"{length:g}" for length in sorted({min(known), max(known)})) + " m"
+    return " to ".join(f"{length:.3g}" for length in sorted({min(known), max(known)})) + " m"
 
 
 def _packaged(scenario: Scenario) -> str | None:

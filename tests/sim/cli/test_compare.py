@@ -66,7 +66,8 @@ def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_
     assert [line.split()[0] for line in table if " 2 " in line] == ["sma-nbo(horizon=3)", "sma-nbo(horizon=5)"]
     labels = ["--label", f"far={LONG[1]}", "--label", f"near = {LONG[0]}"]
     code, out, _ = compare(*options, *labels, "--baseline", "far")
-    assert code == 0 and "minus far" in out and "sma-nbo" not in out
+    assert code == 0 and "minus far" in out
+    assert f"far is {LONG[1]}\nnear is {LONG[0]}\n" in out and out.count("sma-nbo") == 2  # nowhere else
     files = tmp_path / "runs" / "compare"
     assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["far", "near"]
     page = (files / "report.html").read_text()

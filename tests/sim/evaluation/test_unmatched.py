@@ -74,3 +74,13 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert result["false_share"] == pytest.approx(2 * 15 / (2 * SCANS + FALSE[0]))
     none = summary(dataclasses.replace(standing_still([[{}]]), ospa=np.full((1, 1, 3), np.nan)))["tracks"]
     assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}
+
+
+def test_a_track_whose_person_left_is_told_so():
+    recording = standing_still([[{70: (0.0, 0.0), 80: (20.0, 0.0)}]] * 12, np.array([[0.0, 0.0], [20.0, 0.0]]))
+    recording.people[6:, 1] = np.nan
+    (track,) = unmatched_tracks(recording)
+    assert (track.id, track.first, track.last, track.left) == (80, 6, 11, 1)
+    (event,) = (e for e in events_of(recording, scenario_of(recording)) if e.kind == "false track")
+    assert "after its person 1 left" in event.why
+    assert all(track.left is None for track in unmatched_tracks(swapping()))

@@ -103,7 +103,8 @@ def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path):
     assert found["ospa"]["share_under_1m"] == np.mean(known < 1)
     assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 11)
     found = fly_trial(task_of(setting, "greedy", 0)).row.metrics
-    assert (found["ospa.mean_m"], found["faults"]) == (pytest.approx(known.mean()), 3)
+    assert found["ospa.mean_m"] == pytest.approx(known.mean())
+    assert found["faults"] == 0  # of plug-ins
 
 
 def test_only_working_uavs_count_as_holding_people():

@@ -91,8 +91,8 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
         (lambda t: integers(t, "--seeds"), "0-99999,100000", ["--seeds", "'100000'", "at most 100000"]),
         (lambda t: integers(t, "--seeds"), str(2**128), ["--seeds", f"none above {2**128 - 1}"]),
         (lambda t: integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
-        (lambda t: seconds(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 3.16224e+07 s"]),
-        (lambda t: seconds(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 3.16224e+07 s"]),
+        (lambda t: seconds(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
+        (lambda t: seconds(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 31622400 s"]),
     ],
 )
 def test_numbers_on_the_command_line_are_bounded(read, text, words):
