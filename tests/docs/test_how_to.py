@@ -23,7 +23,8 @@ PAGE = (DOCS / "how-to" / "planners.md").read_text(encoding="utf-8")
 PLUGINS_PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
 STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
 TRACKERS_PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
-PLANNER, KNOWN, TEST = (content for language, content in blocks(PAGE) if language == "python")
+PLANNER, SEEN, KNOWN, TEST = (content for language, content in blocks(PAGE) if language == "python")
+NEAR = [(x, y) for x in (-20.0, 0.0, 20.0) for y in (-20.0, 0.0, 20.0)]  # m
 
 
 def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(shell, tmp_path):
@@ -35,7 +36,7 @@ def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(shell, tm
 
 def test_what_a_planner_can_know_is_what_the_scenario_says():
     names, seen = {}, []
-    exec(compile(KNOWN, "planners.md", "exec"), names)
+    exec(compile(SEEN + KNOWN, "planners.md", "exec"), names)
 
     class Asking:
         def plan(self, team, rng):
@@ -49,6 +50,9 @@ def test_what_a_planner_can_know_is_what_the_scenario_says():
         assert names["tracker_step"](situation) == pytest.approx(1 / setting.rates.sensing)
         assert names["footprint"](situation.own) == pytest.approx(uav.footprint, rel=1e-3)
         assert names["alpha"](situation.own) == pytest.approx(uav.alpha)
+        people = np.array([track.belief.mean[:2] for track in situation.tracks])
+        shown = [names["seen"](situation, situation.own, situation.own.position + [*gap, 0.0], people) for gap in NEAR]
+        assert np.any(shown) and not np.all(shown)
         assert names["measurement_covariance"](situation.own, situation.tracks[0].belief.mean[:2]).shape == (2, 2)
         # Made at 1 s, and not yet shortened by the control that was flown since.
         told = {j: plan.controls.tolist() for j, plan in situation.intents.items()}

@@ -32,7 +32,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     messages = [m.message(row.count(True)) for m, row in zip(members, linked.tolist(), strict=True)]
     _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
-    heard = np.repeat(linked[None], rounds, axis=0) if lost is None else linked & ~lost
+    heard = np.repeat(linked[None], rounds, axis=0) if lost is None else np.ascontiguousarray(linked & ~lost)
     sends, k = linked.any(axis=1), 0
     while k < rounds and not alike(messages):
         sent += sends * np.array([message.size for message in messages])
