@@ -51,7 +51,9 @@ def test_what_a_planner_can_know_is_what_the_scenario_says():
         assert names["footprint"](situation.own) == pytest.approx(uav.footprint, rel=1e-3)
         assert names["alpha"](situation.own) == pytest.approx(uav.alpha)
         people = np.array([track.belief.mean[:2] for track in situation.tracks])
-        shown = [names["seen"](situation, situation.own, situation.own.position + [*gap, 0.0], people) for gap in NEAR]
+        shown = [
+            names["seen"](situation, situation.own, np.add(situation.own.position, (*gap, 0.0)), people) for gap in NEAR
+        ]
         assert np.any(shown) and not np.all(shown)
         assert names["measurement_covariance"](situation.own, situation.tracks[0].belief.mean[:2]).shape == (2, 2)
         # Made at 1 s, and not yet shortened by the control that was flown since.
