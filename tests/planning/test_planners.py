@@ -70,6 +70,7 @@ WRONG = {
     ],
     "sma-nbo-gospa(propagation=monte-carlo)": ["visibility=expected has no effect", "propagation=nominal"],
     "oracle(visibility=expected)": ["visibility=expected has no effect on an oracle", "people will be"],
+    "oracle(search=0.1)": ["search=0.1 has no effect on an oracle", "people will be"],
     "oracle(propagation=monte-carlo)": ["propagation=monte-carlo has no effect on an oracle", "people will be"],
     "rsp(cutoff=10)": ["cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"],
     "rsp(beta=0.5)": ["beta=0.5 has no effect with uncertainty 'information'; set beta=0"],
