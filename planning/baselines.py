@@ -9,8 +9,9 @@ import numpy as np
 
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.field_of_view import aim_point, viewing_range
+from planning.prediction.field_of_view import aim_point, view_quadrangle
 from planning.prediction.intent import base_control
+from planning.prediction.quadrangle import radius_in_view
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import cos_each, sin_each
@@ -88,7 +89,7 @@ class Lawnmower:
 def _lines(situation: Situation, strip: int, strips: int) -> Array:
     """Corners (K, 2) m of the lines that the aim point follows over one strip of the area's height."""
     width, height = situation.area
-    half = viewing_range(situation.own) / np.sqrt(2)
+    half = radius_in_view(view_quadrangle(situation.own))
     low = -height / 2 + height / strips * strip
     count = max(1, int(np.ceil(height / strips / (2 * half))))
     rows = low + height / strips * (np.arange(count) + 0.5) / count

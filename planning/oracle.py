@@ -39,7 +39,7 @@ class Oracle(Composed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("propagation", "visibility"):
+        for name in ("propagation", "visibility", "search"):
             if (value := getattr(self, name)) != getattr(Composed, name):
                 raise ValueError(f"{name}={value} has no effect on an oracle, which knows where people will be")
 

@@ -77,8 +77,8 @@ class Situation:
     motion: NearlyConstantVelocity  # of the targets, over one planning step of so many scans of the trackers
     # Last plan known of each UAV, its own included. Plans are as of one step ago; older ones are shifted to that time.
     intents: Mapping[int, Plan] = field(default_factory=dict)
-    # For each round of `Exchange`, the UAVs from which a plan of this instant is received; if empty, all neighbours.
-    reception: tuple[tuple[int, ...], ...] = ()
+    # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
+    reception: tuple[tuple[int, ...], ...] | None = None
     undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
 
     @property
@@ -92,8 +92,10 @@ class Situation:
         return tuple(sorted((self.own, *self.neighbours), key=lambda v: v.id))
 
     def receives(self, uav: int, sent: int = 0) -> bool:
-        """True if this UAV receives what another sends in a round of this instant."""
-        return uav in (self.reception[sent] if self.reception else [v.id for v in self.neighbours])
+        """True if this UAV receives what another sends in a round of this instant; nothing is sent after the last."""
+        if self.reception is None:
+            return uav in [v.id for v in self.neighbours]
+        return sent < len(self.reception) and uav in self.reception[sent]
 
 
 class Planner(Protocol):

@@ -11,7 +11,7 @@ import numpy as np
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.intent import camera_paths
-from planning.prediction.quadrangle import inside
+from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.targets_in_reach import Objective
 from tracking.geometry.line_of_sight import Grid, unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -67,6 +67,9 @@ _DETECTION = 0.99  # probability that a person in plain view is found within a s
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
 _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # of a cell, from its middle
 
+# Aim (x, y) of a UAV, radius of the circle about it that is in view, and the UAV's way in a step [m].
+_Sight = tuple[float, float, float, float]
+
 
 class _Views(NamedTuple):
     """Visibility of C cells from V places, as a sparse matrix."""
@@ -91,8 +94,8 @@ class Search:
     """Undetected people count as tracks of covariance trace `weight` [m²], at each step of the horizon.
 
     A camera's view is taken from the nearest of places 5 m apart. The cost-to-go counts each person left undetected by
-    other UAVs until the nearest UAV can have the person in sight. In joint plans each UAV takes the others to end where
-    they intend to.
+    other UAVs until the nearest UAV can have the person in the largest circle about the middle of its image. In joint
+    plans each UAV takes the others to end where they intend to, and the mean over the UAVs counts.
 
     Note: people detected by the plan itself count in its cost-to-go, too, so that this depends on its end alone.
     """
@@ -141,23 +144,23 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
     return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(onward))
 
 
-def _sight(vehicle: Vehicle, step: float) -> tuple[float, float]:
-    """Least range of sight of a UAV and its way in a step [m]."""
-    return viewing_range(vehicle) / math.sqrt(2), vehicle.max_speed * step
+def _sight(vehicle: Vehicle, step: float) -> _Sight:
+    view = view_quadrangle(vehicle)
+    return float(view[4, 0]), float(view[4, 1]), radius_in_view(view), vehicle.max_speed * step
 
 
 @compiled
-def _steps_off(place: Array, centres: Array, sight: tuple[float, float]) -> Array:
-    """Steps (C,) of a UAV from a place (2 or 3,) m until cells (C, 2) m can be in its field of view."""
-    steps = np.empty(len(centres))
+def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
+    """Steps (C,) of a UAV from a place (2 or 3,) m until cells (C, 2) m can be in view, about its aim."""
+    (x, y, radius, way), steps = sight, np.empty(len(centres))
     for c in range(len(centres)):
-        gap = hypot(place[0] - centres[c, 0], place[1] - centres[c, 1])
-        steps[c] = max(gap - sight[0], 0.0) / sight[1]
+        gap = hypot(place[0] + x - centres[c, 0], place[1] + y - centres[c, 1])
+        steps[c] = max(gap - radius, 0.0) / way
     return steps
 
 
 @compiled
-def _onward(places: Array, centres: Array, sight: tuple[float, float], people: Array, away: Array) -> Array:
+def _onward(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
     """Steps until people can be seen from a place (V,) or by others, which take `away` (C,); summed over people."""
     total = np.empty(len(places))
     for v in range(len(places)):
@@ -218,7 +221,7 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
                 x += step * candidates[n, j, h, 0]
                 y += step * candidates[n, j, h, 1]
                 places[h, j] = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
-            result[n] += raster.onward[places[-1, j]]
+            result[n] += raster.onward[places[-1, j]] / len(own)
         result[n] -= _found(raster.views, places, to_come, left)
     return weight * result
 

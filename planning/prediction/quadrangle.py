@@ -1,5 +1,7 @@
 """Geometry of a field of view on the plane of the targets: a convex quadrangle, see `view_quadrangle`, compiled."""
 
+import math
+
 import numpy as np
 
 from tracking.numerics.arrays import Array
@@ -15,6 +17,12 @@ def inside(view: Array, dx: float, dy: float) -> bool:
     near = (view[0, 0] * dx + view[0, 1] * dy <= view[0, 2]) & (view[1, 0] * dx + view[1, 1] * dy <= view[1, 2])
     near &= (view[2, 0] * dx + view[2, 1] * dy <= view[2, 2]) & (view[3, 0] * dx + view[3, 1] * dy <= view[3, 2])
     return bool(near)
+
+
+def radius_in_view(view: Array) -> float:
+    """Radius [m] of the largest circle about the aim of a field of view (5, 3) that is all in view."""
+    nearest = float(np.min(view[:4, 2] - (view[:4, 0] * view[4, 0] + view[:4, 1] * view[4, 1])))
+    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)  # to the bit as from a square's corner
 
 
 @compiled

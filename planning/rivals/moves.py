@@ -38,6 +38,6 @@ def moves(horizon: int, directions: int) -> Moves:
                     steps.append(step)
                 onward[place].append(now[key])
         before = {place: places[place] for place in now.values()}
-    ends = {place: [-1] * len(controls) for place in before}
-    rows = [(onward | ends)[place] for place in (*range(len(places)), -1)]
+    onward |= {place: [-1] * len(controls) for place in before}
+    rows = [onward[place] for place in (*range(len(places)), -1)]
     return Moves(controls, np.array(places), np.array(steps), np.array(rows))

@@ -113,10 +113,10 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
     places = np.empty((len(states) * len(spots), 2))
     for n in range(len(places)):
         state, spot = states[n // len(spots)], spots[n % len(spots)]
-        time = 0.0
-        for _ in range(3):  # a person walks slower than a UAV flies, so that this converges
-            x, y = state[0] + time * state[2] - spot[0], state[1] + time * state[3] - spot[1]
-            time = step * min(_steps(x - start[0], y - start[1], reach), 100.0)
+        for steps in range(1, 101):  # the first that suffice; of people too fast to be met, the last
+            x, y = state[0] + steps * step * state[2] - spot[0], state[1] + steps * step * state[3] - spot[1]
+            if _steps(x - start[0], y - start[1], reach) <= steps:
+                break
         places[n, 0], places[n, 1] = x, y
     return places
 

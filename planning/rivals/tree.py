@@ -17,7 +17,6 @@ class SearchTree(NamedTuple):
     """Nodes of a search tree, the root first; a node is a sequence of controls."""
 
     children: Indices  # (N, A): -1 where a control has not been tried
-    places: Indices  # (N,): of `Moves`; -1: the start
     sums: Array  # (N,): rewards [nats], of earlier visits the less the longer ago
     visits: Array  # (N,), likewise
     last: Indices  # (N,): the iteration of the last visit
@@ -31,7 +30,6 @@ def new_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
     room = iterations + 1
     return SearchTree(
         np.full((room, controls), -1),
-        np.full(room, -1),
         np.zeros(room),
         np.zeros(room),
         np.zeros(room, np.int64),
@@ -61,7 +59,7 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
             if depth == h:  # in the tree
                 controls[h] = _chosen(tree, node, chance, fading, exploration)
                 if tree.children[node, controls[h]] < 0:
-                    _expand(tree, moves, node, controls[h])
+                    _expand(tree, node, controls[h])
                 else:
                     depth += 1
                 node = tree.children[node, controls[h]]
@@ -95,11 +93,10 @@ def _chosen(tree: SearchTree, node: int, chance: float, fading: Array, explorati
 
 
 @compiled
-def _expand(tree: SearchTree, moves: Moves, node: int, control: int) -> None:
+def _expand(tree: SearchTree, node: int, control: int) -> None:
     """Add the child of a node."""
     child = tree.counts[0]
     tree.children[node, control] = child
-    tree.places[child] = moves.onward[tree.places[node], control]
     tree.counts[0] += 1
 
 

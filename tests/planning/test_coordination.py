@@ -86,6 +86,8 @@ def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
     ]
     order = sorted(range(3), key=lambda i: -traces[i])
     assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in order]
+    team[order[0]] = dataclasses.replace(team[order[0]], tracks=())  # one without tracks comes last
+    assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in np.roll(order, -1)]
 
 
 def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team):
@@ -101,6 +103,14 @@ def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team
     team = random_team(1)
     deaf = [dataclasses.replace(s, neighbours=()) for s in team]
     np.testing.assert_array_equal(planned(centre, deaf), planned(centre, team))
+
+
+def test_the_centre_goes_on_from_each_uavs_own_last_plan(random_team):
+    team = knowing(random_team(0), np.random.default_rng(0).uniform(-3, 3, (3, 5, 2)))
+    stale = {i: Plan(np.zeros((6, 2))) for i in range(3)}
+    misled = [dataclasses.replace(s, intents=stale | {s.own.id: s.intents[s.own.id]}) for s in team]
+    lazy = Composition(coordination=Centralised(), optimizer=CrossEntropy(1, elites=1, rounds=1))
+    np.testing.assert_array_equal(planned(lazy, misled), planned(lazy, team))
 
 
 @pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), Partitions(2)])

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.teams import refitted
+from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
 from planning.baselines import Lawnmower
@@ -70,6 +72,7 @@ WRONG = {
     ],
     "sma-nbo-gospa(propagation=monte-carlo)": ["visibility=expected has no effect", "propagation=nominal"],
     "oracle(visibility=expected)": ["visibility=expected has no effect on an oracle", "people will be"],
+    "oracle(search=0.1)": ["search=0.1 has no effect on an oracle", "people will be"],
     "oracle(propagation=monte-carlo)": ["propagation=monte-carlo has no effect on an oracle", "people will be"],
     "rsp(cutoff=10)": ["cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"],
     "rsp(beta=0.5)": ["beta=0.5 has no effect with uncertainty 'information'; set beta=0"],
@@ -115,8 +118,11 @@ def test_random_velocities_are_spread_evenly_over_the_disc(random_team):
         assert kstest(share, "uniform").pvalue > 0.01
 
 
-def test_the_lawnmower_sees_the_whole_area_in_time(random_team):
-    team, planner = random_team(0), load_planner("lawnmower")
+@pytest.mark.parametrize("tilt", [0, 20, 30, 45])
+def test_the_lawnmower_sees_the_whole_area_in_time(random_team, tilt):
+    attitude = Rotation.from_euler("Y", -tilt, degrees=True).as_quat()
+    team = refitted(random_team(0), lambda v: dataclasses.replace(v, attitude=attitude))
+    planner = load_planner("lawnmower")
     x, y = np.meshgrid(np.arange(-74.5, 75), np.arange(-49.5, 50))
     ground = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, TARGET_HEIGHT)])
     seen = np.zeros(len(ground), dtype=bool)

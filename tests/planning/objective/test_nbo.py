@@ -11,7 +11,10 @@ from planning.composition import Composition
 from planning.objective.nbo import Measure, objective
 from planning.prediction.predicted_belief import predicted_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
+from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Track
 
 WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.6, scans=5)
 
@@ -51,6 +54,18 @@ def test_expected_visibility_and_cutoffs_equal_a_plain_transcription(random_team
         without = plain_cost(situation, controls, beta, expected=doubtful and cutoff < np.inf)[0]
         changed += not math.isclose(expected, without, rel_tol=1e-3 if cutoff == np.inf else 1e-2)
     assert changed >= 10
+
+
+def test_a_tree_hides_a_person_from_a_uav_that_has_flown_off(random_team):
+    """The tree is beside the person above whom the UAV is now."""
+    situation = random_team(0, uavs=1, targets=1)[0]
+    own = dataclasses.replace(situation.own, position=np.array([0.0, 0.0, 20.0]))
+    track = Track(0, Gaussian(np.zeros(4), np.eye(4)))
+    forest = Forest((Tree(2.5, 0.0, canopy_radius=1.0),))
+    situation = dataclasses.replace(situation, own=own, tracks=(track,), forest=forest)
+    controls = np.tile([4.5, 0.0], (1, 2, 1))
+    expected, seen = plain_cost(situation, controls, 0.0)
+    assert seen == [1, 0] and team_cost(nominal(situation, 2), controls, 0.0) == pytest.approx(expected, rel=1e-9)
 
 
 def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):

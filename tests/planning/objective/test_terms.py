@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 from helpers.teams import planned, refitted
+from scipy.spatial.transform import Rotation
 
 from planning.loading import load_planner
-from planning.objective.terms import Search, Separation, _closest
-from planning.prediction.field_of_view import view_quadrangle, viewing_range
+from planning.objective.terms import Search, Separation, _closest, _sight, _steps_off
+from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import camera_paths, expected_plans
+from planning.prediction.quadrangle import shortest_move
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
 
@@ -35,12 +37,11 @@ def found(situation, uav, place):
 
 
 def transcribed(situation, controls, uavs, candidate):
-    """People not found, summed over steps, and beyond them the steps to each of them."""
+    """People not found, summed over steps, and beyond them the mean over UAVs of the steps to each of them."""
     plans = controls.copy()
     plans[list(uavs)] = candidate
     belief = situation.undetected
     start = np.array([v.position[:2] for v in situation.vehicles])
-    ends = start + controls.sum(axis=1)
     left, total = belief.people.ravel().copy(), 0.0
     others = left.copy()
     for step in range(1, controls.shape[1] + 1):
@@ -52,14 +53,14 @@ def transcribed(situation, controls, uavs, candidate):
             left *= missed
             others *= 1.0 if i in uavs else missed
         total += left.sum()
-    for i in uavs:
-        places = ends.copy()
-        places[i] = start[i] + 5.0 * np.round(candidate[list(uavs).index(i)].sum(axis=0) / 5.0)
-        for cell, people in zip(belief.centres().reshape(-1, 2), others, strict=True):
-            reach = [viewing_range(v) / math.sqrt(2) for v in situation.vehicles]
-            gaps = [math.dist(place, cell) - r for place, r in zip(places, reach, strict=True)]
-            total += people * max(min(gaps), 0.0) / 5.0
-    return total
+    halves = np.array([(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in situation.vehicles])
+    steps = []
+    for i, plan in zip(uavs, candidate, strict=True):
+        ends = start + controls.sum(axis=1)
+        ends[i] = start[i] + 5.0 * np.round(plan.sum(axis=0) / 5.0)
+        gaps = np.linalg.norm(belief.centres().reshape(-1, 1, 2) - ends, axis=-1) - halves
+        steps.append(np.maximum(gaps.min(axis=1), 0.0) / 5.0)
+    return total + others @ np.mean(steps, axis=0)
 
 
 @pytest.mark.parametrize("uavs", [[0], [1], [0, 2]])
@@ -73,6 +74,27 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
         costs = Search(7.0).term(situation, controls, uavs)(candidates)
         by_hand = [7.0 * transcribed(situation, controls, uavs, c) for c in candidates]
         np.testing.assert_allclose(costs, by_hand, rtol=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [0, 20, 30, 45])
+def test_steps_to_an_undetected_target_are_none_only_where_it_is_in_view(random_team, tilt):
+    """They are at least as many as bring its cell into the image, at most as many as bring it into the middle."""
+    attitude = Rotation.from_euler("ZY", [35, -tilt], degrees=True).as_quat()
+    own = dataclasses.replace(random_team(0)[0].own, attitude=attitude)
+    centres, view = NONE.centres().reshape(-1, 2), view_quadrangle(own)
+    steps = _steps_off(own.position, centres, _sight(own, 1.0))
+    least = [np.hypot(*shortest_move(view[None], 0, *cell)) / 5.0 for cell in centres - own.position[:2]]
+    most = np.linalg.norm(centres - own.position[:2] - view[4, :2], axis=1) / 5.0
+    assert np.all(steps >= np.array(least) - 1e-9) and np.all(steps <= most)
+    assert np.mean(steps - least) < 2.5 and np.sum(steps == 0) > 5
+
+
+def test_of_uavs_that_hover_the_cost_is_the_same_whichever_decide(random_team):
+    people = np.zeros((20, 30))
+    people[[0, 19], [0, 29]] = 1.0  # out of view
+    situation, plans = unaware(random_team(0, targets=0)[0], people), np.zeros((3, 5, 2))
+    costs = [Search(1.0).term(situation, plans, uavs)(plans[None, uavs])[0] for uavs in ([0], [0, 1], [0, 1, 2])]
+    assert costs[0] > 10.0 and costs == pytest.approx([costs[0]] * 3)
 
 
 def test_without_undetected_targets_the_plan_is_as_without_search(random_team):

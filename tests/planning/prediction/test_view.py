@@ -13,7 +13,7 @@ from planning.composition import Composition
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import aim_point, points_shown, view_quadrangle, viewing_range
 from planning.prediction.intent import base_control
-from planning.prediction.quadrangle import inside, shortest_move
+from planning.prediction.quadrangle import inside, radius_in_view, shortest_move
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -59,6 +59,7 @@ def test_a_level_camera_sees_a_square_with_moves_along_each_axis():
         v = vehicle(fov=fov, height=height)
         half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
         np.testing.assert_array_equal(view_quadrangle(v), squares([half])[0])
+        assert radius_in_view(view_quadrangle(v)) == viewing_range(v) / math.sqrt(2)  # so recordings stay as they are
     rng, half = np.random.default_rng(3), 11.27
     for target in rng.uniform(-30, 30, (200, 2)):
         excess = np.copysign(np.maximum(np.abs(target) - half, 0.0), target)
@@ -87,6 +88,8 @@ def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
         view = view_quadrangle(v)[None]
         corners = v.camera.footprint(Pose(v.position, v.attitude), TARGET_HEIGHT) - v.position[:2]
         rim = np.vstack([np.linspace(a, b, 4001) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+        inner = np.min(np.linalg.norm(rim - aim_point(v), axis=1))
+        assert radius_in_view(view[0]) == pytest.approx(inner, rel=1e-3)
         for target in rng.uniform(-2, 2, (20, 2)) * viewing_range(v):
             move = np.array(shortest_move(view, 0, *target))
             if seen(v, target[None])[0]:

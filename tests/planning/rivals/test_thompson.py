@@ -4,12 +4,13 @@ import dataclasses
 import math
 
 import numpy as np
+import pytest
 from helpers.teams import refitted
 from scipy.stats import chisquare, norm, skellam
 
 from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.rivals.thompson import DrawnWorld, Thompson, drawn_world
+from planning.rivals.thompson import DrawnWorld, Thompson, _places, drawn_world
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
@@ -55,18 +56,19 @@ def test_drawn_tracks_have_the_beliefs_moments_and_their_probability_of_existenc
     np.testing.assert_allclose([w.errors[0] for w in worlds], first - tracks[0].belief.mean, atol=1e-12)
 
 
+def meeting_place(situation, state, spot):
+    """The place from which a UAV, flying as few steps as suffice, has a person at a spot of its image."""
+    after = state[:2] + np.arange(1, 101)[:, None] * situation.step * state[2:] - spot
+    gaps = np.linalg.norm(after - situation.own.position[:2], axis=1)
+    (suffice,) = np.nonzero(gaps <= np.arange(1, 101) * situation.own.max_speed * situation.step)
+    return after[min([*suffice, 99])]
+
+
 def plain_goal(planner, situation, world):
     """The best place and its gain per step, by plain enumeration."""
     own, start = situation.own, situation.own.position[:2]
-    places = [start]
-    for state in world.states:
-        for spot in points_shown(own, IMAGE_POINTS):
-            time = 0.0
-            for _ in range(3):
-                place = state[:2] + time * state[2:] - spot
-                time = max(1, math.ceil(np.hypot(*(place - start)) / own.max_speed))
-            places.append(place)
-    rates = []
+    spots, rates = points_shown(own, IMAGE_POINTS), []
+    places = [start, *(meeting_place(situation, state, spot) for state in world.states for spot in spots)]
     for place in places:
         steps, total = max(1, math.ceil(np.hypot(*(place - start)) / own.max_speed)), 0.0
         for state, error in zip(world.states, world.errors, strict=True):
@@ -89,6 +91,20 @@ def test_the_goal_is_the_place_of_most_error_per_step_by_plain_enumeration(rando
         np.testing.assert_allclose(planner.goal(situation, world), place, rtol=1e-12)
         away += rate > 0 and np.hypot(*(place - situation.own.position[:2])) > 5.0
     assert away >= 8
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.75, 3.0, 4.0])
+def test_nearly_all_places_show_their_person_on_arrival(random_team, speed):
+    (situation,) = random_team(0, uavs=1, targets=0, trees=0)
+    own, rng, shown = situation.own, np.random.default_rng(0), []
+    for angle, *offset in zip(rng.uniform(0, 2 * math.pi, 200), *rng.uniform(-60, 60, (2, 200)), strict=True):
+        velocity = speed * np.array([math.cos(angle), math.sin(angle)])
+        state = np.array([*(own.position[:2] + offset), *velocity])
+        for place in _places(own.position, own.max_speed, 1.0, state[None], points_shown(own, IMAGE_POINTS)):
+            steps = max(1, math.ceil(np.hypot(*(place - own.position[:2])) / own.max_speed))
+            point = np.array([*state[:2] + steps * velocity, TARGET_HEIGHT])
+            shown.append(own.camera.sees(Pose(np.array([*place, own.position[2]]), own.attitude), point)[0])
+    assert np.mean(shown) > 0.95
 
 
 def test_goals_fall_as_often_to_a_place_as_it_holds_more_people(random_team):

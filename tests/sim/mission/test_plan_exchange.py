@@ -47,7 +47,7 @@ class Checked:
     def plan(self, team, rng):
         last = {s.own.id: s.intents[s.own.id] for s in team if s.own.id in s.intents}
         whole = [
-            dataclasses.replace(s, neighbours=tuple(o.own for o in team if o is not s), intents=last, reception=())
+            dataclasses.replace(s, neighbours=tuple(o.own for o in team if o is not s), intents=last, reception=None)
             for s in team
         ]
         twin = np.random.default_rng()
@@ -171,8 +171,8 @@ def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
     _, snapshots = fly_ideal("network.cuts=[{links=[[0, 2]], start=2.5}]", planner=spy)
     for k in (1, 2, 3):
         for i, situation in enumerate(spy.teams[k]):
-            assert situation.reception == ()
             for j in {0, 1, 2} - {i}:
+                assert not situation.receives(j)
                 given = situation.intents[j].controls
                 cut = k == 3 and {i, j} == {0, 2}  # still the last that it planned when they were in touch
                 np.testing.assert_array_equal(given, spy.plans[2 if cut else k - 1][i].others[j])
