@@ -1,5 +1,6 @@
 """From the world to scans: a sensor mode's detections with measurement noise, misses and false alarms."""
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,7 +110,7 @@ class Sensors:
             kept = self._clutter.kept(len(output.ground))
             return output, kept, output.matched(kept)
         with SENSOR_MODES.errors(self._name, "sense", called=(self._mode, "sense")):
-            output = usable_output(self._mode.sense(uav, time, pose, people.copy()), people)
+            output = usable_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
             kept = self._clutter.kept(len(output.ground))
             return output, kept, usable_matches(output.matched(kept.copy()), people)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tracking.fusion.member import TRACKERS
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import INFORMATION, Message, checked_novel
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import Unusable, numbers
 from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
@@ -145,7 +145,7 @@ def checked_message(given: object) -> Message:
         views=whole_numbers("views", given.views, (count, 2)),
         misses=whole_numbers("misses", given.misses, (count,)),
         sightings=_instants("sightings", given.sightings, (count, 3)),
-        novel=checked_array("novel", given.novel, (count, *np.shape(given.novel)[-1:])),
+        novel=checked_novel("novel", given.novel, count),
     )
     if np.any(np.diff(sent.ids) <= 0):
         raise Unusable("ids are not ascending")
