@@ -50,8 +50,9 @@ class Clutter:
         if not count:
             return np.zeros((0, 2)), np.zeros((0, 2))
         pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
-        falls = camera.rays(pose, pixels)[:, 2] * (TARGET_HEIGHT - pose.position[2]) > 0.0
-        return pixels[falls], camera.ground_points(pose, pixels[falls], TARGET_HEIGHT)
+        ground = camera.ground_points(pose, pixels, TARGET_HEIGHT)
+        falls = ~np.isnan(ground[:, 0])
+        return pixels[falls], ground[falls]
 
 
 @dataclass(frozen=True, eq=False)
