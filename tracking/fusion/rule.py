@@ -75,5 +75,6 @@ class _Checked:
             added = summed[:, 4:INFORMATION] if summed.size else 0.0  # the sum may hold what the average lacks
             check_positive_definite("matrices of averaged, with summed,", (averaged[:, 4:] + added).reshape(-1, 4, 4))
             if count and not _LEAST <= weights.min() <= weights.max() <= _LARGEST:
-                raise Unusable("weights must be positive; give little, as 1e-9, where a UAV saw nothing of a track")
+                allowed = f"weights must be positive, from {_LEAST:g} to {_LARGEST:g}"
+                raise Unusable(f"{allowed}; give little, as 1e-9, where a UAV saw nothing of a track")
             return Contribution(averaged, summed, weights)

@@ -1,5 +1,6 @@
 """OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -53,9 +54,9 @@ def checked_positions(name: str, positions: Array) -> Array:
     if found.size and found.shape[-1:] != (2,):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")
     found = found.reshape(-1, 2)
-    finite = np.isfinite(found)
-    if not finite.all():
-        raise ValueError(f"{name}[{finite.all(axis=1).argmin()}] is not finite; leave absent ones out")
+    if not all(map(math.isfinite, found.ravel().tolist())):  # faster than NumPy's for a few
+        first = np.isfinite(found).all(axis=1).argmin()
+        raise ValueError(f"{name}[{first}] is not finite; leave absent ones out")
     return found
 
 
