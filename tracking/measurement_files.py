@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.validation import QUATERNION_TOLERANCE
 from tracking.numerics.distances import length
@@ -59,13 +59,10 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
         uav, fov, pixels = row.integer("uav"), row.number("fov"), row.integer("pixels")
         if uav in cameras:
             raise row.wrong("uav", f"UAV {uav} has a second row")
-        if not 0 < fov < math.pi and fov != ALL_ROUND:
-            raise row.wrong(
-                "fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad, or 2 pi: all round"
-            )
-        if pixels < 1:
-            raise row.wrong("pixels", f"{pixels} is not allowed; expected 1 or more")
-        cameras[uav] = Camera(fov, pixels)
+        try:
+            cameras[uav] = Camera(fov, pixels)
+        except ValueError as error:
+            raise ValueError(f"{row.where}, column {error}") from None
     return cameras
 
 

@@ -5,6 +5,7 @@ A metric from outside is a `Metric` in any module, named by its import string: `
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -120,7 +121,7 @@ def metric(name: str) -> Metric:
 def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
     """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
 
-    One from outside that raises, is infinite or NaN is None; if it raises, a fault is added to the outcome.
+    One from outside gets a copy. If it is infinite, NaN or raises, it is None; a fault tells of what it raises.
     """
     found = {name: known(outcome) for name, known in METRICS.items()}
     for name in asked:
@@ -128,7 +129,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
             with contained():
                 asked_for = metric(name)
             with contained(called=(asked_for, "of")):
-                value = asked_for(outcome)
+                value = asked_for(deepcopy(outcome))
                 found[name] = None if value is None or not math.isfinite(value) else float(value)
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"

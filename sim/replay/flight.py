@@ -109,6 +109,8 @@ class Flight:
         spans = [ends(r.times, loss.first, loss.last) for loss in lost]
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
+        if unfound := len(self.history.losses) - len(lost):
+            losses += f", and {unfound} of people not found before"
         ended = " (interrupted)" if r.interrupted else ""
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)

@@ -1,5 +1,6 @@
 """From the world to scans: a sensor mode's detections with measurement noise, misses and false alarms."""
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,8 +50,9 @@ class Clutter:
         if not count:
             return np.zeros((0, 2)), np.zeros((0, 2))
         pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
-        falls = camera.rays(pose, pixels)[:, 2] * (TARGET_HEIGHT - pose.position[2]) > 0.0
-        return pixels[falls], camera.ground_points(pose, pixels[falls], TARGET_HEIGHT)
+        ground = camera.ground_points(pose, pixels, TARGET_HEIGHT)
+        falls = ~np.isnan(ground[:, 0])
+        return pixels[falls], ground[falls]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ class Sensors:
             kept = self._clutter.kept(len(output.ground))
             return output, kept, output.matched(kept)
         with SENSOR_MODES.errors(self._name, "sense", called=(self._mode, "sense")):
-            output = usable_output(self._mode.sense(uav, time, pose, people.copy()), people)
+            output = usable_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
             kept = self._clutter.kept(len(output.ground))
             return output, kept, usable_matches(output.matched(kept.copy()), people)
 

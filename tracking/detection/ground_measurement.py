@@ -86,7 +86,7 @@ def _centre(frame: Frame, blob: Array) -> Array:
         if area < 1e-3:
             break
         centre = seen + (_centroid(outline) - _centroid(np.asarray(inside[:, 0])))
-    return centre
+    return centre if np.isfinite(frame.camera.ground_points(frame.pose, centre, TARGET_HEIGHT)).all() else seen
 
 
 def _centroid(polygon: NDArray[Any]) -> Array:

@@ -1,7 +1,7 @@
 """Trackers from outside: what they give is checked before the fleet uses it."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import replace
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tracking.fusion.member import TRACKERS
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import INFORMATION, Message, checked_novel
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import Unusable, numbers
 from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
@@ -82,10 +82,9 @@ class CheckedTracker:
         return TRACKERS.errors(self._name, what, called=(self._made, method))
 
 
-def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:
+def checked_tracks(given: Collection[Any]) -> tuple[Track, ...]:
     """Tracks from outside by ascending id; `Unusable` says why others are none."""
-    tracks = sorted(given, key=lambda track: int(track.id))
-    ids = track_ids(tracks)
+    ids, tracks = np.sort(track_ids(given)), sorted(given, key=lambda track: int(track.id))
     means, covariances, existence = track_beliefs(tracks)
     check_positive_definite("covariances of tracks", covariances)
     return tracks_of(ids, means, covariances, existence, _sightings(tracks))
@@ -102,8 +101,14 @@ def _sightings(tracks: Sequence[Any]) -> Array:
     return found
 
 
-def track_ids(tracks: Sequence[Any]) -> Indices:
-    """Ids (T,) of tracks; `Unusable` unless they are different whole numbers of at least 0."""
+def track_ids(tracks: Collection[Any]) -> Indices:
+    """Ids (T,) of tracks; `Unusable` unless they are tracks whose ids are different whole numbers of at least 0."""
+    if not isinstance(tracks, Collection):
+        raise Unusable(f"tracks are no sequence but {type(tracks).__name__}")
+    for track in tracks:
+        if lacking := [part for part in ("id", "belief", "existence") if not hasattr(track, part)]:
+            needed = "a track is an object with id, belief and existence, as tracking.track.Track"
+            raise Unusable(f"among tracks is a {type(track).__name__} without {lacking[0]}; {needed}")
     if len(tracks) > _MOST:
         raise Unusable(f"{len(tracks)} tracks are more than {_MOST}")
     ids = [track.id for track in tracks]
@@ -145,7 +150,7 @@ def checked_message(given: object) -> Message:
         views=whole_numbers("views", given.views, (count, 2)),
         misses=whole_numbers("misses", given.misses, (count,)),
         sightings=_instants("sightings", given.sightings, (count, 3)),
-        novel=checked_array("novel", given.novel, (count, *np.shape(given.novel)[-1:])),
+        novel=checked_novel("novel", given.novel, count),
     )
     if np.any(np.diff(sent.ids) <= 0):
         raise Unusable("ids are not ascending")

@@ -14,6 +14,8 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import products
+from tracking.plugins.containment import Unusable
+from tracking.plugins.results import checked_array
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
@@ -45,7 +47,7 @@ class Message:
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
     deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
-    novel: Array  # (T, 0) or (T, INFORMATION + U)
+    novel: Array  # (T, 0) or (T, INFORMATION + U), U > 0
 
     @property
     def size(self) -> int:
@@ -113,6 +115,14 @@ def alike(messages: Sequence[Message]) -> bool:
         (m.partition[0], m.deleted, m.ids.tobytes(), m.names.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
     ]
     return not same or same.count(same[0]) == len(same)
+
+
+def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
+    """Novel information from outside about so many tracks, as `Message.novel`; `Unusable` says why other is none."""
+    width = np.shape(given)[-1:] or (0,)
+    if 0 < width[0] <= INFORMATION:
+        raise Unusable(f"{name} of {width[0]} columns; allowed are 0, or more than {INFORMATION}")
+    return checked_array(name, given, (count, *width))
 
 
 @compiled

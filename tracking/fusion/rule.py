@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -16,6 +17,8 @@ FUSION_RULES = Registry(
     ("contribution(local)",),
 )
 
+_LEAST, _LARGEST = 1e-100, 1e100  # weights of averages: beyond, products leave the range of floats
+
 
 class LocalBeliefs(NamedTuple):
     """Beliefs of one UAV after its scan, before fusion; `prior` and `gates` are of the first K of its T tracks."""
@@ -23,7 +26,7 @@ class LocalBeliefs(NamedTuple):
     uav: int
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
-    weights: Array  # (T,) in an average: the probability of a detection, or little where there was none
+    weights: Array  # (T,) > 0 in an average: the probability of a detection, or little where there was none
     prior: tuple[Array, Array]  # means (K, 4) and covariances (K, 4, 4) before the scan; later rows are new tracks
     measurements: Array  # (N, 2) m
     gates: Indices  # (G, 2) pairs of a track and a measurement in its gate
@@ -34,8 +37,8 @@ class Contribution(NamedTuple):
     """Part of a UAV in consensus, for each of its T tracks."""
 
     averaged: Array  # (T, 20) information vector and matrix
-    summed: Array  # (T, 0), or as `Message.novel`
-    weights: Array  # (T,) of the average
+    summed: Array  # (T, 0), or as `Message.novel`: what adds up, and in column 20 + u UAV u's share in it
+    weights: Array  # (T,) of the average, all of them positive
 
 
 class FusionRule(Protocol):
@@ -59,19 +62,19 @@ class _Checked:
     rule: FusionRule
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
-        import numpy as np
-
+        from tracking.fusion.message import INFORMATION, checked_novel
         from tracking.plugins.containment import Unusable
         from tracking.plugins.results import check_positive_definite, checked_array
 
         count = len(local.means)
         with FUSION_RULES.errors(self.name, "contribute", called=(self.rule, "contribution")):
-            averaged, summed, weights = self.rule.contribution(local)
-            averaged = checked_array("averaged", averaged, (count, 20))
-            summed = checked_array("summed", summed, (count, *np.shape(summed)[-1:]))
+            averaged, summed, weights = self.rule.contribution(deepcopy(local))
+            averaged = checked_array("averaged", averaged, (count, INFORMATION))
+            summed = checked_novel("summed", summed, count)
             weights = checked_array("weights", weights, (count,))
-            if not summed.size:  # else the sum may hold what the average lacks
-                check_positive_definite("matrices of averaged", averaged[:, 4:].reshape(-1, 4, 4))
-            if count and weights.min() < 0.0:
-                raise Unusable("weights are negative")
+            added = summed[:, 4:INFORMATION] if summed.size else 0.0  # the sum may hold what the average lacks
+            check_positive_definite("matrices of averaged, with summed,", (averaged[:, 4:] + added).reshape(-1, 4, 4))
+            if count and not _LEAST <= weights.min() <= weights.max() <= _LARGEST:
+                allowed = f"weights must be positive, from {_LEAST:g} to {_LARGEST:g}"
+                raise Unusable(f"{allowed}; give little, as 1e-9, where a UAV saw nothing of a track")
             return Contribution(averaged, summed, weights)

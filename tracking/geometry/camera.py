@@ -61,6 +61,13 @@ class Camera:
     fov: float  # full angle of view, rad
     pixels: int  # along each edge
 
+    def __post_init__(self) -> None:
+        if not 0 < self.fov < math.pi and self.fov != ALL_ROUND:
+            allowed = "expected more than 0 and less than pi rad, or 2 pi: all round"
+            raise ValueError(f"fov: {self.fov:g} is not allowed; {allowed}")
+        if not self.pixels >= 1:
+            raise ValueError(f"pixels: {self.pixels} is not allowed; expected 1 or more")
+
     @property
     def focal(self) -> float:
         """Focal length [pixel]; 0 for a view all round."""
@@ -95,15 +102,18 @@ class Camera:
         return applied(pose.rotation, body)
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
-        """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m."""
-        rays = self.rays(pose, uv)
-        scale = (height - pose.position[2]) / rays[:, 2]
+        """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m.
+
+        NaN where they do not, as above the horizon.
+        """
+        rays, down = self.rays(pose, uv), height - pose.position[2]
+        scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
         return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
         """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise.
 
-        They have no meaning if part of the image is `above_horizon`.
+        Those above the horizon are NaN.
         """
         return self.ground_points(pose, self._corners, height)
 

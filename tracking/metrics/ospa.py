@@ -1,5 +1,6 @@
 """OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     that are never present do not count. Source: [Beard20].
     """
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
-    if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
+    if any(Z.ndim != 3 or Z.shape[2] != 2 for Z in (X, Y)) or len(X) != len(Y):
         raise ValueError(f"estimates and truths must be (K, A, 2) and (K, B, 2), are {X.shape} and {Y.shape}")
     X, Y = (Z[:, ~np.isnan(Z[..., 0]).all(axis=0)] for Z in (X, Y))
     here, there = ~np.isnan(X[..., 0]), ~np.isnan(Y[..., 0])
@@ -48,11 +49,15 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
 
 
 def checked_positions(name: str, positions: Array) -> Array:
-    """Positions (A, 2), where no positions may have any shape; ValueError for whole states."""
+    """Positions (A, 2), where no positions may have any shape; ValueError for whole states, and for NaN."""
     found = np.asarray(positions, dtype=float)
     if found.size and found.shape[-1:] != (2,):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")
-    return found.reshape(-1, 2)
+    found = found.reshape(-1, 2)
+    if not all(map(math.isfinite, found.ravel().tolist())):  # faster than NumPy's for a few
+        first = np.isfinite(found).all(axis=1).argmin()
+        raise ValueError(f"{name}[{first}] is not finite; leave absent ones out")
+    return found
 
 
 def _between(gaps: Array, c: float, p: float) -> Ospa:

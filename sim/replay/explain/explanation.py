@@ -27,6 +27,8 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
     groups = [(f"person {facts.person} at {recording.times[facts.k]:.1f} s", _person(facts, events))]
     if np.isnan(facts.place[0]):
         return groups
+    if facts.note:
+        groups.append(("note", [facts.note]))
     groups += [(f"UAV {w.uav}", _observation(w, facts, recording)) for w in facts.observations]
     if facts.holder:
         groups.append((f"track {facts.holder.number}", _track(facts.holder, facts)))

@@ -13,9 +13,12 @@ from sim.replay.frames.sightings import Sighting
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
+from tracking.fusion.member import TRACKERS
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
+
+_NOTE = "does not tell its associations: weights, births, hits and misses are as the built-in tracker would count them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,8 @@ class Observer(ExitStack):
     def __init__(self, recording: Recording, scenario: Scenario) -> None:
         super().__init__()
         self.recording, self.scenario = recording, scenario
+        tracker = scenario.tracking.tracker
+        self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on what recordings do not tell
         self.again = self.enter_context(Rerenderer(recording))
         # Of a scan k and a UAV; stories ask for some of the last again.
         self.association = lru_cache(1024)(partial(Association.of, recording, scenario))

@@ -128,6 +128,7 @@ class PersonFacts:
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     history: History
+    note: str  # on what the recording does not tell of its tracker; empty: none
 
     @staticmethod
     def of(observer: Observer, history: History, k: int, person: int) -> "PersonFacts":
@@ -145,6 +146,7 @@ class PersonFacts:
             observations=tuple(observer.observe(k, i, person) for i in uavs),
             planned=tuple(planned_visibility(recording, scenario, k, i, person, belief) for i in uavs),
             history=history,
+            note=observer.note,
         )
 
 

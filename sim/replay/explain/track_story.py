@@ -19,13 +19,10 @@ from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
-from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import squared_distance
 from tracking.parameters import EXPECTED, SEEN
-
-_NOTE = "{} does not tell its associations: births, hits and misses are as the built-in tracker would count them"
 
 
 class Origin(NamedTuple):
@@ -63,16 +60,14 @@ class TrackFacts:
     def __init__(self, observer: Observer, number: int) -> None:
         """Facts of the track of that number; the observer has to stay open."""
         self.observer, self.recording, self.number = observer, observer.recording, number
-        recording, tracking = observer.recording, observer.scenario.tracking
+        recording = observer.recording
         self.id = list(recording.track_numbers)[number]
         self.parameters = tracker_parameters(observer.scenario)
-        # The name of a tracker from outside, of which recordings tell no associations, births and limits.
-        self.plugin = "" if tracking.tracker in TRACKERS.built_in else tracking.tracker
         scans, _ = recording.cells(recording.track_offsets)
         own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
         self.scans = (first, last)  # the first and the last at which any UAV had it
-        self.known = first == 0 and tracking.initial_tracks == "known"  # given at the start
+        self.known = first == 0 and observer.scenario.tracking.initial_tracks == "known"  # given at the start
         holders = self.holders(first)
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
         # UAVs that had it first; the one that confirmed it, by its label.
@@ -167,7 +162,7 @@ def track_story(facts: TrackFacts, events: Sequence[Event]) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
     own = [event for event in events if event.track == facts.number]
     groups = [
-        ("note", [_NOTE.format(facts.plugin)] if facts.plugin else []),
+        ("note", list(filter(None, [facts.observer.note]))),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
         ("born", list(_birth(facts))),
         ("fed by", list(_fed(facts))),
@@ -202,7 +197,7 @@ def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
     t, j = int(gaps.argmin()), begun.measurement
     if gaps[t] <= FAR:
         gate = f"outside its gate of {math.sqrt(facts.parameters.measurement_gate):.1f} σ"
-        gated = "" if facts.plugin else ", inside its gate" if a.gated[t, j] else f", {gate}"
+        gated = "" if facts.observer.note else ", inside its gate" if a.gated[t, j] else f", {gate}"
         away = f"{gaps[t]:.1f} m from person {begun.person}"
         yield f"track {a.numbers[t]}, then {away}, was {math.sqrt(a.distances[t, j]):.1f} σ from it{gated}"
 
@@ -265,7 +260,7 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         yield f"ended at {times[last + 1]:.1f} s, as {fleet_text(holders)} broke down"
         return
     yield f"deleted at {times[last + 1]:.1f} s"
-    if not facts.plugin:
+    if not facts.observer.note:
         if math.isnan(existence):
             yield f"a track ends after {p.delete[0]} misses in {p.delete[1]} scans that should have shown it"
         else:

@@ -27,6 +27,7 @@ from sim.scenario.fleet import Uav
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import changed, toml
+from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError
 
 _RESULTS = {  # metrics at the top, by their label there
@@ -150,7 +151,8 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
     yield "UAVs", f"{len(scenario.uavs)}, {views}"
     yield "sensing", scenario.sensing.mode
     loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
-    yield "fusion", scenario.network.fusion + loss
+    tracker, fusion = scenario.tracking.tracker, scenario.network.fusion
+    yield ("fusion", fusion + loss) if tracker in TRACKERS.built_in else ("tracker", tracker + loss)
     yield "initial tracks", scenario.tracking.initial_tracks
     yield "page by", f"understory {version('understory')}"
 

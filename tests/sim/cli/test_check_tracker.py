@@ -76,6 +76,43 @@ class Lost(Nearest):
         self.tracks = tuple(replace(t, belief=Gaussian(t.belief.mean + south, 1e-3 * np.eye(4))) for t in self.tracks)
 
 
+class Coasting(Nearest):
+    """Takes no measurement."""
+
+    def step(self, scan):
+        self.coast(scan.time)
+
+
+class Standing(Coasting):
+    """Believes that all stand where they were."""
+
+    def coast(self, time):
+        before = self.tracks
+        super().coast(time)
+        self.tracks = before
+
+
+class Plain(Nearest):
+    def step(self, scan):
+        super().step(scan)
+        self.tracks = [(t.id, t.belief, t.existence) for t in self.tracks]
+
+
+class Unknown(Nearest):
+    def accept(self, message):
+        super().accept(message)
+        self.tracks = None
+
+
+class Opinionated(Nearest):
+    """Takes over ids alone."""
+
+    def accept(self, message):
+        before = {track.id: track.belief for track in self.tracks}
+        super().accept(message)
+        self.tracks = tuple(replace(t, belief=before.get(t.id, t.belief)) for t in self.tracks)
+
+
 class Stubborn(Nearest):
     """UAV 1 has ids of its own."""
 
@@ -121,9 +158,16 @@ BROKEN = {
     Shape: {"finite": "means of tracks of shape (3, 2), not (3, 4)"},
     Sure: {"positive definite": "covariances of tracks are not symmetric and positive definite"},
     Twin: {"ids": "ids of tracks are there twice: [2]"},
-    Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 people, one of whom"},
+    Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 people, "},
     Needy: {"unknown start": "cannot take a scan: IndexError: tuple index out of range ("},
-    Lost: {"people": "0 of 4 people, one of whom"},
+    Lost: {"people": "0 of 4 people, "},
+    Coasting: {"people": "0 of 4 people, "},
+    Standing: {"people": "0 of 4 people, "},
+    Plain: {
+        "ids": "after step: among tracks is a tuple without id; a track is an object with id, belief and existence"
+    },
+    Unknown: {"ids": "cannot give its tracks after accept: tracks are no sequence but NoneType ("},
+    Opinionated: {"neighbours agree": "at 0.0 s means of UAV 0 and UAV 1, which hear one another, differ by "},
     Stubborn: {"neighbours agree": "at 0.0 s UAV 0 has ids [0, 1, 2], UAV 1, which hears it, [10, 11, 12]"},
     Random: {"same scans, same tracks": "other instances have other tracks after the same scans"},
     Spoiling: {"inputs untouched": "the scan.measurements is changed"},
@@ -144,6 +188,7 @@ def test_good_trackers_conform(name, monkeypatch):
     for check_name, begun in (("people", "3 of 4"), ("unknown start", "0 of 4")):
         held = seen[check_name]
         assert held.startswith(begun if "Nearest" in name else "4 of 4") and held.endswith("0 false tracks")
+        assert begun == "0 of 4" or float(held.partition(" m off")[0].rpartition(" ")[2]) < 0.5
 
 
 @pytest.mark.parametrize("kind", BROKEN)
@@ -152,6 +197,8 @@ def test_a_broken_tracker_fails_the_check_that_fits(kind):
     assert failed.keys() == BROKEN[kind].keys()
     for name, words in BROKEN[kind].items():
         assert words in failed[name]
+        if "cannot" in words:
+            assert "test_check_tracker.py:" in failed[name]
 
 
 @pytest.mark.parametrize("kind", [Shape, Infinite, Twin])

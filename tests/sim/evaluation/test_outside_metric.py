@@ -32,6 +32,15 @@ def farthest(outcome):
 
 FARTHEST = Metric("farthest from the middle", farthest, "km", better="higher", scale=1e-3)
 BROKEN = Metric("broken", lambda outcome: 1 / 0)
+
+
+def moved(outcome):
+    outcome.recording.poses[..., 0] += 100.0
+    outcome.scores[0].gospa[:] = 0.0
+    return outcome.recording.poses[0, 0, 0]
+
+
+MOVED = Metric("moved", moved)
 NONE = Metric("of nothing", lambda outcome: None)
 NUMBER = 3
 ODD = Metric("how [/b]", lambda outcome: np.float64("nan"), "[/i]")
@@ -81,6 +90,12 @@ def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):
     assert 20 < row.metrics["mine:FARTHEST"] < 100
     assert "farthest from the middle [km]" in (tmp_path / "runs" / "compare" / "report.html").read_text()
     assert "mine:FARTHEST" in (tmp_path / "runs" / "compare" / "table.csv").read_text()
+
+
+def test_a_metric_that_changes_the_outcome_changes_nothing_for_others():
+    plain, found = summary(hand_made()), summary(hand_made(), asked=["mine:MOVED", "mine:FARTHEST"])
+    assert found["metrics"]["mine:MOVED"]["value"] == 100.0 and found["metrics"]["mine:FARTHEST"]["value"] == 0.0
+    assert (found["recording_sha256"], found["gospa"]) == (plain["recording_sha256"], plain["gospa"])
 
 
 def test_a_metric_that_raises_is_undefined_and_a_fault():

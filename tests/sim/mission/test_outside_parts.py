@@ -197,6 +197,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("message", "return replace(given, views=given.views[0])", "views are no table (4, 2) of whole numbers"),
         ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
         ("message", "return replace(given, partition=(0.5, 0.0))", "partition are of other numbers than whole ones"),
+        ("message", "return replace(given, novel=np.zeros((4, 3)))", "novel of 3 columns; allowed are 0, or more than"),
         ("message", "return replace(given, scan=None)", "scan are no table () of whole numbers"),
         ("message", "return replace(given, scan=9)", "it is of scan 9 at 0.0 s, not of scan 1 at 0.0 s"),
         ("message", "return replace(given, time=9.5)", "it is of scan 1 at 9.5 s, not of scan 1 at 0.0 s"),
@@ -208,6 +209,13 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("predict_all", "raise KeyError('table')", "cannot predict: KeyError: 'table' ("),
         ("contribution", "given.averaged[0] = np.inf", "cannot contribute: averaged are not finite"),
         ("contribution", "given = given._replace(weights=np.ones((4, 1)))", "contribute: weights of shape (4, 1)"),
+        ("contribution", "given.weights[0] = 0.0", "cannot contribute: weights must be positive"),
+        (
+            "contribution",
+            "given = given._replace(summed=np.zeros((4, 20)))",
+            "summed of 20 columns; allowed are 0, or ",
+        ),
+        ("contribution", "given = given._replace(summed=-1e3 * np.ones((4, 21)))", "averaged, with summed, are not"),
         ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("contribution", "return None", "cannot contribute: "),
         ("sense", "return None", "cannot sense: "),
@@ -255,17 +263,25 @@ def test_of_the_frame_of_a_sensor_mode_the_image_alone_is_used(tmp_path, module)
     assert (tmp_path / "out" / "mission.npz").exists()
 
 
-def test_a_tracker_that_changes_what_it_is_given_changes_nothing(module):
-    module("mytracker", NEAREST)
-    code = "class Spoils(Nearest):\n    def step(self, scan):\n        super().step(scan)\n"
-    code += "        scan.measurements[:] = scan.pose.position[:] = np.nan\n"
-    code += "    def accept(self, message):\n        super().accept(message)\n        message.ids[:] = 0\n"
-    module("spoils", f"{NEAREST}\n\n{code}")
-    recordings = []
-    for name in ("mytracker:Nearest", "spoils:Spoils"):
-        setting = load_scenario("forest", [*SHORT, f"tracking.tracker={name}"])
-        recordings.append(fly(task_of(setting, "greedy", 0)).row)
-    assert recordings[0].ospa.tobytes() == recordings[1].ospa.tobytes() and recordings[1].error == ""
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        ("step", "scan.measurements[:] = scan.pose.position[:] = np.nan"),
+        ("accept", "message.ids[:] = 0"),
+        ("contribution", "local.means[:] = local.covariances[:] = np.nan"),
+        ("sense", "people[:] = pose.position[:] = pose.quaternion[:] = np.nan"),
+    ],
+)
+def test_a_plug_in_that_changes_what_it_is_given_changes_nothing(module, call, line):
+    key, code, base, arguments = METHODS[call]
+    code += f"import numpy as np\n\n\nclass Plain({base}):\n    pass\n\n\nclass Spoils({base}):\n"
+    code += f"    def {call}(self, {arguments}):\n        given = super().{call}({arguments})\n        {line}\n"
+    module("spoils", f"{code}        return given\n")
+    rows = [
+        fly(task_of(load_scenario("forest", [*SHORT, f"{key}=spoils:{name}"]), "greedy", 0)).row
+        for name in ("Plain", "Spoils")
+    ]
+    assert rows[0].ospa.tobytes() == rows[1].ospa.tobytes() and rows[1].error == ""
 
 
 @pytest.mark.docs

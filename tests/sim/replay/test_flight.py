@@ -158,9 +158,15 @@ def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
     assert image.shape == (220, 460, 3) and (image < 60).all(axis=2).sum() > 500
     errors = mine.recording.ospa[..., 0]
     assert mine.facts["OSPA"] == f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m"
-    lost = [loss for loss in mine.history.losses if loss.found]
+    lost, rest = [[loss for loss in mine.history.losses if loss.found is found] for found in (True, False)]
+    told = f", and {len(rest)} of people not found before" if rest else ""
     longest = max(loss.last - loss.first + 1 for loss in lost) / 5
-    assert mine.facts["losses"] == f"{len(lost)}, the longest {longest:.1f} s"
+    assert mine.facts["losses"] == f"{len(lost)}, the longest {longest:.1f} s{told}"
+    unknown = Flight(dataclasses.replace(flight.recording, track_means=flight.recording.track_means + 1e3))
+    assert (
+        unknown.facts["losses"] == "none, and 4 of people not found before"
+        and len(unknown.columns("losses")["person"]) == 4
+    )
     assert repr(mine).startswith("<Flight: <b>:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")
     assert "\n" not in repr(mine)
 

@@ -66,6 +66,22 @@ def test_a_level_camera_shows_north_at_the_top_and_nothing_behind_it():
     assert np.all(depth <= 0) and np.all(np.isnan(uv)) and not CAMERA.sees(pose, above).any()
 
 
+def test_rays_that_meet_no_ground_give_nan():
+    pose = Pose(np.array([0.0, 0.0, 20.0]), Rotation.from_euler("x", 90, degrees=True).as_quat())  # looks north
+    points = CAMERA.ground_points(pose, np.array([[64.0, 100.0], [0.0, 63.0], [64.0, 20.0]]))
+    assert points[0, 1] == pytest.approx(20 * CAMERA.focal / 36) and np.isnan(points[1:]).all()
+    assert np.isnan(CAMERA.footprint(pose)).any(axis=1).tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("fov", "pixels", "wrong"),
+    [(60, 128, "fov: 60 is"), (-1, 128, "fov: -1 is"), (math.nan, 128, "fov: nan is"), (1, 0, "pixels: 0 is")],
+)
+def test_what_is_no_camera_is_refused(fov, pixels, wrong):
+    with pytest.raises(ValueError, match=f"^{wrong} not allowed; expected "):
+        Camera(fov, pixels)
+
+
 def test_a_footprint_runs_anticlockwise_round_what_is_seen():
     rng = np.random.default_rng(2)
     for _ in range(20):

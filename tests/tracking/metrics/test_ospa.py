@@ -84,6 +84,8 @@ def test_the_parts_make_up_the_distance_of_trajectories_of_the_same_times():
         assert parts.distance**2 == pytest.approx(parts.localisation**2 + parts.cardinality**2, rel=1e-12)
     with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 2\) and \(4, 1, 2\)"):
         ospa2(np.zeros((3, 1, 2)), np.zeros((4, 1, 2)))
+    with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 4\) and \(3, 1, 4\)"):
+        ospa2(np.zeros((3, 1, 4)), np.zeros((3, 1, 4)))
 
 
 def random_pairs(count, seed=0):
@@ -203,6 +205,13 @@ def test_ospa_gospa_and_ospa2_are_metrics(kind, distance):
         assert xy <= distance(X, Z) + distance(Z, Y) + 1e-9 and (xy > 0.0) == (members(X) != members(Y))
 
     holds()
+
+
+@pytest.mark.parametrize("distance", [ospa, gospa])
+def test_positions_that_are_not_finite_are_named(distance):
+    for name, sets in (("estimates", ([[0, 0], [math.nan, 1]], NONE)), ("truths", (NONE, [[0, 0], [1, math.inf]]))):
+        with pytest.raises(ValueError, match=rf"^{name}\[1\] is not finite; leave absent ones out$"):
+            distance(*sets)
 
 
 @pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (-1.0, 2.0), (50.0, 0.5), (math.nan, 2.0)])

@@ -10,9 +10,12 @@ from sim.evaluation.score import held_by
 from sim.recording.archive import save
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
+from sim.replay.explain.explanation import explanation
 from sim.replay.explain.observation import Observer
+from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.frames.rerender import scenario_of
+from sim.replay.history import History
 from tracking.metrics.ospa import ospa
 from tracking.parameters import SEEN
 
@@ -132,6 +135,8 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
             lines = [line for group in groups.values() for line in group]
             assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
             assert not any("a track ends" in line or "its gate" in line for line in lines)
+        facts = PersonFacts.of(observer, History.of(recording, outside), 4, 0)
+        assert dict(explanation(facts, recording, events))["note"] == groups["note"]
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):

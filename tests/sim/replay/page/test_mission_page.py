@@ -214,6 +214,8 @@ def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
     assert facts(packaged)["scenario"] == "paper"
     lossy = dataclasses.replace(recording, scenario=resolved(load("forest", ["network.loss=0.2"])))
     assert facts(lossy)["fusion"].endswith(", loss 20 %") and "scenario" not in facts(lossy)
+    outside = dataclasses.replace(recording, scenario=resolved(load("forest", ["tracking.tracker=soup:SoupJPDA"])))
+    assert facts(outside)["tracker"] == "soup:SoupJPDA" and "fusion" not in facts(outside)
 
 
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
