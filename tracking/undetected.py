@@ -91,9 +91,9 @@ class UndetectedIntensity:
 
     def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
         """Rows and columns of the cells that a camera may see."""
-        if camera.fov >= ALL_ROUND or camera.above_horizon(pose):
+        shown = camera.footprint(pose, TARGET_HEIGHT) if camera.fov < ALL_ROUND else np.full((4, 2), np.nan)
+        if np.isnan(shown).any():  # also above the horizon
             return slice(None), slice(None)
-        shown = camera.footprint(pose, TARGET_HEIGHT)
         low, cell = np.array(self.belief.low), np.array(self.belief.cell)
         first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
         last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)

@@ -35,7 +35,7 @@ class Outcome:
     recording: Recording
     seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, and `start_up` if known
     wall_s: float = 0.0  # wall time of all
-    faults: list[Fault] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)  # the breakdowns of UAVs among them
     planning_s: Sequence[float] = ()  # wall time of each decision
     planning_cpu_s: float = 0.0  # processor time of all decisions
 
@@ -130,7 +130,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
                 asked_for = metric(name)
             with contained(called=(asked_for, "of")):
                 value = asked_for(deepcopy(outcome))
-                found[name] = None if value is None or not math.isfinite(value) else float(value)
+                found[name] = float(value) if value is not None and math.isfinite(value) else None
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
@@ -254,11 +254,6 @@ def _share(label: str, of: Of, key: str | None = None) -> Metric:
     return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
 
 
-def _faults(outcome: Outcome) -> int:
-    """Number of faults of plug-ins: each UAV that broke down, as its scenario has it, is told as a fault, too."""
-    return len(outcome.faults) - int(np.count_nonzero(~outcome.recording.working[-1]))
-
-
 def _seconds(stage: str) -> Metric:
     return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
 
@@ -294,7 +289,7 @@ METRICS = {
         "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
         "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
         "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
-        "faults": Metric("faults", _faults, key=""),
+        "faults": Metric("faults", lambda o: len(o.faults) - (~o.recording.working[-1]).sum().item(), key=""),
         "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
         "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),

@@ -23,7 +23,7 @@ class Unmatched:
     nearest: int | None  # person, over these scans
     gap: float  # m to them, the median; infinite without people
     alone: Flags  # (last - first + 1, n), the UAVs for which it stands for no person
-    left: int | None  # the person for whom it stood last, if they have left the area
+    left: int | None  # its last person, if they have left the area
 
     @property
     def duplicate(self) -> bool:
@@ -78,7 +78,7 @@ def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
 
 
 def _left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
-    """The last person for whom a track stood by any UAV's ids (K, M), if they are among the absent (M,)."""
+    """The last person of a track by any UAV's ids (K, M), if they are among the absent (M,)."""
     scans, people = np.nonzero(np.any([ids == id for ids in stood], axis=0))
     return int(people[-1]) if len(scans) and absent[people[-1]] else None
 

@@ -115,16 +115,8 @@ class Camera:
 
         Those above the horizon are NaN.
         """
-        return self.ground_points(pose, self._corners, height)
-
-    def above_horizon(self, pose: Pose) -> bool:
-        """True if part of the image is at or above the horizon."""
-        return bool((self.rays(pose, self._corners)[:, 2] >= 0.0).any())
-
-    @property
-    def _corners(self) -> Array:
         n = float(self.pixels)
-        return np.array([[0, n], [n, n], [n, 0], [0, 0]])
+        return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
 
 
 @compiled

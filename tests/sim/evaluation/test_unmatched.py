@@ -76,7 +76,7 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}
 
 
-def test_a_track_whose_person_left_is_told_so():
+def test_a_false_track_tells_that_its_person_left():
     recording = standing_still([[{70: (0.0, 0.0), 80: (20.0, 0.0)}]] * 12, np.array([[0.0, 0.0], [20.0, 0.0]]))
     recording.people[6:, 1] = np.nan
     (track,) = unmatched_tracks(recording)
