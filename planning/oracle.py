@@ -41,7 +41,7 @@ class Oracle(Composed):
         super().__post_init__()
         for name in ("propagation", "visibility", "search"):
             if (value := getattr(self, name)) != getattr(Composed, name):
-                raise ValueError(f"{name}={value} has no effect on an oracle, which knows where people will be")
+                raise ValueError(f"{name}={value} is not for an oracle, which knows where people will be")
 
     def knowing(self, people: TruePositions) -> Planner:
         """The planner that knows these positions."""

@@ -44,7 +44,7 @@ class TrackerParameters:
     survival: float = 0.999  # probability that a person in the area still is a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     confirmation_threshold: float = 0.99  # probability of existence that confirms a track
-    deletion_threshold: float = 0.001  # the one below which a track is deleted; probabilities stay above 1e-9
+    deletion_threshold: float = 0.001  # probability below which a track is deleted; no effect below 1e-9
     fusion: str = "hcmci"  # rule of fusion, see `tracking.fusion.rule`
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 

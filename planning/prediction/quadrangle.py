@@ -22,7 +22,7 @@ def inside(view: Array, dx: float, dy: float) -> bool:
 def radius_in_view(view: Array) -> float:
     """Radius [m] of the largest circle about the aim of a field of view (5, 3) that is all in view."""
     nearest = float(np.min(view[:4, 2] - (view[:4, 0] * view[4, 0] + view[:4, 1] * view[4, 1])))
-    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)  # to the bit as from a square's corner
+    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)  # rounded as a square's corner
 
 
 @compiled

@@ -109,11 +109,11 @@ def _ways(places: Array, start: Array, reach: float) -> Array:
 
 @compiled
 def _places(start: Array, reach: float, step: float, states: Array, spots: Array) -> Array:
-    """Places (M S, 2) m from which each person is at each of S spots (S, 2) m of the image on arrival."""
+    """Places (M S, 2) m from which each person is at each of S spots (S, 2) m of the image on arrival, nearly."""
     places = np.empty((len(states) * len(spots), 2))
     for n in range(len(places)):
         state, spot = states[n // len(spots)], spots[n % len(spots)]
-        for steps in range(1, 101):  # the first that suffice; of people too fast to be met, the last
+        for steps in range(1, 101):  # the first that suffice; of people not met in 100 steps, the last
             x, y = state[0] + steps * step * state[2] - spot[0], state[1] + steps * step * state[3] - spot[1]
             if _steps(x - start[0], y - start[1], reach) <= steps:
                 break

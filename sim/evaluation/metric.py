@@ -18,7 +18,7 @@ from sim.evaluation.score import FAR, Score, score
 from sim.evaluation.searching import times_to_find
 from sim.evaluation.unmatched import Unmatched, unmatched_tracks
 from sim.recording.recording import Recording
-from sim.sensing.fault import Fault
+from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import ForeignError, contained
@@ -35,7 +35,7 @@ class Outcome:
     recording: Recording
     seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, and `start_up` if known
     wall_s: float = 0.0  # wall time of all
-    faults: list[Fault] = field(default_factory=list)  # the breakdowns of UAVs among them
+    faults: list[Fault] = field(default_factory=list)  # and breakdowns
     planning_s: Sequence[float] = ()  # wall time of each decision
     planning_cpu_s: float = 0.0  # processor time of all decisions
 
@@ -119,7 +119,7 @@ def metric(name: str) -> Metric:
 
 
 def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
-    """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
+    """All metrics of the registry, and those asked for by name or import string; None where there was nothing to count.
 
     One from outside gets a copy. If it is infinite, NaN or raises, it is None; a fault tells of what it raises.
     """
@@ -289,7 +289,7 @@ METRICS = {
         "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
         "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
         "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
-        "faults": Metric("faults", lambda o: len(o.faults) - (~o.recording.working[-1]).sum().item(), key=""),
+        "faults": Metric("faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), key=""),
         "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
         "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),

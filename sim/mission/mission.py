@@ -20,7 +20,7 @@ from sim.mission.world_setup import forest_and_people
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
-from sim.sensing.fault import Fault
+from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
@@ -171,7 +171,7 @@ class Mission:
     def _break_down(self, time: float) -> None:
         for i in self._working:
             if not self.scenario.works(i, time):
-                self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
+                self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, BREAKDOWN))
         self._working = [i for i in self._working if self.scenario.works(i, time)]
 
     def _sense(self) -> "_Sensed":

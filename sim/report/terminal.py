@@ -43,7 +43,7 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
         table = score_table(scores, groups)
         on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
         on.print(escape(table.note), style="dim")
-    for label, short in {**{text: own for text, own in about.labels.items()}, **shorts}.items():
+    for label, short in {**about.labels, **shorts}.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
     for note in notes(found, wide=on.width >= _WIDE):

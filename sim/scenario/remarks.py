@@ -48,7 +48,7 @@ def _about_people(people: People) -> list[str]:
         return []
     spare = len(people.paths) - people.count
     if spare > 0 and people.paths != default.paths and people.walks == ("levy",):
-        return [f"people.paths: the last {spare} not used, as people.count is {people.count}"]
+        return [f"people.paths: {spare} of {len(people.paths)} not used, as people.count is {people.count}"]
     return [
         f'people.{key}: not used, as people.walks lacks "{walk}"'
         for key, walk in (("group", "groups"), ("paths", "levy"))

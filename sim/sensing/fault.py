@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+BREAKDOWN = "broke down, hovers from now on"
+
 
 @dataclass(frozen=True)
 class Fault:

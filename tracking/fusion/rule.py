@@ -71,6 +71,8 @@ class _Checked:
             averaged, summed, weights = self.rule.contribution(deepcopy(local))
             averaged = checked_array("averaged", averaged, (count, INFORMATION))
             summed = checked_novel("summed", summed, count)
+            if 0 < summed.shape[1] <= INFORMATION + local.uav:
+                raise Unusable(f"summed of {summed.shape[1]} columns lacks that of UAV {local.uav}")
             weights = checked_array("weights", weights, (count,))
             added = summed[:, 4:INFORMATION] if summed.size else 0.0  # the sum may hold what the average lacks
             check_positive_definite("matrices of averaged, with summed,", (averaged[:, 4:] + added).reshape(-1, 4, 4))

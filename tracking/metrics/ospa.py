@@ -40,6 +40,8 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
     if any(Z.ndim != 3 or Z.shape[2] != 2 for Z in (X, Y)) or len(X) != len(Y):
         raise ValueError(f"estimates and truths must be (K, A, 2) and (K, B, 2), are {X.shape} and {Y.shape}")
+    if any((np.isfinite(Z).any(axis=2) != np.isfinite(Z).all(axis=2)).any() or np.isinf(Z).any() for Z in (X, Y)):
+        raise ValueError("estimates and truths must be finite, or NaN in both coordinates where absent")
     X, Y = (Z[:, ~np.isnan(Z[..., 0]).all(axis=0)] for Z in (X, Y))
     here, there = ~np.isnan(X[..., 0]), ~np.isnan(Y[..., 0])
     gaps = length(X[:, :, None] - Y[:, None])

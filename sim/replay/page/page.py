@@ -160,7 +160,8 @@ def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]
 def _span(lengths: Iterable[float]) -> str:
     """The least and the largest of some lengths [m] in words."""
     known = set(lengths)
-    return " to ".join(f"{length:.3g}" for length in sorted({min(known), max(known)})) + " m"
+    texts = [f"{length:.3g}" if length < 100 else f"{length:.0f}" for length in sorted({min(known), max(known)})]
+    return " to ".join(texts) + " m"
 
 
 def _packaged(scenario: Scenario) -> str | None:

@@ -67,7 +67,7 @@ def test_without_negative_information_beliefs_are_wider():
 def slow_camera(companion: Pose | None) -> list[np.ndarray]:
     """Means and covariances of a person under a canopy, by a camera above it with a frame each second.
 
-    At another pose another UAV has five.
+    With a companion another UAV takes five a second from that pose.
     """
     known, tree, out = track(3, *start(2.0, 1.5)), Forest((Tree(0.0, 0.0, 2.0),)), []
     members = [tracker(known, uav=u, forest=tree) for u in range(2)]

@@ -99,7 +99,7 @@ class Tutored:
 
 
 def fly(lesson: Lesson) -> Learned:
-    """Fly a mission and learn from it; RuntimeError says what the expert failed by if it decided nothing."""
+    """Fly a mission and learn from it; RuntimeError with its fault if the expert decided nothing."""
     planner = Tutored(lesson) if lesson.expert else Seedling(lesson.weights)
     settings = {**_FAST, "duration": lesson.duration}
     distances: list[float] = []
