@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell
@@ -118,8 +119,9 @@ def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:
 
 
 def _groups(world: str = "") -> list[Group]:
-    """The trials in one world, or in all, by world and planner."""
-    return grouped([row for row in trials() if world in ("", row.scenario)], DEFAULT)
+    """The trials in one world, or in all, by world and planner, whatever version flew them."""
+    rows = [replace(row, version="") for row in trials() if world in ("", row.scenario)]
+    return grouped(rows, DEFAULT)
 
 
 def _scored(groups: Sequence[Group]) -> Scored:
