@@ -195,7 +195,7 @@ def test_wrong_names_and_trials_that_are_there_twice_are_refused():
         from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
-    with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings need"):
+    with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings or"):
         grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
 
 

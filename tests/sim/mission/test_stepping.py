@@ -82,7 +82,7 @@ REFUSED = {
     f"plans: more than 3 plans for 3 UAVs; {EACH}": np.zeros((4, 2)),
     "plans: of UAV 0: velocity of shape (3,), not (2,)": np.zeros((3, 3)),
     "plans: of UAV 1: controls are not finite": [[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]],
-    "plans: of UAV 0: controls of shape (2,), not (H, 2)": [Plan(np.zeros(2))] * 3,
+    "plans: of UAV 0: controls of shape (2,), not (H, 2) with H at least 1": [Plan(np.zeros(2))] * 3,
     "plans: of UAV 2: velocities are not numbers": [[0.0, 0.0], [0.0, 0.0], "north"],
     f"plans: TypeError: 'int' object is not iterable; {EACH}": 7,
     f"plans: TypeError: 'Plan' object is not iterable; {EACH}": Plan(np.zeros((1, 2))),
