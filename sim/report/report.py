@@ -148,7 +148,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 
 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
-    """Verdicts in one metric, a sentence for each planner, and what they leave out or is to be known of them."""
+    """Verdicts in one metric, a sentence for each planner, and remarks on trials left out or with faults."""
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
