@@ -88,7 +88,7 @@ def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
     from sim.replay.explain.picture import draw_explanation
     from sim.replay.frames.pages import png
 
-    with Observer(flight.recording, flight.scenario) as observer:
+    with Observer(flight.recording) as observer:
         facts = PersonFacts.of(observer, flight.history, scan, person)
         groups = explanation(facts, flight.recording, flight.events)
         page = draw_explanation(observer, facts, groups)
@@ -102,7 +102,7 @@ def _track_of(flight: Flight, number: int) -> None:
     from sim.replay.explain.observation import Observer
     from sim.replay.explain.track_story import TrackFacts, track_story
 
-    with Observer(flight.recording, flight.scenario) as observer:
+    with Observer(flight.recording) as observer:
         _print(track_story(TrackFacts(observer, number), flight.events))
 
 

@@ -36,7 +36,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
     picture, tracks = _map(observer, facts)
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
     for w in _nearest(facts):
-        sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
+        sight = Sight.of(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotated(image, sight, _TILE)
         shown |= marks
@@ -102,10 +102,10 @@ def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
 
     True, if there are tracks on it.
     """
-    recording, metres = observer.recording, np.array(map_extent(observer.scenario))
+    recording, metres = observer.recording, np.array(map_extent(observer.recording.setting))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
-    view = MapView(observer.scenario, recording.forest, (width, height))
+    view = MapView(recording.setting, recording.forest, (width, height))
     holds = facts.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image, labels = view.recorded(recording, facts.k, holds)
