@@ -6,8 +6,8 @@ from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
-from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
 from sim.sensing.cameras import view_of
@@ -46,15 +46,16 @@ class PersonObservation:
 
 
 class Observer(ExitStack):
-    """Observations of people in a recording; renders frames again where these were rendered."""
+    """Observations of people in a flight; renders frames again where these were rendered."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, flight: Flight) -> None:
         super().__init__()
-        self.recording, tracker = recording, recording.setting.tracking.tracker
+        self.flight, self.recording = flight, flight.recording
+        tracker = flight.scenario.tracking.tracker
         self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on what recordings do not tell
-        self.again = self.enter_context(Rerenderer(recording))
+        self.again = self.enter_context(Rerenderer(self.recording))
         # Of a scan k and a UAV; stories ask for some of the last again.
-        self.association = lru_cache(1024)(partial(Association.of, recording))
+        self.association = lru_cache(1024)(partial(Association.of, self.recording))
         self.owners = lru_cache(1024)(self._owners)
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:

@@ -11,7 +11,7 @@ from sim.evaluation.score import velocities
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
-from sim.replay.history import History
+from sim.replay.flight import Flight
 from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
@@ -129,14 +129,14 @@ class PersonFacts:
     holder: HoldingTrack | None  # None for a person that no track has stood for yet
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
-    history: History
+    flight: Flight
     note: str  # on what the recording does not tell of its tracker; empty: none
 
     @staticmethod
-    def of(observer: Observer, history: History, k: int, person: int) -> "PersonFacts":
+    def of(observer: Observer, k: int, person: int) -> "PersonFacts":
         """The facts of a person at scan k."""
         recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
-        holder = _holder(recording, history, k, person)
+        holder = _holder(observer.flight, k, person)
         belief = holder.belief if holder else None
         return PersonFacts(
             k=k,
@@ -146,14 +146,14 @@ class PersonFacts:
             holder=holder,
             observations=tuple(observer.observe(k, i, person) for i in uavs),
             planned=tuple(planned_visibility(recording, k, i, person, belief) for i in uavs),
-            history=history,
+            flight=observer.flight,
             note=observer.note,
         )
 
 
-def _holder(recording: Recording, history: History, k: int, person: int) -> HoldingTrack | None:
+def _holder(flight: Flight, k: int, person: int) -> HoldingTrack | None:
     """The track by which most UAVs hold the person; where none does, the last that did."""
-    held = history.tracks[: k + 1, :, person]
+    recording, held = flight.recording, flight.history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:
         return None
@@ -163,7 +163,7 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
     numbers = recording.track_numbers
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
-    found = track_at(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
+    found = track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
     return HoldingTrack(
         number=numbers[id_],
         holds=tuple(holds),

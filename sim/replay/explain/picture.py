@@ -106,7 +106,7 @@ def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(recording.setting, recording.forest, (width, height))
-    holds = facts.history.hold_states[facts.k].copy()
+    holds = facts.flight.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image, labels = view.recorded(recording, facts.k, holds)
     if not np.isnan(facts.place[0]):

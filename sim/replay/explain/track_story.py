@@ -158,9 +158,9 @@ class TrackFacts:
         return found
 
 
-def track_story(facts: TrackFacts, events: Sequence[Event]) -> list[Group]:
+def track_story(facts: TrackFacts) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
-    own = [event for event in events if event.track == facts.number]
+    own = [event for event in facts.observer.flight.events if event.track == facts.number]
     groups = [
         ("note", list(filter(None, [facts.observer.note]))),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),

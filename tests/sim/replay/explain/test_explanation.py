@@ -33,15 +33,15 @@ def mission():
     alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6")  # by which tracks of lost people last longer
     recording = recorded("trees.density=60", *alarms, *paper)
-    with Observer(recording) as observer:
-        yield recording, History.of(recording), observer
+    with Observer(Flight(recording)) as observer:
+        yield recording, observer.flight.history, observer
 
 
 @pytest.fixture(scope="module")
 def all_facts(mission):
     """Those of each person at every third scan."""
     _, history, observer = mission
-    return [PersonFacts.of(observer, history, k, m) for k, m in np.ndindex(history.present.shape) if k % 3 == 0]
+    return [PersonFacts.of(observer, k, m) for k, m in np.ndindex(history.present.shape) if k % 3 == 0]
 
 
 def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
@@ -57,7 +57,7 @@ def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
             assert w.whole > 0 or w.sighting.pixels == 0
     assert hidden >= 10 and clear >= 10
     bare = recorded("trees.density=0", duration=1)
-    with Observer(bare) as observer:
+    with Observer(Flight(bare)) as observer:
         shown = [(observer.observe(k, i, m).whole or 0, bare.visible[k, i, m])
                  for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
     assert all(whole == pixels for whole, pixels in shown) and max(shown)[0] > 5
@@ -85,7 +85,7 @@ def test_stories_of_tracks_render_each_frame_once(mission, monkeypatch):
     recording = mission[0]
     asked, rendered = [], Rerenderer.rendered
     monkeypatch.setattr(Rerenderer, "rendered", lambda self, *frame: asked.append(frame) or rendered(self, *frame))
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         detections = [d for n in range(len(recording.track_numbers)) for d in TrackFacts(observer, n).detections]
     assert len(detections) > len(asked) == len(set(asked)) > 5
 
@@ -93,7 +93,7 @@ def test_stories_of_tracks_render_each_frame_once(mission, monkeypatch):
 def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view():
     recording = recorded("sensing.mode=ideal", "sensing.false_alarms=2", duration=2)
     count = 0
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
             w = observer.observe(k, i, m)
             gaps = np.hypot(*(w.association.measurements - recording.people[k, m]).T)
@@ -102,21 +102,21 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
     assert count > 5
     recording = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
     far = 0
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, i, m in np.ndindex(*recording.matched.shape):
             w = observer.observe(k, i, m)
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > recording.setting.uavs[i].footprint
-        page = PersonFacts.of(observer, History.of(recording), 0, 0)
-        assert draw_explanation(observer, page, explanation(page, recording, Flight(recording).events)).std() > 10
+        page = PersonFacts.of(observer, 0, 0)
+        assert draw_explanation(observer, page, explanation(page)).std() > 10
     assert far > 5
 
 
 def test_the_words_of_an_explanation_agree_with_history_views_and_association(mission, all_facts):
     recording, history, _ = mission
-    seen, events = set(), Flight(recording).events
+    seen = set()
     for facts in all_facts:
-        groups = dict(explanation(facts, recording, events))
+        groups = dict(explanation(facts))
         heading = f"person {facts.person} at {recording.times[facts.k]:.1f} s"
         assert list(groups)[:4] == [heading, "UAV 0", "UAV 1", "UAV 2"] and list(groups)[-1] == "intents"
         assert len(groups["intents"]) == 3
@@ -207,11 +207,10 @@ def test_pages_of_any_fleet_can_be_drawn(options):
     shown, matched = recording.visible.copy(), recording.matched.copy()
     shown[4, :, 1] = matched[4, :, 1] = 0
     recording = replace(recording, people=gone, visible=shown, matched=matched)
-    history = History.of(recording)
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, m in ((4, 1), (5, 3)):
-            facts = PersonFacts.of(observer, history, k, m)
-            groups = explanation(facts, recording, Flight(recording).events)
+            facts = PersonFacts.of(observer, k, m)
+            groups = explanation(facts)
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
             page = draw_explanation(observer, facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
@@ -222,24 +221,22 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
     recording = recorded(
         *IDEAL, "tracking.initial_tracks=none", f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1
     )
-    history, events = History.of(recording), Flight(recording).events
-    with Observer(recording) as observer:
-        lines = [explanation(PersonFacts.of(observer, history, 0, m), recording, events)[0][1] for m in (0, 1)]
+    with Observer(Flight(recording)) as observer:
+        lines = [explanation(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
-def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):
-    recording = mission[0]
+def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
     facts = next(a for a in all_facts if a.holder and a.holder.belief)
     for existence, told in ((0.51, "existence 0.5100"), (0.5, "existence 0.5000, so it is not reported")):
         doubted = replace(facts, holder=replace(facts.holder, existence=existence))
-        assert told in [line for _, lines in explanation(doubted, recording, ()) for line in lines]
+        assert told in [line for _, lines in explanation(doubted) for line in lines]
 
 
 def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, all_facts):
     recording, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
-    page = draw_explanation(observer, facts, explanation(facts, recording, ()))
+    page = draw_explanation(observer, facts, explanation(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
     frame, _ = annotated(image, Sight.of(recording, facts.k, first.uav), 512)
@@ -262,7 +259,7 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     gone = replace(recording, track_means=recording.track_means + 1000.0)
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
         written.clear()
-        with Observer(flown) as observer:
+        with Observer(Flight(flown)) as observer:
             draw_explanation(observer, all_facts[0], ())
         assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
 
@@ -279,8 +276,8 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
             boxes[text] = (at - reach, at + reach + (width(text, style), 0.0))
 
     monkeypatch.setattr("sim.drawing.labels.write", written)
-    with Observer(recording) as observer:
-        draw_explanation(observer, PersonFacts.of(observer, History.of(recording), 2, 0), ())
+    with Observer(Flight(recording)) as observer:
+        draw_explanation(observer, PersonFacts.of(observer, 2, 0), ())
     assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
     for (low, high), (left, right) in combinations(boxes.values(), 2):
         assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
@@ -290,12 +287,12 @@ def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
     recording, history, observer = mission
     k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
                 if np.any(history.held[:k, m]))  # fmt: skip
-    whole = PersonFacts.of(observer, history, k, m).holder
+    whole = PersonFacts.of(observer, k, m).holder
     rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
     assert whole.belief is not None and len(rows) == 1
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
     renamed = replace(recording, track_ids=ids)
-    with Observer(renamed) as other:
-        holder = PersonFacts.of(other, history, k, m).holder
+    with Observer(Flight(renamed)) as other:
+        holder = PersonFacts.of(other, k, m).holder
     assert holder.belief is not None and holder.number == whole.number

@@ -16,7 +16,6 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.flight import Flight
-from sim.replay.history import History
 from sim.scenario.scenario import resolved
 from tracking.metrics.ospa import ospa
 from tracking.parameters import SEEN
@@ -35,7 +34,7 @@ def mission():
     options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6", "tracking.max_variance=400")
     recording = recorded(*IDEAL, *options, *paper, seed=3, duration=20, see=see)
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         yield recording, observer, tentative
 
 
@@ -73,7 +72,7 @@ def test_the_story_says_when_a_track_was_not_reported(mission):
     facts = TrackFacts(observer, recording.track_numbers[id_])
     scans, _ = recording.cells(recording.track_offsets)
     own = np.unique(scans[~recording.reported & (recording.track_ids == id_)])  # on all UAVs alike
-    (line,) = [line for line in dict(track_story(facts, Flight(recording).events))["kept"] if "reported" in line]
+    (line,) = [line for line in dict(track_story(facts))["kept"] if "reported" in line]
     first, last = recording.times[own[[0, -1]] + [0, 1]]
     assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
@@ -95,7 +94,7 @@ def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     recording, observer, _ = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
     facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
-    groups, begun = dict(track_story(facts, Flight(recording).events)), facts.origins[0]
+    groups, begun = dict(track_story(facts)), facts.origins[0]
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
@@ -112,7 +111,7 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
     ended = [event for event in events if event.kind == "track deleted"]
     for event in ended:
         facts = TrackFacts(observer, event.track)
-        lines = dict(track_story(facts, events))["ended"]
+        lines = dict(track_story(facts))["ended"]
         existence, variance = (float(line.split()[1]) for line in lines[1:3])
         assert lines[0] == f"deleted at {event.time:.1f} s"
         assert "a track is deleted below 0.001" in lines[1] and "a track is deleted beyond 400 m²" in lines[2]
@@ -122,8 +121,8 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
 
 def test_a_track_whose_uavs_broke_down_was_not_deleted():
     recording = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
-    with Observer(recording) as observer:
-        story = dict(track_story(TrackFacts(observer, 0), Flight(recording).events))
+    with Observer(Flight(recording)) as observer:
+        story = dict(track_story(TrackFacts(observer, 0)))
     assert story["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
 
 
@@ -131,20 +130,19 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
     setting = mission[0].setting
     outside = structs.replace(setting, tracking=structs.replace(setting.tracking, tracker="soup:Jpda"))
     recording = replace(mission[0], scenario=resolved(outside))
-    events = Flight(recording).events
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         for number in recording.track_numbers.values():
-            groups = dict(track_story(TrackFacts(observer, number), events))
+            groups = dict(track_story(TrackFacts(observer, number)))
             lines = [line for group in groups.values() for line in group]
             assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
             assert not any("a track ends" in line or "its gate" in line for line in lines)
-        facts = PersonFacts.of(observer, History.of(recording), 4, 0)
-        assert dict(explanation(facts, recording, events))["note"] == groups["note"]
+        facts = PersonFacts.of(observer, 4, 0)
+        assert dict(explanation(facts))["note"] == groups["note"]
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
     recording = swapping()
-    with Observer(recording) as observer:
+    with Observer(Flight(recording)) as observer:
         false = TrackFacts(observer, 2)
         assert (false.scans, false.known, false.makers) == (FALSE, False, (0, 1, 2))
         assert TrackFacts(observer, 0).known
