@@ -260,7 +260,7 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
         written.clear()
         with Observer(Flight(flown)) as observer:
-            draw_explanation(observer, all_facts[0], ())
+            draw_explanation(observer, replace(all_facts[0], flight=observer.flight), ())
         assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
 
 
