@@ -51,10 +51,10 @@ class Sighting:
         return "in view" if self.pixels else "covered by another person"
 
     @staticmethod
-    def all_of(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
+    def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
         """All people to a camera at the pose of a UAV's at scan k."""
         pose, people, forest = recording.camera_at(k, uav), recording.people[k], recording.forest
-        looked = scenario.has_frame(uav, k)
+        looked = recording.setting.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, forest)
         # Without a frame, geometry tells what it would have shown.
         pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
@@ -93,9 +93,10 @@ class Sight:
         return self.snapshot.cameras[self.uav]
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Sight":
+    def of(recording: Recording, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
-        people = Sighting.all_of(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
+        scenario = recording.setting
+        people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
         return Sight(scenario, recording.forest, numbered(recording, k), uav, people)

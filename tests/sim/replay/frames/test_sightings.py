@@ -8,7 +8,7 @@ import pytest
 from helpers import synthetic
 from helpers.poses import tilted
 
-from sim.recording.recording import Recorder
+from sim.recording.recorder import Recorder
 from sim.replay.frames.sightings import Sight, hidden_outlines, silhouette
 from sim.scenario.scenario import resolved
 from tracking.filter.kalman import Gaussian
@@ -54,9 +54,10 @@ def sight(people, trees, *, visible, tracks=((),)):
     setting = synthetic.scenario(uavs=1, people=len(people))
     recorder = Recorder()
     first = next(synthetic.snapshots(setting, Forest(()), 1))
-    for held in tracks:
+    for k, held in enumerate(tracks):
         pose = Pose.level(0.0, 0.0, setting.uavs[0].altitude)
         values = {
+            "time": k / setting.rates.sensing,
             "people": np.array(people, float),
             "visible": np.array([visible]),
             "matched": np.array([visible]) > 4,
@@ -65,7 +66,7 @@ def sight(people, trees, *, visible, tracks=((),)):
         }
         recorder.add(type(first)(**{**vars(first), **values}))
     recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=Forest(tuple(trees)))
-    return Sight.of(recording, setting, len(tracks) - 1, 0)
+    return Sight.of(recording, len(tracks) - 1, 0)
 
 
 def test_every_person_and_track_is_named_with_trees_that_hide_people():
