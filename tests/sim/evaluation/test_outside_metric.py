@@ -43,6 +43,7 @@ def moved(outcome):
 MOVED = Metric("moved", moved)
 NONE = Metric("of nothing", lambda outcome: None)
 NUMBER = 3
+MORE = Metric("more is better", farthest, better="more")
 ODD = Metric("how [/b]", lambda outcome: np.float64("nan"), "[/i]")
 ENDLESS = Metric("endless [/b]", lambda outcome: np.inf)
 """
@@ -123,6 +124,7 @@ def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
         ("run", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:farthest", "is no metric; expected a sim.evaluation.metric.Metric"),
+        ("compare", "mine:MORE", "mine:MORE: better: 'more' is unknown; allowed are lower, higher, neither"),
         ("compare", "nowhere:IT", "cannot be imported: No module named 'nowhere'"),
         ("compare", "ospa.maen_m", "did you mean ospa.mean_m?"),
     ],
