@@ -135,7 +135,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
-            found[name] = None
+            found |= {name: None, "faults": METRICS["faults"](outcome)}
     return found
 
 

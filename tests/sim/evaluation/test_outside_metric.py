@@ -15,7 +15,7 @@ from helpers.summaries import hand_made, shown, summary
 from helpers.trials import row
 from rich.console import Console
 
-from sim.evaluation.metric import metric
+from sim.evaluation.metric import Outcome, evaluated, metric
 from sim.report.report import About
 from sim.report.terminal import show
 from sim.study.store import read_rows
@@ -104,6 +104,8 @@ def test_a_metric_that_raises_is_undefined_and_a_fault():
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]
     assert fault["message"].startswith("metric mine:BROKEN: ZeroDivisionError") and math.isfinite(fault["time"])
+    row = evaluated(Outcome(hand_made()), ["mine:BROKEN", "mine:FARTHEST"])
+    assert row["mine:BROKEN"] is None and row["faults"] == 1  # of which tables of a study warn
 
 
 def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
