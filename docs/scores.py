@@ -85,8 +85,8 @@ def scores_table() -> str:
     columns = [["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
-        maps = str(max(score.maps for score in found if score.cell == cell))
-        columns.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
+        maps = sorted({str(score.maps) for score in found if score.cell == cell}, key=int)
+        columns.append([_name(cell), " or ".join(maps), *means, *(texts.get((cell, name), "") for name in planners)])
     columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
     heads, *lines = zip(*columns, strict=True)
     return _markdown(heads, lines)

@@ -60,6 +60,8 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     for (world, planner, _), seeds in flown.items():
         assert sorted(seeds) == list(range(20 if world == "fleet" and planner in ON_TWENTY else 50)), (world, planner)
     assert len(flown) == WORLDS * (7 + len(ON_TWENTY)) + 1  # and lawnmower in search
+    counts = [texts[0] for texts in columns(scores.scores_table()).values()][1 : WORLDS + 1]
+    assert counts == ["50"] * (WORLDS - 1) + ["20 or 50"]
 
 
 @pytest.mark.docs
