@@ -129,8 +129,8 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
     np.testing.assert_allclose(found.position_nees, np.ones(8))  # 0.5 m is the deviation
     between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4), 0)
     np.testing.assert_allclose(between.position_nees, np.full(4, 16.0))  # one track is of one person
-    far = [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0), 3: (0.0, -10.0, 0.0, 0.0)}]] * 4
-    assert len(score(recorded(people, far), 0).state_nees) == 4
+    assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
+    assert len(score(recorded(people, [[{1: (0.0, -10.0, 0.0, 0.0)}]] * 4), 0).position_nees) == 0
 
 
 @pytest.mark.parametrize(("side", "rows", "low", "high"), [(2, 1, 0.86, 0.93), (3, 3, 0.57, 0.68)])
