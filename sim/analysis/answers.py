@@ -123,7 +123,8 @@ def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metri
         if len(own) > 1:
             runs = sorted(set().union(*own))
             each = np.array([[gaps.get(run, undefined) for gaps in own] for run in runs])  # (runs, cells, metrics)
-            mean = map_values(each.reshape(-1, len(metrics)), np.repeat(np.arange(len(runs)), len(own)).astype(object))
+            place = np.repeat(np.arange(len(runs)), len(own)).astype(object)
+            mean = map_values(each.reshape(len(place), len(metrics)), place)
             overall = np.where(np.isfinite(each).all(axis=1), mean, np.nan)
             found[planner] = differences(dict(zip(runs, overall, strict=True)), metrics, len(own))
     return found
