@@ -130,6 +130,25 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
     between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4), 0)
     np.testing.assert_allclose(between.position_nees, np.full(4, 16.0))  # one track is of one person
     assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
+    assert len(score(recorded(people, [[{1: (0.0, -10.0, 0.0, 0.0)}]] * 4), 0).position_nees) == 0
+
+
+@pytest.mark.parametrize(("side", "rows", "low", "high"), [(2, 1, 0.86, 0.93), (3, 3, 0.57, 0.68)])
+def test_pairs_of_near_people_bias_nees_as_the_page_says(side, rows, low, high):
+    """People in grids, one standard deviation apart, 100 m from grid to grid; independent errors at 20 scans."""
+    rng, deviation, grids = np.random.default_rng(0), 0.25, 200 // (side * rows)
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(rows)), axis=-1).reshape(-1, 2) * deviation
+    people = (grid + 100.0 * np.arange(grids)[:, None, None] * [1, 0]).reshape(-1, 2)
+    places = people + deviation * rng.normal(size=(20, len(people), 2))
+    found = []
+    for renamed in (True, False):  # tracks of new ids are paired anew at each scan, others keep their people
+        tracks = [
+            [{k * renamed * len(people) + i: (*xy, 0, 0) for i, xy in enumerate(at)}] for k, at in enumerate(places)
+        ]
+        recording = recorded(np.tile(people, (20, 1, 1)), tracks)
+        spread = np.tile(deviation**2 * np.eye(4), (len(recording.track_ids), 1, 1))
+        found.append(score(dataclasses.replace(recording, track_covariances=spread), 0).position_nees.mean() / 2)
+    assert low < found[0] < high and found[1] > 1.05
 
 
 def test_a_track_that_holds_one_person_is_no_outlier_of_nees_for_another():

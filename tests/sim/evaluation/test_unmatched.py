@@ -75,6 +75,19 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}
 
 
+def test_a_duplicate_is_so_by_its_median_distance_where_the_first_uav_has_it():
+    """Track 90 beside a person with track 70: at one of five scans 9 m off, and to the second UAV alone."""
+
+    def found(usual, once):
+        scans = [[{70: (0.0, 0.0)}, {70: (0.0, 0.0), 90: (once if k == 2 else usual, 0.0)}] for k in range(5)]
+        (track,) = unmatched_tracks(standing_still(scans, np.zeros((1, 2))))
+        return track
+
+    near, far = found(0.9, 9.0), found(9.0, 0.9)
+    assert (near.duplicate, near.gap, near.nearest) == (True, 0.9, 0)
+    assert (far.duplicate, far.gap, far.nearest) == (False, 9.0, 0)
+
+
 def test_a_false_track_tells_that_its_person_left():
     recording = standing_still([[{70: (0.0, 0.0), 80: (20.0, 0.0)}]] * 12, np.array([[0.0, 0.0], [20.0, 0.0]]))
     recording.people[6:, 1] = np.nan
