@@ -1,9 +1,11 @@
 """Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids
-from helpers.scenes import play, scan, track, tracker
+from helpers.scenes import AWAY, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
@@ -34,6 +36,15 @@ def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(
     subject = tracker(vague, track(4, 0, 0, 0, 0))
     assert all(4 in ids for ids in play(subject, [scan(k, (0, 0)) for k in range(8)]))
     assert [t.id for t in subject.tracks] == [4] and np.trace(subject.tracks[0].belief.covariance) < 1.0
+
+
+def test_a_track_that_takes_the_rest_of_an_older_one_keeps_its_own_id():
+    one = Gaussian(np.zeros(4), 0.05 * np.eye(4))
+    subject = tracker(Track(3, one, 0.2), Track(4, one, 0.7))
+    subject.step(scan(0, pose=AWAY))
+    said = subject.message(0)
+    subject.accept(replace(said, times=np.zeros((2, 4))))  # both were detected in this scan
+    assert [t.id for t in subject.tracks] == [4] and subject.tracks[0].existence == pytest.approx(0.9, abs=1e-3)
 
 
 def test_people_within_a_metre_may_give_one_measurement():
@@ -75,7 +86,8 @@ def test_two_people_under_one_canopy_stay_two(radius):
     """Their beliefs agree and their existence falls, but there is no measurement for which they compete."""
     hidden = track(3, -0.3, 0, 0, 0), track(4, 0.3, 0, 0, 0)
     subject = tracker(*hidden, forest=Forest((Tree(0, 0, radius),)))
-    assert play(subject, [scan(k) for k in range(100)]) == [(3, 4)] * 100
+    found = scan(0, (-0.3, 0), (0.3, 0))
+    assert play(subject, [found, *(scan(k) for k in range(1, 100))]) == [(3, 4)] * 100
     assert sum(t.existence for t in subject.tracks) < 1.5
 
 

@@ -75,6 +75,7 @@ def test_two_people_detected_at_once_get_two_lasting_tracks(management):
     people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
     ids = play(subject, [scan(k, *(p + rng.normal(scale=0.15, size=(2, 2)))) for k, p in enumerate(people)])
     assert ids[1:] == [(2_000_000, 2_000_001)] * 24
+    assert all((t.existence == 1.0) == (management == "m_of_n") for t in subject.tracks)
 
 
 @pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
