@@ -9,6 +9,7 @@ from helpers.scenes import AWAY, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
+from tracking.fusion.labels import new_label
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import shared_people, without_measurement
 from tracking.measurement_update import _unresolved
@@ -38,13 +39,16 @@ def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(
     assert [t.id for t in subject.tracks] == [4] and np.trace(subject.tracks[0].belief.covariance) < 1.0
 
 
-def test_a_track_that_takes_the_rest_of_an_older_one_keeps_its_own_id():
-    one = Gaussian(np.zeros(4), 0.05 * np.eye(4))
-    subject = tracker(Track(3, one, 0.2), Track(4, one, 0.7))
+@pytest.mark.parametrize(("last", "left"), [(5, [4, 5]), (new_label(1, 0, 0), [3, 4])])
+def test_the_likelier_of_two_tracks_takes_the_older_id_only_if_it_is_new(last, left):
+    one, other = (Gaussian(np.array([x, 0, 0, 0]), 0.05 * np.eye(4)) for x in (0.0, 9.0))
+    subject = tracker(Track(3, one, 0.2), Track(4, other, 1.0), Track(5, one, 0.7))
     subject.step(scan(0, pose=AWAY))
-    said = subject.message(0)
-    subject.accept(replace(said, times=np.zeros((2, 4))))  # both were detected in this scan
-    assert [t.id for t in subject.tracks] == [4] and subject.tracks[0].existence == pytest.approx(0.9, abs=1e-3)
+    said = subject.message(0)  # all three are told as detected in this scan
+    subject.accept(replace(said, ids=np.array([3, 4, last]), times=np.zeros((3, 4))))
+    assert [t.id for t in subject.tracks] == left
+    joint = next(t for t in subject.tracks if t.id != 4)
+    assert joint.belief.mean[0] == pytest.approx(0.0) and joint.existence == pytest.approx(0.9, abs=1e-3)
 
 
 def test_people_within_a_metre_may_give_one_measurement():

@@ -116,6 +116,22 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
         assert [len(t.tracks) for t in trackers] == [int(k < 9)] * 2
 
 
+def test_a_look_without_a_detection_tells_nothing_where_another_uav_detects_the_person():
+    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person."""
+    found = []
+    for looks in (True, False):
+        trackers = [tracker(track(3, EDGE, 0, 0, 0, variance=4.0), uav=u) for u in range(2)]
+        trackers[0].step(scan(0, (EDGE, 0), pose=Pose.level(EDGE, 0.0, 20.0)))
+        if looks:
+            trackers[1].step(scan(0, uav=1))
+        else:
+            trackers[1].coast(0.0)
+        fuse(trackers, PAIR, 5)
+        found.append(trackers[1].tracks[0].belief)
+    np.testing.assert_allclose(found[0].mean, found[1].mean, atol=1e-3)
+    np.testing.assert_allclose(found[0].covariance, found[1].covariance, atol=1e-3)
+
+
 def test_the_motion_of_a_scenario_is_what_it_says():
     walking = Scenario(tracking=Tracking(walking_speed=1.2))
     assert tracker_parameters(walking).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.2)
