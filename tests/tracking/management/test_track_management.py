@@ -107,6 +107,23 @@ def test_scans_without_a_frame_count_neither_way():
         assert [t.id for t in subject.tracks] == ([3] if k < 8 else [])  # the fifth frame is that of the ninth scan
 
 
+def test_scans_without_a_frame_leave_what_the_frame_before_showed():
+    """Of a belief of which half is in view, a frame each second tells the same with and without scans between."""
+    found = []
+    for coasts in (True, False):
+        subject = tracker(track(3, EDGE, 0, 0, 0, variance=4.0))
+        for k in range(11):
+            if k % 5 == 0:
+                subject.step(scan(k))
+            elif coasts:
+                subject.coast(0.2 * k)
+            if coasts or k % 5 == 0:
+                fuse([subject], ALONE, 5)
+        found.append(subject.tracks[0].belief)
+    np.testing.assert_allclose(found[0].mean, found[1].mean, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found[0].covariance, found[1].covariance, rtol=1e-9, atol=1e-9)
+
+
 def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, management="m_of_n") for u in range(2)]
     for k in range(10):
@@ -117,10 +134,10 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 
 def test_a_look_without_a_detection_tells_nothing_where_another_uav_detects_the_person():
-    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person."""
-    found = []
+    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person; nobody sees another one."""
+    found, hidden = [], track(4, -60, 0, 0, 0)
     for looks in (True, False):
-        trackers = [tracker(track(3, EDGE, 0, 0, 0, variance=4.0), uav=u) for u in range(2)]
+        trackers = [tracker(track(3, EDGE, 0, 0, 0, variance=4.0), hidden, uav=u) for u in range(2)]
         trackers[0].step(scan(0, (EDGE, 0), pose=Pose.level(EDGE, 0.0, 20.0)))
         if looks:
             trackers[1].step(scan(0, uav=1))
