@@ -124,6 +124,17 @@ def test_scans_without_a_frame_leave_what_the_frame_before_showed():
     np.testing.assert_allclose(found[0].covariance, found[1].covariance, rtol=1e-9, atol=1e-9)
 
 
+def test_only_sure_detections_tell_how_fast_people_walk():
+    """Of two tracks in one place each may be the person's. Tracks known at the start are as good as seen then."""
+    motion, moving = MeanRevertingVelocity(0.2, 0.5, walking_speed=1.0), track(3, 0, 0, 3, 0)
+    for others, learns in ((), True), ((track(4, 0, 0, 3, 0),), False):
+        subject = Tracker(0, CAMERA, OPEN, TrackerParameters(motion), (moving, *others))
+        play(subject, [scan(0)])
+        first = subject.motion.walking_speed
+        play(subject, [scan(1, (0.6, 0))])
+        assert (subject.motion.walking_speed > first) == learns
+
+
 def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, management="m_of_n") for u in range(2)]
     for k in range(10):
