@@ -174,7 +174,7 @@ def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags
     for g in np.unique(group[~ends]).tolist():
         partition, id = names[np.flatnonzero(group == g)[0]].tolist()
         rank = int(np.sum((names[:, 0] == partition) & (names[:, 1] < id)))
-        fresh = new_label(scan, partition, LABELS_PER_SCAN - 1 - rank)
+        fresh = new_label(scan, partition, LABELS_PER_SCAN - 1 - rank % (LABELS_PER_SCAN // 2))
         while fresh in owners:
             fresh -= 1
         ids[group == g] = own = min((id for id, owner in owners.items() if owner == g), default=fresh)
