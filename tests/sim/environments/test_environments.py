@@ -157,6 +157,7 @@ def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
     assert len(team.unwrapped.flight().recording.times) == 21
 
 
+ROWS = (np.int64(3), 3)
 KNOWN = "gospa, true_gospa, trace"
 TEAM = partial(gymnasium.make, "understory/Forest-v0")
 SIZES = {"settings": {"uavs.1.pixels": 64}, "observe": {"image": True}}
@@ -315,6 +316,13 @@ def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, m
         shown.append(told)
     assert len(places) == len(shown)
     assert all(equal(one, other) for one in shown for other in shown)
+
+
+def test_repeats_and_rows_may_be_integers_of_numpy():
+    env, other = (understory.parallel_env("forest", settings=IDEAL, observe={"tracks": rows}) for rows in ROWS)
+    seen = env.reset(seed=0, options={"repeat": np.int64(1)})
+    assert equal(seen, other.reset(seed=0, options={"repeat": 1}))
+    assert env.observation_spaces == other.observation_spaces
 
 
 def test_an_option_that_is_unknown_is_told_of():

@@ -110,6 +110,8 @@ def test_the_other_rewards_are_the_trace_and_the_gospa_to_the_true_people(teams)
     tracks = (Track(0, Gaussian(np.zeros(4), np.diag([1.0, 2.0, 8.0, 8.0]))),)
     situation = believed(teams[0][0], tracks * 1, 0.0)
     assert trace(situation, np.zeros((5, 2))) == -3.0
+    lost = believed(teams[0][0], (), 4.0)
+    assert trace(lost, np.zeros((4, 2))) == 0.0 and expected_gospa(lost, np.zeros((4, 2))) == -math.sqrt(200.0)
     people = np.array([[3.0, 4.0], [90.0, 0.0]])
     assert true_gospa(situation, people) == pytest.approx(-math.sqrt(25.0 + 50.0))
     doubted = (Track(0, tracks[0].belief, 0.5),)
