@@ -92,6 +92,17 @@ def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
     assert env.flight().recording.seed >= 2**32
 
 
+def test_resets_without_a_seed_draw_new_maps_the_same_after_the_same_seed():
+    drawn = []
+    for env in (understory.parallel_env("forest", settings={**IDEAL, "duration": 1}) for _ in range(2)):
+        env.reset(seed=5)
+        for _ in range(2):
+            env.reset()
+            env.step(dict.fromkeys(env.agents, np.zeros(2)))
+            drawn.append(env.flight().recording.seed)
+    assert drawn[:2] == drawn[2:] and len(set(drawn)) == 2 and min(drawn) >= 2**32
+
+
 def test_two_hundred_steps_are_the_same_again():
     settings = {**IDEAL, "duration": 40, "rates.planning": 5, "sensing.false_alarms": 0.2, "network.loss": 0.1}
     one, other = (understory.parallel_env("forest", settings=settings) for _ in range(2))
