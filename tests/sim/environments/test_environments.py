@@ -168,6 +168,23 @@ def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
     assert len(team.unwrapped.flight().recording.times) == 21
 
 
+def test_a_teams_reward_and_infos_are_means_over_the_uavs_that_work():
+    settings = {**IDEAL, "uavs.1.fails_at": 1.5, "network.rounds": 0}  # what UAVs believe differs
+    team = gymnasium.make("understory/Forest-v0", settings=settings)
+    each = understory.parallel_env("forest", settings=settings)
+    team.reset(seed=0)
+    each.reset(seed=0)
+    while each.agents:
+        _, reward, _, truncated, info = team.step(np.full((3, 2), 0.4))
+        _, rewards, terminated, _, infos = each.step(dict.fromkeys(each.agents, np.full(2, 0.4)))
+        working = [agent for agent, ends in terminated.items() if not ends]
+        assert reward == pytest.approx(np.mean([rewards[agent] for agent in working]))
+        assert info == pytest.approx({name: np.mean([infos[agent][name] for agent in working]) for name in info})
+    assert truncated and working == ["uav_0", "uav_2"] and set(info) == {"time", "ospa", "gospa"}
+    errors = each.flight().arrays["ospa_m"][-1, :, 0]
+    assert errors[0] != errors[2] and [infos[agent]["ospa"] for agent in working] == errors[[0, 2]].tolist()
+
+
 ROWS = (np.int64(3), 3)
 KNOWN = "gospa, true_gospa, trace"
 TEAM = partial(gymnasium.make, "understory/Forest-v0")
