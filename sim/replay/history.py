@@ -11,7 +11,7 @@ from sim.evaluation.holding import episodes, hold_states
 from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import frames_taken
+from sim.replay.frames.rerender import frames_taken, hiding_forest
 from sim.replay.frames.sightings import inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -52,7 +52,7 @@ class History:
         looked, uavs = frames_taken(recording), range(recording.poses.shape[1])
         inside = np.zeros(recording.visible.shape, dtype=np.bool_)
         hidden_by = np.full(inside.shape, -1)
-        forest = recording.forest
+        forest = hiding_forest(recording)
         for k, i in np.argwhere(looked).tolist():
             camera, pose = view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
             inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)

@@ -12,6 +12,7 @@ from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Flags
 from tracking.plugins.registry import InputError
 
@@ -62,6 +63,12 @@ def frames_taken(recording: Recording) -> Flags:
     scans, uavs = recording.working.shape
     due = [[recording.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
     return np.logical_and(recording.working, due)
+
+
+def hiding_forest(recording: Recording) -> Forest:
+    """The map of trees as they hid people from cameras: in ideal sensing as `sensing.occlusion` says, else exactly."""
+    sensing, exact = recording.setting.sensing, recording.forest
+    return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
 
 
 def find(folder: Path) -> Recording:

@@ -218,7 +218,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("contribution", "given = given._replace(summed=-1e3 * np.ones((4, 21)))", "averaged, with summed, are not"),
         ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("contribution", "return None", "cannot contribute: "),
-        ("sense", "return None", "cannot sense: "),
+        ("sense", "return None", "cannot sense: output: NoneType is no sim.sensing.sensor_mode.SensorOutput"),
         ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
         ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1e+06 m away"),
         ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.recordings import broken, record
 
+import understory
 from sim.evaluation.holding import HOLDS, Holding
 from sim.replay.frames.sightings import Sight, inside_and_hiding
 from sim.replay.history import STATES, History
@@ -37,6 +38,17 @@ def test_views_and_holders_are_those_of_each_camera_and_track(recording):
     history = History.of(broken(recording, 1, 10))
     assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
     assert history.looked[:, [0, 2]].all()
+
+
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
+def test_ideal_sensing_shows_exactly_those_inside_whom_no_tree_hides(occlusion):
+    settings = {"duration": 10, "sensing.mode": "ideal", "sensing.occlusion": occlusion, "trees.density": 75}
+    flight = understory.run("forest", "greedy", seed=1, settings=settings)
+    history = flight.history
+    np.testing.assert_array_equal(history.shown, history.inside & (history.hidden_by < 0))
+    assert history.shown.any() and (history.hidden_by >= 0).any()
+    last = Sight.of(flight.recording, len(history.times) - 1, 1).people
+    assert [min(person.hidden_by, default=-1) for person in last] == history.hidden_by[-1, 1].tolist()
 
 
 def test_each_tree_hides_by_itself():

@@ -19,13 +19,15 @@ from tracking.tracker import Track
 CAMERA = Camera(math.radians(60), 128)
 
 
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
 @pytest.mark.parametrize("tilt", [0.0, 0.5, 1.2])
-def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt):
+def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt, occlusion):
     rng = np.random.default_rng(0)
     shares = []
     for _ in range(15):
         trees = [Tree(*rng.uniform(-30, 30, 2), rng.uniform(0.5, 5), 3.0, rng.uniform(4, 7), 0.4) for _ in range(30)]
-        forest, pose = Forest(tuple(trees)), tilted(rng, (*rng.uniform(-20, 20, 2), rng.uniform(8, 25)), tilt)
+        forest = Forest(tuple(trees), occlusion)
+        pose = tilted(rng, (*rng.uniform(-20, 20, 2), rng.uniform(8, 25)), tilt)
         uv = rng.uniform(0, 128, (300, 2))
         uv = uv[CAMERA.rays(pose, uv)[:, 2] < -0.01]
         ground = CAMERA.ground_points(pose, uv, TARGET_HEIGHT)
