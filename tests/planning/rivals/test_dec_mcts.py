@@ -82,10 +82,9 @@ def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
         team, rng = random_team(seed, uavs=2, spread=10.0), np.random.default_rng(seed)
         searches = [TreeSearch(planner, s, stream) for s, stream in zip(team, rng.spawn(2), strict=True)]
         for now in range(planner.rounds):
-            for search in searches:
-                search.advance(now)
-            for one, other in itertools.permutations(searches):
-                one.receive(other, now)
+            for one, other in (searches, searches[::-1]):
+                one.advance(now)
+                other.receive(one, now)
         plans = np.array([search.decision() for search in searches])
         found = gained(team[0], [0, 1], plans[None])[0]
         assert found >= 0.999 * gained(team[0], [0, 1], joint).max()
@@ -93,6 +92,19 @@ def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
             same = np.abs(search.controls - plan).max(axis=(1, 2)) < 1e-9
             assert search.chances[same].sum() > 0.9
         np.testing.assert_array_equal(plans, planned(planner, team, seed))
+
+
+def test_with_effort_no_uav_alone_can_better_the_teams_plan(random_team):
+    """Where UAVs answered one another's distributions all at once, one could have gained up to 68 %."""
+    each = controls_of(2, 8)
+    for seed in range(12):
+        team = random_team(seed, spread=12.0)
+        plans = planned(DecMCTS(horizon=2, evaluations=2000), team, seed)
+        found = gained(team[0], range(3), plans[None])[0]
+        for uav in range(3):
+            others = np.repeat(plans[None], len(each), axis=0)
+            others[:, uav] = each
+            assert found >= (1 - 1e-3) * gained(team[0], range(3), others).max() > 0.0
 
 
 def test_visits_are_discounted_and_the_most_promising_sequences_stand_first(random_team):
