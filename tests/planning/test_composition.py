@@ -28,6 +28,13 @@ class Asking:
         return asked[0]
 
 
+class Told:
+    """A term without a cost that keeps the velocities at which it is told that all fly."""
+
+    def term(self, situation, velocities, uavs):
+        self.velocities = velocities
+
+
 @pytest.mark.parametrize("actions", ["all", "first"])
 def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team, actions):
     """UAVs 0, 3 and 4, each with a lag and a velocity of its own."""
@@ -39,8 +46,8 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     )
     intents = {i: Plan(rng.uniform(-2.5, 2.5, (4, 2))) for i in ids.values()}
     team = [dataclasses.replace(s, intents=intents) for s in team]
-    asking = Asking()
-    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5), team[:1])
+    asking, told = Asking(), Told()
+    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5, terms=(told,)), team[:1])
     situation, uavs = team[0], [0]
     expected = expected_plans(situation, 3)
     belief = Nominal().predict(situation, 3, rng)
@@ -49,6 +56,7 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
         plans = base_policy_plans(situation, situation.own, COMMANDS[:, 0, :1], 3)[:, None]
     others = mean_velocities(response(situation.vehicles, situation.step), expected[None])[0]
     flown = mean_velocities(response([situation.own], situation.step), plans)
+    np.testing.assert_array_equal(told.velocities, others)
     np.testing.assert_allclose(asking.values[0], objective(belief, others, uavs, 0.5)(flown), rtol=1e-12)
     assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
 
