@@ -34,7 +34,8 @@ class Oracle(Composed):
     UAVs are not exactly where they plan to be. So each person is judged at five equally probable places about the true
     one: a plan that brings a person barely into view may miss them, however well the person's path is known.
 
-    Note: the built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
+    Note: the built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it. Nor do those
+    who appear later: people count from the decision at which they are there, and who leaves is taken to stay.
     """
 
     def __post_init__(self) -> None:
