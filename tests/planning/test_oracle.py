@@ -26,7 +26,7 @@ from sim.running.run import run
 from sim.scenario.loading import load
 from sim.study.trial import fly
 from sim.terminal.console import console
-from tracking.filter.kalman import Gaussian
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.tracker import Track
 
@@ -97,6 +97,17 @@ def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(ran
         moment = situation.tracks[track].belief.covariance + np.outer((*error, 0.0, 0.0), (*error, 0.0, 0.0))
         np.testing.assert_allclose(found[person].belief.covariance, moment, rtol=1e-12)
     np.testing.assert_array_equal(found[2].belief.covariance, _UNKNOWN)
+
+
+def test_tracks_are_assigned_by_place_alone_and_velocities_are_per_second(random_team):
+    """Two people who walk as the track at the other's place does; steps of half a second."""
+    means = np.array([[0.0, 0.0, 40.0, 0.0], [10.0, 0.0, -40.0, 0.0]])
+    tracks = tuple(Track(k, Gaussian(mean, (k + 1.0) * np.eye(4))) for k, mean in enumerate(means))
+    situation = dataclasses.replace(random_team(0)[0], tracks=tracks, motion=NearlyConstantVelocity(0.5, 1.0))
+    found = true_tracks(situation, lambda time: means[::-1, :2] + time * means[:, 2:])
+    for person, track in ((0, 1), (1, 0)):
+        np.testing.assert_array_equal(found[person].belief.covariance, tracks[track].belief.covariance)
+        np.testing.assert_allclose(found[person].belief.mean, [*means[track, :2], *means[person, 2:]], atol=1e-12)
 
 
 def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(random_team):
