@@ -27,10 +27,14 @@ class DecMCTS:
     Over `rounds`, it grows its tree with others' sequences drawn from the distributions that it has received, shares
     the gain in mutual information out among a few promising sequences, and sends these with their probabilities. The
     distributions become sharper from round to round. In the end it flies its most probable sequence, or its policy of
-    intent if no sequence gains anything. Of UAVs not heard it takes the policy of intent for sure.
+    intent if no sequence gains anything. Of UAVs not heard it takes the policy of intent for sure. Within a round UAVs
+    take turns, as those that send whenever they are ready: if all answered the last round at once, they would all go
+    to one place, or all leave it.
     Source: [Best19], with D-UCT and Algorithm 3.
 
-    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not.
+    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not. A node of
+    the tree stands for the best of its rollouts, in the paper for the first; and gradient steps come to rest in each
+    round, where the paper makes one between two messages.
     """
 
     horizon: int = 5  # steps of a plan
@@ -68,10 +72,9 @@ class DecMCTS:
         """Most probable sequences of controls."""
         searches = [TreeSearch(self, s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
         for now in range(self.rounds):
-            for search in searches:
-                search.advance(now)
-            for search in searches:
-                for sender in searches:
+            for sender in searches:
+                sender.advance(now)
+                for search in searches:
                     search.receive(sender, now)
         return [Plan(search.decision()) for search in searches]
 
