@@ -1,10 +1,12 @@
+import math
+
 import numpy as np
 import pytest
 
 from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
-from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, walk
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _present, walk
 from sim.world.walks import Itinerary, Levy
 from tracking.geometry.visibility import Forest
 
@@ -73,7 +75,14 @@ def test_people_appear_and_leave_once_and_stay_as_long_as_asked():
     stays = there[:, whole].sum(axis=0) / RATE
     assert whole.sum() >= 10 and stays.min() > 7.4 and stays.max() < 22.6
     assert np.array_equal(there, ~np.isnan(positions[..., 1]))
-    assert 15 < there[0].sum() + there[-1].sum() < 60
+
+
+@pytest.mark.parametrize("stay", [0.5, 1.0, 4.0])
+def test_as_many_people_are_there_at_the_start_as_later(stay):
+    there = _present(8000, RATE + 1, stay, np.random.default_rng(7))
+    # In a mission of 1 s those who stay for s seconds are there at any time with probability s / (s + 1).
+    expected = 1 - math.log((1.5 * stay + 1) / (0.5 * stay + 1)) / stay
+    assert there[[0, RATE // 2, RATE]].mean(axis=1) == pytest.approx([expected] * 3, abs=0.02)
 
 
 class Straight:
