@@ -18,8 +18,11 @@ from sim.world.quadrotor import (
     GRAVITY,
     INERTIA,
     MASS,
+    MAX_ACCELERATION,
     MAX_ROTOR_THRUST,
+    MAX_TILT,
     ROTORS,
+    _acceleration,
     _mix,
     _torque,
     rotor_thrusts,
@@ -59,6 +62,16 @@ def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
     assert_allclose(_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
 
 
+def test_accelerations_asked_for_need_no_more_than_the_largest_tilt_also_in_descent():
+    rng = np.random.default_rng(7)
+    for height in (20.0, 40.0):
+        for target in rng.uniform(-20, 20, (50, 2)):
+            east, north, climb = _acceleration(state((0, 0, height)), np.array([*target, 20.0]), np.eye(3), CALM)
+            tilt, most = math.atan2(math.hypot(east, north), GRAVITY + climb), math.hypot(east, north)
+            assert tilt < MAX_TILT + 1e-12 and most < MAX_ACCELERATION + 1e-12
+    assert climb == -4.0
+
+
 def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
     rng = np.random.default_rng(2)
     for _ in range(200):
@@ -71,6 +84,16 @@ def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
     thrusts = _mix(12.0, np.array([30.0, -10.0, 0.0]))
     x, y, _ = np.cross(ROTORS, np.column_stack([np.zeros((4, 2)), thrusts[:4]])).sum(axis=0)
     assert thrusts[:4].sum() == pytest.approx(12.0) and x > 0 and y / x == pytest.approx(-1 / 3)
+
+
+def test_torques_damp_spins_alike_as_the_gyroscopic_moment_is_made_up_for():
+    rng = np.random.default_rng(6)
+    for R in Rotation.random(20, random_state=3).as_matrix():
+        spin, acceleration = rng.uniform(-5, 5, 3), rng.uniform(-3, 3, 3)
+        omega = R.T @ spin
+        still, turning = _torque(R, np.zeros(3), acceleration), _torque(R, spin, acceleration)
+        moment = turning - still - np.cross(omega, INERTIA * omega)
+        assert_allclose(moment / INERTIA, -_ATTITUDE_GAINS[1] * omega, atol=1e-9)
 
 
 @pytest.mark.parametrize("axis", range(3))
