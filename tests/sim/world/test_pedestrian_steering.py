@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sim.world.pedestrian_steering import SEPARATION, _nearest, _to_border, _turn, simulate
+from sim.world.pedestrian_steering import SEPARATION, _move, _nearest, _to_border, _turn, simulate
 
 HALF = np.array([74.0, 49.0])
 NO_TRUNKS = np.zeros((0, 3))
@@ -86,3 +86,10 @@ def test_distances_to_segments_and_borders_agree_with_brute_force():
     assert _to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
     assert _to_border(HALF - 10, HALF) == pytest.approx(10)
     assert _to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_person_about_to_touch_a_trunk_turns_to_the_nearer_side(side):
+    states = np.zeros((1, 4))
+    _move(0, states, 1.5, np.array([[0.615, side * 0.05, 0.6]]), np.array([50.0, 50.0]))
+    assert -100 < side * math.degrees(states[0, 2]) < -60 and math.hypot(*states[0, :2]) == pytest.approx(1.5 / 60)
