@@ -4,6 +4,7 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -160,14 +161,13 @@ def _joined(
 
 
 def _common(labels: Sequence[set[int]]) -> Flags:
-    """Flags (G, G) of tracks that share a label; each has one at least."""
-    common, rows = np.eye(len(labels), dtype=np.bool_), defaultdict(list)
+    """Flags (G, G) of tracks that share a label."""
+    common, rows = np.zeros((len(labels), len(labels)), dtype=np.bool_), defaultdict(list)
     for k, own in enumerate(labels):
         for id in own:
             rows[id].append(k)
-    for several in rows.values():
-        if len(several) > 1:
-            common[np.ix_(several, several)] = True
+    pairs = [pair for of in rows.values() for pair in product(of, repeat=2)]
+    common[tuple(zip(*pairs, strict=True))] = True
     return common
 
 
