@@ -39,7 +39,7 @@ class _Uncollected(event.Listener):
             gc.enable()
 
 
-event.register("numba:compile", _Uncollected())
+event.register("numba:compile", _Uncollected())  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Function) -> Function:
