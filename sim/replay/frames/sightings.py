@@ -108,8 +108,10 @@ def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest)
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     parts = len(forest.blockers) // max(len(forest.trees), 1)  # of a tree
-    touched = _touched(pose.position, points, forest.blockers).reshape(len(points), parts, len(forest.trees))
-    return inside, touched.any(axis=1) & inside[:, None]
+    touched = _touched(pose.position, points[inside], forest.blockers)
+    hiding = np.zeros((len(points), len(forest.trees)), dtype=np.bool_)
+    hiding[inside] = touched.reshape(len(touched), parts, len(forest.trees)).any(axis=1)
+    return inside, hiding
 
 
 @compiled
