@@ -108,18 +108,6 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 4))] * 3
 
 
-def test_a_uav_may_add_nothing_where_others_add_up():
-    said = like_named(np.random.default_rng(0), 3)
-    nothing = [replace(m, novel=np.zeros((5, width))) for m, width in zip(said[1:], (22, 23), strict=True)]
-    left = []
-    for others in (nothing, [replace(m, novel=np.zeros((5, 0))) for m in nothing]):
-        members = [Heard(m) for m in (said[0], *others)]
-        fuse(members, graph("line", 3), 2)
-        left.append([m.left.novel[:, :21] for m in members])
-    assert np.count_nonzero(left)
-    np.testing.assert_array_equal(*left)
-
-
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
     """One track, the same id, held by all."""
     weights = np.ones(len(means)) if weights is None else weights
