@@ -15,6 +15,7 @@ from planning.optimizers.optimizer import pursuits, speed_limited
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.prediction.intent import expected_plans
 from planning.prediction.propagation import nominal_positions
+from planning.prediction.targets_in_reach import NO_TARGETS
 
 SEARCHES = {
     "cross-entropy": CrossEntropy(8192, elites=8, rounds=20, spread=0.5, shrink=0.75),
@@ -78,6 +79,28 @@ def test_a_budget_in_seconds_is_used_and_kept(optimizer):
     began = perf_counter()
     run(optimizer, objective, np.ones((1, 1, 2, 2)))
     assert 0.2 <= perf_counter() - began < 2.0 and sum(asked) > 1000
+
+
+def test_a_repeated_search_returns_the_best_plan_of_all_its_searches():
+    values = []
+
+    def objective(c):
+        values.append(np.sin(1e4 * c).sum(axis=(1, 2, 3)))
+        return values[-1]
+
+    found = run(CrossEntropy(40, elites=4, last_elites=4, rounds=2, seconds=0.5), objective, np.ones((1, 1, 2, 2)))
+    assert len(values) > 6 and np.sin(1e4 * found).sum() == np.concatenate(values).min()
+
+
+def test_a_start_is_not_lost_where_wider_views_lead_away_from_it():
+    start = np.ones((1, 1, 2, 2))
+
+    def objective(c, ease=None):
+        away = np.abs(c - start).sum(axis=(1, 2, 3))
+        return away if ease is None else -away
+
+    found = CrossEntropy(2000).minimise(objective, start, LIMIT, np.random.default_rng(0), NO_TARGETS)
+    np.testing.assert_array_equal(found, start[0])
 
 
 @pytest.mark.parametrize(
