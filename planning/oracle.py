@@ -70,7 +70,7 @@ class _TruePaths:
     people: TruePositions
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
-        """As `planning.prediction.propagation.Propagation.predict`; nobody sees a person who is not there."""
+        """As `planning.prediction.propagation.Propagation.predict`; absent people are hidden."""
         means, covariances = beliefs_of(situation.tracks)
         persons = [track.id for track in situation.tracks]
         points = np.full((horizon, len(persons), len(FIVE_POINTS), 3), TARGET_HEIGHT)
@@ -95,7 +95,7 @@ def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tu
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
     The assignment has the least total distance; the velocity is the mean over the next step. A track's velocity counts
-    as right, so that the error of its position alone adds to its covariance. People who appear within `horizon` steps
+    as right, so that the error of its position alone adds to its covariance. People that appear within `horizon` steps
     have tracks of their own, at rest where they will appear.
     """
     here, there = people(situation.time), people(situation.time + situation.step)

@@ -96,7 +96,7 @@ def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
 
 
 def test_with_effort_no_uav_alone_can_better_the_teams_plan(random_team):
-    """Where UAVs answered one another's distributions all at once, one could have gained up to 68 %."""
+    """One could have gained up to 68 % where UAVs answered each other all at once."""
     each = controls_of(2, 8)
     for seed in range(12):
         team = random_team(seed, spread=12.0)
