@@ -127,8 +127,8 @@ def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(rando
     )
 
 
-def test_the_oracle_foresees_who_appears_and_who_leaves(random_team):
-    """A person 14 m east of a UAV whose image is 20 m wide, who appears or leaves at some step."""
+def test_the_oracle_foresees_people_that_appear_and_leave(random_team):
+    """A person 14 m east of a UAV whose image is 20 m wide, that appears or leaves at some step."""
     (situation,) = random_team(0, uavs=1, targets=0, trees=0)
     place, oracle = situation.own.position[:2] + np.array([14.0, 0.0]), load_planner("oracle")
     for first, last in itertools.product(range(7), range(7)):
