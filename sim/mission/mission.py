@@ -268,8 +268,8 @@ class Mission:
 
 
 def _places(people: Trajectories, time: float) -> Array:
-    """True positions (M, 2) m of people at a time [s]."""
-    return people.at(time)[0]
+    """True positions (M, 2) m of people at a time [s], after the end as at the end: nobody leaves then."""
+    return people.at(min(time, float(people.times[-1])))[0]
 
 
 class _Sensed(NamedTuple):

@@ -50,7 +50,7 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
     assert mission.sees_truth and len(spy.teams) == 5 and len(snapshots[-1].tracks[0])
     for k, team in enumerate(map(pickle.dumps, spy.teams)):
         for ahead in range(3):
-            truth = spy.people(float(min(k + ahead, 4)))
+            truth = spy.people(float(k + ahead))  # after the end as at the end
             np.testing.assert_array_equal(truth, mission.people.at(float(min(k + ahead, 4)))[0])
             assert truth.shape == (4, 2)
             assert not any(struct.pack("<d", x) in team for x in truth.ravel().tolist())
