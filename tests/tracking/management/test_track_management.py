@@ -145,7 +145,7 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 
 def test_a_look_without_a_detection_tells_nothing_where_another_uav_detects_the_person():
-    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person; nobody sees another one."""
+    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person; no frame shows another person."""
     found, hidden = [], track(4, -60, 0, 0, 0)
     for looks in (True, False):
         trackers = [tracker(track(3, EDGE, 0, 0, 0, variance=4.0), hidden, uav=u) for u in range(2)]
