@@ -102,7 +102,7 @@ class Course:
         return found
 
     def rewarded(self, uav: int) -> float:
-        """Reward of a UAV now, 0 if it has broken down; InputError where the function gives no finite number."""
+        """Reward of a UAV now, 0 if it has broken down; InputError if the function gives no finite number."""
         situation = self.rollout.team.get(uav)
         if situation is None:
             return 0.0
@@ -116,7 +116,7 @@ class Course:
         return reward
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them; None, and a warning, without a `render_mode`."""
+        """A frame (720, 1280, 3) RGB as in films; without a `render_mode` None, and a warning."""
         rollout = self.rollout
         if self.render_mode is None:
             logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
@@ -161,12 +161,12 @@ class Course:
 
 
 class Episodes:
-    """Calls that the environments of both standards have in common."""
+    """Methods that the environments of both standards share."""
 
     _course: Course
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them, true people included."""
+        """A frame (720, 1280, 3) RGB as in films, true people included."""
         return self._course.render()
 
     def close(self) -> None:
@@ -174,7 +174,7 @@ class Episodes:
         self._course.close()
 
     def flight(self) -> Flight:
-        """Recording since the last reset, to look into; ValueError before the first step."""
+        """Recording since the last reset, with tables and figures; ValueError before the first step."""
         return self._course.rollout.flight()
 
 

@@ -43,7 +43,7 @@ def load(run: str | Path) -> "Flight":
 
 
 class Flight:
-    """One recorded mission, to look into: `recording` is what was recorded, `scenario` what it was flown in."""
+    """One recorded mission with its tables and figures: `recording` holds the arrays, `scenario` the settings."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
