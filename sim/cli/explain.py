@@ -43,7 +43,7 @@ def explain(
     if track is not None:
         for name, value in {"--time": time, "--target": target, "--out": out}.items():
             if value is not None:
-                text = f"{str(value)!r} is not allowed with --track, which tells a whole story in words"
+                text = f"{str(value)!r} is not allowed with --track, which tells the whole story of a track"
                 raise InputError(f"{name}: {text}")
     moment = None if time is None else _moment(time)
     if moment is not None and target is None:

@@ -45,7 +45,7 @@ class Course:
         given = _observed(observe)
         self.image: bool = given["image"]
         if self.image and not self.scenario.sensing.renders:
-            raise InputError(f"observe: image is not there with sensing.mode {self.scenario.sensing.mode!r}")
+            raise InputError(f"observe: there is no image with sensing.mode {self.scenario.sensing.mode!r}")
         self.uavs = range(len(self.scenario.uavs))
         self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
         self.spaces = [self._space(uav) for uav in self.uavs]  # of observations

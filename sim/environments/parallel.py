@@ -58,7 +58,7 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
             raise error.InvalidAction(f"actions: {type(actions).__name__} is not allowed; expected a dict by agent")
         for agent in actions:
             if agent not in flying and flying:
-                raise error.InvalidAction(f"actions: {agent!r} is no agent now; {did_you_mean(str(agent), flying)}")
+                raise error.InvalidAction(f"actions: {agent!r} is not an agent now; {did_you_mean(str(agent), flying)}")
         for agent in flying:
             if agent not in actions:
                 raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")

@@ -37,7 +37,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         """As `understory.parallel_env`."""
         self._course = course = Course(scenario, settings, reward, observe, render_mode)
         if course.image and len({uav.pixels for uav in course.scenario.uavs}) > 1:
-            raise InputError("observe: images of several sizes are not one array; set uavs.N.pixels alike")
+            raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
         self.render_mode = render_mode
         self.metadata = course.metadata
         one = course.spaces[0]
