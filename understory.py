@@ -127,8 +127,7 @@ def run(
         seed: Decides the forest and the people.
         repeat: Decides, with the seed, all other randomness: noise, network, wind and planner.
         settings: Keys of the scenario to change, as {"trees.density": 75}.
-        out: New folder for the files of `understory run`, for which the planner has to be text. Without it nothing is
-            written.
+        out: New folder for the files of `understory run`; the planner has to be text then. Default: write nothing.
 
     Raises:
         InputError: If scenario, settings, planner or folder cannot be used.

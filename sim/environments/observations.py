@@ -21,7 +21,7 @@ Observed = dict[str, Any]  # arrays by name
 
 @dataclass(frozen=True)
 class Observations:
-    """What a UAV knows, as arrays of fixed shape; nothing in them is ground truth.
+    """Knowledge of one UAV, as arrays of fixed shape; nothing in them is ground truth.
 
     Rows are sorted by distance, the nearest first, and padded with zeros; masks `*_mask` have ones for rows that count:
 
