@@ -196,12 +196,10 @@ def compare(
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
-    A script has to call this under `if __name__ == "__main__":`, as the processes that fly import the script. Nothing
-    is written to disk.
+    A script has to call this under `if __name__ == "__main__":`, as the processes that fly import it. Nothing is kept.
 
     Args:
-        planners: One or several names, with or without options, or "module:Class"; text, since other processes make
-            the planners.
+        planners: One or several names, with or without options, or "module:Class": other processes make the planners.
         scenarios: One or several names of packaged scenarios or .toml files.
         seeds: Maps to fly: each seed gives one forest and its people, the same for all planners.
         repeats: Number of flights on each map, each with other noise.

@@ -24,7 +24,7 @@ from sim.analysis.score import SCORE, NormalisedScore, Scored, scored
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import score_picture
-from sim.study.cells import VIEW
+from sim.study.cells import VIEW, cells
 from sim.study.store import read_rows
 from sim.study.study import read
 from sim.study.tasks import Row
@@ -63,17 +63,28 @@ def _row(line: dict[str, str]) -> Row:
     return Row(**place, version=line["version"], status="done", metrics=metrics)
 
 
-def write(rows: Iterable[Row]) -> None:
-    """Write the list, in the order of worlds, planners and seeds."""
-    listed = [(row.scenario, row.planner, dict(row.factors).get(VIEW, ""), row.seed, row) for row in rows]
-    listed.sort(key=lambda entry: (STUDY.scenarios.index(entry[0]), *entry[1:4]))
+def add(folders: Iterable[Path]) -> None:
+    """Add the trials of studies to the list, which has each once, in the order of worlds, planners and seeds.
+
+    The last that was flown counts; flights with other settings than the study's are in other worlds, and left out.
+    """
+    settings = {(cell.scenario, _view(cell.factors)): cell.settings for cell in cells(STUDY)}
+    flown = [row for folder in folders for row in read_rows(folder) if row.study == STUDY.name]
+    flown = [row for row in flown if row.settings == settings.get((row.scenario, _view(row.factors)))]
+    done = [*trials(), *(row for row in flown if row.status == "done" and row.repeat == 0)]
+    found = {(row.scenario, row.planner, _view(row.factors), row.seed): row for row in done}
+    listed = sorted(found.items(), key=lambda entry: (STUDY.scenarios.index(entry[0][0]), *entry[0][1:]))
     with whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["world", "planner", VIEW, "seed", "version", *METRICS])
-        for *place, row in listed:
+        for place, row in listed:
             values = (row.metrics[name] for name in METRICS)
             texts = ("" if math.isnan(value) else f"{value:.{_DIGITS}g}" for value in values)
             writer.writerow([*place, row.version, *texts])
+
+
+def _view(factors: Cell) -> str:
+    return dict(factors).get(VIEW, "")
 
 
 def scores_table() -> str:
@@ -85,8 +96,8 @@ def scores_table() -> str:
     columns = [["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
-        maps = str(max(score.maps for score in found if score.cell == cell))
-        columns.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
+        maps = sorted({str(score.maps) for score in found if score.cell == cell}, key=int)
+        columns.append([_name(cell), " or ".join(maps), *means, *(texts.get((cell, name), "") for name in planners)])
     columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
     heads, *lines = zip(*columns, strict=True)
     return _markdown(heads, lines)
@@ -161,7 +172,5 @@ def draw() -> None:
 
 
 if __name__ == "__main__":
-    flown = [row for folder in sys.argv[1:] for row in read_rows(Path(folder))]
-    flown = [row for row in flown if row.study == STUDY.name and row.status == "done" and row.repeat == 0]
-    write({(row.scenario, row.factors, row.planner, row.seed): row for row in [*trials(), *flown]}.values())
+    add(map(Path, sys.argv[1:]))
     draw()

@@ -13,6 +13,7 @@ from planning.prediction.predicted_belief import PredictedBelief, predicted_beli
 from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Flags
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.track import Track, beliefs_of
@@ -58,7 +59,8 @@ class _Knowing:
         return self.composition.exchange
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
-        return self.composition.plan([replace(s, tracks=true_tracks(s, self.people)) for s in team], rng)
+        known = [replace(s, tracks=true_tracks(s, self.people, self.composition.horizon)) for s in team]
+        return self.composition.plan(known, rng)
 
 
 @dataclass(frozen=True)
@@ -68,34 +70,47 @@ class _TruePaths:
     people: TruePositions
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
-        """As `planning.prediction.propagation.Propagation.predict`; a person that leaves stays at the last position."""
+        """As `planning.prediction.propagation.Propagation.predict`; nobody sees a person who is not there."""
         means, covariances = beliefs_of(situation.tracks)
         persons = [track.id for track in situation.tracks]
         points = np.full((horizon, len(persons), len(FIVE_POINTS), 3), TARGET_HEIGHT)
-        last = means[:, :2]
+        last, absent = means[:, :2], np.empty(points.shape[:3], dtype=np.bool_)
         for step in range(horizon):
             ahead = self.people(situation.time + (step + 1) * situation.step)[persons]
+            absent[step] = np.isnan(ahead[:, :1])
             last = np.where(np.isnan(ahead), last, ahead)
             points[step, :, :, :2] = last[:, None] + _ABOUT * FIVE_POINTS
-        return predicted_belief(situation, points, covariances)
+        return _hidden(predicted_belief(situation, points, covariances), absent.ravel())
 
 
-def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...]:
+def _hidden(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
+    """The belief with a cylinder about each point of some `rows` (H T K,), so that no camera sees it."""
+    places = belief.points.reshape(-1, 3)[rows]
+    cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0], (len(places), 1))])
+    blockers = np.insert(belief.blockers, belief.offsets[1:][rows], cylinders, axis=0)
+    return belief._replace(blockers=blockers, offsets=belief.offsets + np.concatenate([[0], np.cumsum(rows)]))
+
+
+def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tuple[Track, ...]:
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
     The assignment has the least total distance; the velocity is the mean over the next step. A track's velocity counts
-    as right, so that the error of its position alone adds to its covariance.
+    as right, so that the error of its position alone adds to its covariance. People who appear within `horizon` steps
+    have tracks of their own, at rest where they will appear.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
-    present = np.flatnonzero(~np.isnan(here[:, 0]))
-    velocities = np.nan_to_num((there - here) / situation.step)
-    states = np.hstack([here, velocities])[present]
+    first = here
+    for step in range(1, horizon + 1):
+        first = np.where(np.isnan(first), people(situation.time + step * situation.step), first)
+    persons = np.flatnonzero(~np.isnan(first[:, 0]))
+    states = np.hstack([first, np.nan_to_num((there - here) / situation.step)])[persons]
     means, covariances = beliefs_of(situation.tracks)
-    spread = np.tile(_UNKNOWN, (len(present), 1, 1))
-    gaps = length(states[:, None, :2] - means[None, :, :2])
+    spread = np.tile(_UNKNOWN, (len(persons), 1, 1))
+    present = np.flatnonzero(~np.isnan(here[persons, 0]))
+    gaps = length(states[present, None, :2] - means[None, :, :2])
     for row, track in pairs_within(gaps, np.inf):
-        error = states[row, :2] - means[track, :2]
-        spread[row] = covariances[track]
-        spread[row, :2, :2] += error[:, None] * error
-    rows = zip(present.tolist(), states, spread, strict=True)
+        error = states[present[row], :2] - means[track, :2]
+        spread[present[row]] = covariances[track]
+        spread[present[row], :2, :2] += error[:, None] * error
+    rows = zip(persons.tolist(), states, spread, strict=True)
     return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)

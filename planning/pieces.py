@@ -61,7 +61,7 @@ class Composed:
     # True: a track is weighted by its probability of existence, if the tracker gives one (`tracking.management =
     # "existence"`); False: each track has weight one
     existence: bool = True
-    # m²: a person without a track counts as a track whose position's covariance has this trace; 0: no search
+    # m²: a person without a track counts as a track with this trace of its position's covariance; 0: no search
     search: float = 0.0
     separation: float = 0.0  # m: distance of planned paths from the paths that others are expected to fly; 0: no limit
     # growth of a target's belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at

@@ -38,7 +38,7 @@ class Plan:
     """Velocity commands of one UAV; the first is flown, the rest is its intent."""
 
     controls: Array  # (H, 2) m/s, east and north
-    # Plans (H, 2) m/s, by id, that this UAV expects of others whose own plans do not reach it.
+    # Plans (H, 2) m/s, by id, that this UAV expects of others if their own plans do not reach it.
     others: Mapping[int, Array] = field(default_factory=dict)
 
     @property

@@ -27,10 +27,14 @@ class DecMCTS:
     In each of `rounds` rounds it grows its tree, with the others' sequences drawn from the distributions that it has
     received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The
     distributions become sharper from round to round. In the end it flies its most probable sequence, or its policy of
-    intent if no sequence gains anything. UAVs that are not heard are assumed to fly their policy of intent.
+    intent if no sequence gains anything. UAVs that are not heard are assumed to fly their policy of intent. Within a
+    round UAVs take turns, like UAVs that send whenever they are ready: if all answered the last round at once, they
+    would all go to one place, or all leave it.
     Source: [Best19], with D-UCT and Algorithm 3.
 
-    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not.
+    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not. A node of
+    the tree stands for the best of its rollouts, in the paper for the first; and gradient steps come to rest in each
+    round, where the paper makes one between two messages.
     """
 
     horizon: int = 5  # steps of a plan
@@ -68,10 +72,9 @@ class DecMCTS:
         """Most probable sequences of controls."""
         searches = [TreeSearch(self, s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
         for now in range(self.rounds):
-            for search in searches:
-                search.advance(now)
-            for search in searches:
-                for sender in searches:
+            for sender in searches:
+                sender.advance(now)
+                for search in searches:
                     search.receive(sender, now)
         return [Plan(search.decision()) for search in searches]
 

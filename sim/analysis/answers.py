@@ -122,6 +122,9 @@ def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metri
         own = [gaps for group, gaps in pairs.items() if group.planner == planner]
         if len(own) > 1:
             runs = sorted(set().union(*own))
-            overall = {run: np.mean([gaps.get(run, undefined) for gaps in own], axis=0) for run in runs}
-            found[planner] = differences(overall, metrics, len(own))
+            each = np.array([[gaps.get(run, undefined) for gaps in own] for run in runs])  # (runs, cells, metrics)
+            place = np.repeat(np.arange(len(runs)), len(own)).astype(object)
+            mean = map_values(each.reshape(len(place), len(metrics)), place)
+            overall = np.where(np.isfinite(each).all(axis=1), mean, np.nan)
+            found[planner] = differences(dict(zip(runs, overall, strict=True)), metrics, len(own))
     return found

@@ -12,6 +12,8 @@ from sim.analysis.intervals import LEVEL, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
+_ROUNDING = 1e-9  # of what is added up
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -57,12 +59,17 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
 
 
 def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
-    """Means (maps, metrics) of values (N, metrics) over the repeats of each map that are finite; NaN where none is."""
+    """Means (maps, metrics) of values (N, metrics) over the repeats of each map that are finite; NaN where none is.
+
+    The mean of values that cancel but for rounding is zero, so that a tie counts as one.
+    """
     seeds, place = np.unique(maps, return_inverse=True)
     counted = np.isfinite(values)
-    sums, counts = np.zeros((2, len(seeds), values.shape[1]))
+    sums, sizes, counts = np.zeros((3, len(seeds), values.shape[1]))
     np.add.at(sums, place, np.where(counted, values, 0.0))
+    np.add.at(sizes, place, np.where(counted, np.abs(values), 0.0))
     np.add.at(counts, place, counted)
+    sums[np.abs(sums) <= _ROUNDING * sizes] = 0.0
     found: Array = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
     return found
 

@@ -88,9 +88,9 @@ def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
     from sim.replay.explain.picture import draw_explanation
     from sim.replay.frames.pages import png
 
-    with Observer(flight.recording, flight.scenario) as observer:
-        facts = PersonFacts.of(observer, flight.history, scan, person)
-        groups = explanation(facts, flight.recording, flight.events)
+    with Observer(flight) as observer:
+        facts = PersonFacts.of(observer, scan, person)
+        groups = explanation(facts)
         page = draw_explanation(observer, facts, groups)
     with whole(path) as part:
         part.write_bytes(png(page))
@@ -102,8 +102,8 @@ def _track_of(flight: Flight, number: int) -> None:
     from sim.replay.explain.observation import Observer
     from sim.replay.explain.track_story import TrackFacts, track_story
 
-    with Observer(flight.recording, flight.scenario) as observer:
-        _print(track_story(TrackFacts(observer, number), flight.events))
+    with Observer(flight) as observer:
+        _print(track_story(TrackFacts(observer, number)))
 
 
 def _print(groups: list[Group]) -> None:

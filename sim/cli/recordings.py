@@ -174,11 +174,10 @@ def _window(text: str) -> tuple[float, float]:
 
 def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
     from sim.drawing.film import AS_FLOWN
-    from sim.replay.frames.rerender import scenario_of
     from sim.replay.redrawn_film import check_layout, write_film
 
     layout = layout or AS_FLOWN
-    check_layout(layout, scenario_of(recording))
+    check_layout(layout, recording.setting)
     with counted_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout, speed=speed, progress=progress)
     show_place("Film", path)

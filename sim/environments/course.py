@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -76,10 +77,10 @@ class Course:
         for name, value in (options or {}).items():
             if name != "repeat":
                 logger.warn(f"options: {name!r} is unknown and has no effect; allowed is 'repeat'")
-            elif not (type(value) is int and 0 <= value < REPEATS):
+            elif not (_is_integer(value) and 0 <= value < REPEATS):
                 raise InputError(f"options: repeat {value!r} is not allowed; expected an integer, 0 to {REPEATS - 1}")
             else:
-                repeat = value
+                repeat = int(value)
         self.close()
         drawn = int(rng.integers(_REPORTED, 2**63))
         with naming(self._place):
@@ -188,10 +189,15 @@ def _observed(given: Mapping[str, Any] | None) -> dict[str, Any]:
         if name == "image":
             usable, expected = isinstance(value, bool), "True or False"
         else:
-            usable, expected = type(value) is int and 1 <= value <= _MOST_ROWS, f"an integer, 1 to {_MOST_ROWS}"
+            usable, expected = _is_integer(value) and 1 <= value <= _MOST_ROWS, f"an integer, 1 to {_MOST_ROWS}"
         if not usable:
             raise InputError(f"observe: {name} {value!r} is not allowed; expected {expected}")
-    return observed
+    return {name: value if name == "image" else int(value) for name, value in observed.items()}
+
+
+def _is_integer(value: object) -> bool:
+    """True for integers of Python and NumPy, but not for True and False."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _zeros(space: spaces.Space[Any]) -> NDArray[Any]:

@@ -41,7 +41,10 @@ def true_gospa(situation: Situation, people: Array) -> float:
 
 
 def trace(situation: Situation, people: Array) -> float:
-    """Negative sum of the variances [m²] of the positions of the UAV's tracks, which [Li22] minimises; no truth."""
+    """Negative sum of the variances [m²] of the positions of the UAV's tracks, which [Li22] minimises; no truth.
+
+    Note: without any tracks it is 0, the most that there is; a person no longer counts after the end of the track.
+    """
     _, covariances = beliefs_of(situation.tracks)
     return -float((covariances[:, 0, 0] + covariances[:, 1, 1]).sum())
 

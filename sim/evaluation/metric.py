@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,6 +115,7 @@ def metric(name: str) -> Metric:
         raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
     if not isinstance(found, Metric):
         raise InputError(f"--metric: {name!r} is not a metric; expected a sim.evaluation.metric.Metric")
+    check_known(f"--metric: {name}: better", found.better, get_args(Better))
     return replace(found, name=name)
 
 
@@ -134,7 +135,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
-            found[name] = None
+            found |= {name: None, "faults": METRICS["faults"](outcome)}
     return found
 
 
@@ -229,8 +230,7 @@ def _sent(
 
 
 def _plan_rounds(outcome: Outcome) -> float | None:
-    r = outcome.recording
-    return None if plan_bytes(r) is None else int(r.plan_rounds.max())
+    return None if plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
 
 
 def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:

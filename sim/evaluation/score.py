@@ -22,7 +22,7 @@ class Held:
 
     ids: Indices  # (A,) ascending
     means: Array  # (K, A, 4)
-    covariances: Array  # (K, A, 4, 4)
+    rows: Indices  # (K, A) of the recording's tables of tracks, -1 where it reports none
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ def held_by(recording: Recording, uav: int) -> Held:
     rows, scans = (owner == uav) & recording.reported, len(recording.times)
     ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
     means = np.full((scans, len(ids), 4), np.nan)
-    covariances = np.full((scans, len(ids), 4, 4), np.nan)
+    found = np.full((scans, len(ids)), -1)
     means[k[rows], columns] = recording.track_means[rows]
-    covariances[k[rows], columns] = recording.track_covariances[rows]
-    return Held(ids, means, covariances)
+    found[k[rows], columns] = np.flatnonzero(rows)
+    return Held(ids, means, found)
 
 
 def velocities(recording: Recording) -> Array:
@@ -91,7 +91,7 @@ def score(recording: Recording, uav: int) -> Score:
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
     k, column, m = _paired(tracks, people, near)
     errors = believed.means[on][k, column] - truth[k, m]
-    P = believed.covariances[on][k, column]
+    P = recording.track_covariances[believed.rows[on][k, column]]
     moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity
     return Score(
         ospa=recording.ospa[on, uav, 0],

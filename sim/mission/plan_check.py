@@ -9,10 +9,12 @@ from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from planning.returned_plans import proposed_plans, usable_plan
 from sim.sensing.fault import Fault
+from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
 from tracking.plugins.registry import InputError
+from tracking.track import Track
 
 
 def checked_plans(
@@ -88,7 +90,11 @@ def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
 def handed(situation: Situation) -> Situation:
     """A copy that a planner may do anything to; map, cameras and motion model are planners' own already."""
     cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
-    return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion, *cameras)})
+    copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion, *cameras)}
+    for track in situation.tracks:  # which are many, and take `deepcopy` ten times as long
+        belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
+        copies[id(track)] = Track(track.id, belief, track.existence, track.sighting.copy())
+    return deepcopy(situation, copies)
 
 
 def _shifted(plan: Plan | None) -> Plan:

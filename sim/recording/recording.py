@@ -1,23 +1,25 @@
 """One mission as plain arrays: what was true, seen, believed and commanded at each scan."""
 
+import json
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
-from sim.recording.fault_text import read, recorded
+from sim.recording.fault_text import read
+from sim.recording.npz import line
+from sim.scenario.loading import decode
+from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.plugins.registry import InputError
 from tracking.track import UNLIKELY, Scan, Track, tracks_of
 
 VERSION = 1
@@ -73,6 +75,17 @@ class Recording:
     track_sightings: Annotated[Array, "<f8", "S 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" where not recorded
     repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
+
+    @cached_property
+    def setting(self) -> Scenario:
+        """The scenario that it was flown in; InputError if this program does not know it, or it is another's."""
+        try:
+            found = decode(json.loads(self.scenario))
+        except (ValueError, RecursionError, OverflowError) as error:
+            other = "made by another understory? its summary.json names the version that reads it"
+            raise InputError(f"recording: its scenario: {line(error)}; {other}") from error
+        _check_setting(self, found)
+        return found
 
     @property
     def forest(self) -> Forest:
@@ -189,109 +202,18 @@ class Recording:
 FIELDS: dict[str, tuple[Any, str, str]] = {  # type, dtype and shape
     name: (hint.__origin__, *hint.__metadata__) for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
-_BY_SCAN = {name: dtype for name, (_, dtype, shape) in FIELDS.items() if shape.split(" ")[0] == "K"}
 
 
-class Recorder:
-    """Takes snapshots, copies what they hold, and gives the recording so far at any time."""
-
-    def __init__(self, repeat: int = 0) -> None:
-        """`repeat` is the mission's, on the map of its seed."""
-        self._repeat = repeat
-        self._dense: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
-        self._scans: list[tuple[Scan, Array]] = []
-        self._tracks: list[tuple[Track, ...]] = []
-        self._plans: list[tuple[float, list[Plan]]] = []
-        self._contacts: list[tuple[int, int, int, int]] = []
-        self._faults: list[Fault] = []
-
-    def __len__(self) -> int:
-        """Number of scans so far."""
-        return len(self._dense["times"])
-
-    def add(self, snapshot: Snapshot) -> None:
-        """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
-        rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
-        self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
-        for name, dtype in _BY_SCAN.items():
-            value = getattr(snapshot, "time" if name == "times" else name)
-            if name in ("poses", "cameras"):
-                value = [np.concatenate([pose.position, pose.quaternion]) for pose in value]
-            self._dense[name].append(np.array(value, dtype=dtype))
-        self._scans.extend(zip(snapshot.scans, rows, strict=True))
-        self._tracks.extend(snapshot.tracks)
-        self._faults.extend(snapshot.faults)
-        if snapshot.plans is not None:
-            self._plans.append((snapshot.time, snapshot.plans))
-
-    def recording(
-        self,
-        *,
-        scenario: str,
-        planner: str,
-        seed: int,
-        forest: Forest,
-        interrupted: bool = False,
-        sees_truth: bool = False,
-    ) -> Recording:
-        """All scans so far; `scenario` is the resolved JSON. At least one scan is needed, else ValueError."""
-        if not len(self):
-            raise ValueError("nothing to record: the mission has no scan")
-        dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
-        uavs, tracks = dense["poses"].shape[1], [track for held in self._tracks for track in held]
-        return Recording(
-            version=VERSION,
-            scenario=scenario,
-            planner=planner,
-            seed=seed,
-            repeat=self._repeat,
-            interrupted=interrupted,
-            trees=np.array([astuple(tree) for tree in forest.trees], dtype=float).reshape(-1, 6),
-            **dense,
-            measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
-            measurements=_joined((scan.measurements for scan, _ in self._scans), 2),
-            measurement_covariances=_joined((scan.covariances for scan, _ in self._scans), 2, 2),
-            pixels=_joined((pixels for _, pixels in self._scans), 2),
-            track_offsets=_offsets(len(held) for held in self._tracks),
-            track_ids=np.array([track.id for track in tracks], dtype=np.int64),
-            track_means=_joined((track.belief.mean for track in tracks), 4),
-            track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
-            track_existence=_existence(tracks),
-            track_sightings=_joined((track.sighting for track in tracks), 3),
-            plan_times=np.array([time for time, _ in self._plans], dtype=float),
-            plans=_padded([plans for _, plans in self._plans], uavs),
-            contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
-            sees_truth=sees_truth,
-            faults=recorded(self._faults),
-        )
-
-
-def _pixel_rows(scan: Scan, pixels: Array) -> Array:
-    if len(pixels) == 0:
-        return np.full((len(scan.measurements), 2), np.nan)
-    if len(pixels) != len(scan.measurements):
-        raise ValueError(f"UAV {scan.uav} has {len(scan.measurements)} measurements of {len(pixels)} detections")
-    return np.array(pixels, dtype=float)
-
-
-def _existence(tracks: Sequence[Track]) -> Array:
-    """Existence probabilities, which stay below one; NaN of tracks without any, for which one stands."""
-    return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
-
-
-def _offsets(counts: Iterable[int]) -> Indices:
-    return np.cumsum([0, *counts], dtype=np.int64)
-
-
-def _joined(blocks: Iterable[Array], *shape: int) -> Array:
-    rows = [np.asarray(block, dtype=float).reshape(-1, *shape) for block in blocks]
-    return np.concatenate([np.zeros((0, *shape)), *rows])
-
-
-def _padded(plans: Sequence[Sequence[Plan]], uavs: int) -> Array:
-    horizon = max((len(plan.controls) for made in plans for plan in made), default=0)
-    table = np.full((len(plans), uavs, horizon, 2), np.nan)
-    for e, made in enumerate(plans):
-        for i, plan in enumerate(made):
-            table[e, i, : len(plan.controls)] = plan.controls
-    return table
+def _check_setting(recording: Recording, scenario: Scenario) -> None:
+    """InputError where a recording contradicts the scenario that it says it was flown in."""
+    times, people = recording.times, recording.people.shape[1]
+    uavs, rate = recording.poses.shape[1], scenario.rates.sensing
+    planned = scenario.duration * rate + 1
+    if len(scenario.uavs) != uavs:
+        raise InputError(f"recording: {uavs} UAVs flew, but its scenario has {len(scenario.uavs)}")
+    if not scenario.people.trajectories and scenario.people.count != people:
+        raise InputError(f"recording: {people} people walked, but its scenario has {scenario.people.count}")
+    if len(times) > planned + 1e-6:
+        raise InputError(f"recording: has {len(times)} scans, but its scenario allows at most {planned:g}")
+    if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
+        raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from sim.recording.fault_text import LONGEST, MOST, read
 from sim.recording.recording import Recording
 from sim.scenario.quantities import REPEATS
-from sim.scenario.scenario import Scenario
 from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError
 
 FARTHEST = 1e6  # m, m/s, m²: beyond what anything in a mission can be, and short of what drawing overflows at
 Finding = tuple[str, bool, str]  # field, whether it is wrong, and what it has to be
@@ -24,21 +22,6 @@ def check(recording: Recording) -> None:
         for name, wrong, text in rules(recording):
             if wrong:
                 raise ValueError(f"field '{name}': {text}")
-
-
-def check_scenario(recording: Recording, scenario: Scenario) -> None:
-    """InputError where a recording contradicts the scenario that it says it was flown in."""
-    times, people = recording.times, recording.people.shape[1]
-    uavs, rate = recording.poses.shape[1], scenario.rates.sensing
-    planned = scenario.duration * rate + 1
-    if len(scenario.uavs) != uavs:
-        raise InputError(f"recording: {uavs} UAVs flew, but its scenario has {len(scenario.uavs)}")
-    if not scenario.people.trajectories and scenario.people.count != people:
-        raise InputError(f"recording: {people} people walked, but its scenario has {scenario.people.count}")
-    if len(times) > planned + 1e-6:
-        raise InputError(f"recording: has {len(times)} scans, but its scenario allows at most {planned:g}")
-    if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
-        raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")
 
 
 def _counts(r: Recording) -> Iterator[Finding]:

@@ -14,19 +14,17 @@ from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, ends, lasting
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
-from sim.scenario.scenario import Scenario
 from sim.world.contacts import touched
 from tracking.numerics.arrays import Indices
 
 
-def events_of(recording: Recording, scenario: Scenario, history: History | None = None) -> tuple[Event, ...]:
-    """All events, in order of time, then of `KINDS`; `history`, if it is known, is not worked out again."""
-    history = history or History.of(recording, scenario)
+def events_of(recording: Recording, history: History) -> tuple[Event, ...]:
+    """All events, in order of time, then of `KINDS`."""
     found = [
-        *_breakdowns(recording, scenario),
+        *_breakdowns(recording),
         *_faults(recording),
         *_contacts(recording),
-        *_links(recording, scenario),
+        *_links(recording),
         *_lives(recording),
         *_identities(recording, history),
         *_unheld(recording, history),
@@ -46,10 +44,10 @@ def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, *
     return Event(kind, text, *span, *lasting(recording.times, *span), **concerned)
 
 
-def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
+def _breakdowns(recording: Recording) -> Iterator[Event]:
     for i, works in enumerate(recording.working.T):
         if not works.all():
-            k, exact = int(np.argmin(works)), scenario.uavs[i].fails_at
+            k, exact = int(np.argmin(works)), recording.setting.uavs[i].fails_at
             time = float(recording.times[k]) if exact is None else exact
             yield Event("breakdown", f"UAV {i} broke down", k, k, time, time, uavs=(i,))
 
@@ -76,11 +74,11 @@ def _contacts(recording: Recording) -> Iterator[Event]:
         yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(entry["uav"],))
 
 
-def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:
+def _links(recording: Recording) -> Iterator[Event]:
     """Links lost and restored, and the loss of all messages of a scan over one that is up; first, all are up."""
     uavs = recording.poses.shape[1]
     up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
-    for k, (works, now) in enumerate(zip(recording.working, links_of(recording, scenario), strict=True)):
+    for k, (works, now) in enumerate(zip(recording.working, links_of(recording), strict=True)):
         quiet, both = now.up & ~now.contact, works & works[:, None]
         for kind, changed, words in (
             ("link lost", np.triu(up & ~now.up & both), "UAV {} and UAV {}: too far, cut or not there"),
@@ -155,13 +153,14 @@ def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, st
             last[m], owner[int(row[m])] = int(row[m]), m
 
 
-def links_of(recording: Recording, scenario: Scenario) -> list[Links]:
+def links_of(recording: Recording) -> list[Links]:
     """The links of each scan, as the mission had them: they follow from places, scenario, seed and repeat alone."""
+    network = recording.setting.network
     rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
     found = []
     for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
-        up = open_links(scenario.network, time, poses[:, :3]) & working[:, None] & working
-        found.append(Links(np.asarray(up), lost_messages(scenario.network, uavs, rng)))
+        up = open_links(network, time, poses[:, :3]) & working[:, None] & working
+        found.append(Links(np.asarray(up), lost_messages(network, uavs, rng)))
     return found
 
 

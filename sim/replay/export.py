@@ -10,8 +10,7 @@ import numpy as np
 from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import frames_taken, scenario_of
-from sim.scenario.scenario import Scenario
+from sim.replay.frames.rerender import frames_taken
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
@@ -38,12 +37,11 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 def _csv(recording: Recording, folder: Path) -> None:
     """Tables that `tracking.measurement_files` reads; the truth can be flown again as `people.trajectories`."""
-    scenario = scenario_of(recording)
-    _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording, scenario))
+    _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
     tracks = sorted([time, uav, *row] for _, uav, time, _, *row in _tracks(recording))
     _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)
     _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, x, y] for _, m, time, x, y, *_ in _truth(recording)))
-    cameras = [view_of(uav, scenario) for uav in scenario.uavs]
+    cameras = [view_of(uav, recording.setting) for uav in recording.setting.uavs]
     _table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras)))
     _table(folder / "trees.csv", TREE_COLUMNS, recording.trees.tolist())
 
@@ -61,14 +59,14 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
         _table(folder / f"tracks-uav{uav}.csv", ("time", *_TRACK), own)
     truth = ([time, m, *state] for _, m, time, *state in _truth(recording))
     _table(folder / "groundtruth.csv", ("time", "id", *STATE), truth)
-    k, i = np.nonzero(frames_taken(recording, scenario_of(recording)))
+    k, i = np.nonzero(frames_taken(recording))
     looks = ([time, uav, *place] for _, uav, time, *place in _rows(recording, (k, i), *recording.cameras[k, i, :3].T))
     _table(folder / "sensors.csv", ("time", "uav", "x", "y", "z"), looks)
 
 
 def _mot(recording: Recording, folder: Path) -> None:
     """MOTChallenge's text in its 3-D variant: a sequence for each UAV, boxes -1, positions on the ground in m."""
-    scenario, found, tracks = scenario_of(recording), list(_measurements(recording)), list(_tracks(recording))
+    scenario, found, tracks = recording.setting, list(_measurements(recording)), list(_tracks(recording))
     truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
     for uav in range(recording.poses.shape[1]):
         sequence = folder / f"uav{uav}"
@@ -91,9 +89,9 @@ def _mot_row(k: int, id: int, position: Sequence[float]) -> Row:
 TARGETS: dict[str, Callable[[Recording, Path], None]] = {"csv": _csv, "stonesoup": _stonesoup, "mot": _mot}
 
 
-def _scan_rows(recording: Recording, scenario: Scenario) -> Iterator[Row]:
+def _scan_rows(recording: Recording) -> Iterator[Row]:
     """A row for each measurement, and one without for each scan that has none."""
-    for k, uav in np.argwhere(frames_taken(recording, scenario)).tolist():
+    for k, uav in np.argwhere(frames_taken(recording)).tolist():
         scan = recording.scan_at(k, uav)
         pose = recording.cameras[k, uav].tolist()
         for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):

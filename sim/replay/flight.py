@@ -25,7 +25,7 @@ from sim.recording.recording import Recording
 from sim.replay.event import Event, ends
 from sim.replay.events import events_of
 from sim.replay.frames.pages import draw, scans_between
-from sim.replay.frames.rerender import Rerenderer, find, scenario_of
+from sim.replay.frames.rerender import Rerenderer, find
 from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns, event_columns
 from sim.replay.timeline import timeline_figure
@@ -47,7 +47,7 @@ class Flight:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
-        self.scenario: Scenario = scenario_of(recording)
+        self.scenario: Scenario = recording.setting
 
     @cached_property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
@@ -57,12 +57,12 @@ class Flight:
     @cached_property
     def history(self) -> History:
         """The history of each person, scan by scan."""
-        return History.of(self.recording, self.scenario)
+        return History.of(self.recording)
 
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """The events of the mission, in order of time."""
-        return events_of(self.recording, self.scenario, self.history)
+        return events_of(self.recording, self.history)
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""

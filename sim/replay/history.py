@@ -11,9 +11,8 @@ from sim.evaluation.holding import episodes, hold_states
 from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import frames_taken
+from sim.replay.frames.rerender import frames_taken, hiding_forest
 from sim.replay.frames.sightings import inside_and_hiding
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.numerics.arrays import Array, Flags, Indices
 
@@ -48,14 +47,14 @@ class History:
     tracks: Indices  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario) -> "History":
-        """The history of a recording that was flown in a scenario."""
-        looked, uavs = frames_taken(recording, scenario), range(recording.poses.shape[1])
+    def of(recording: Recording) -> "History":
+        """The history of a recording."""
+        looked, uavs = frames_taken(recording), range(recording.poses.shape[1])
         inside = np.zeros(recording.visible.shape, dtype=np.bool_)
         hidden_by = np.full(inside.shape, -1)
-        forest = recording.forest
+        forest = hiding_forest(recording)
         for k, i in np.argwhere(looked).tolist():
-            camera, pose = view_of(scenario.uavs[i], scenario), recording.camera_at(k, i)
+            camera, pose = view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
             inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)
             if forest.trees:
                 hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)

@@ -6,39 +6,39 @@ from itertools import pairwise
 from planning.planner import Vehicle
 from sim.mission.tracker_setup import tracker_parameters
 from sim.recording.recording import Recording
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of
 from tracking.filter.motion import MotionModel
 from tracking.geometry.visibility import Forest
 
 
 @lru_cache(maxsize=1)  # with its grid
-def known_forest(recording: Recording, scenario: Scenario) -> Forest:
+def known_forest(recording: Recording) -> Forest:
     """The map of trees as trackers and planners took it to hide people."""
-    return Forest(recording.forest.trees, scenario.sensing.occlusion)
+    return Forest(recording.forest.trees, recording.setting.sensing.occlusion)
 
 
-def vehicles_at(recording: Recording, scenario: Scenario, k: int) -> list[Vehicle]:
+def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
     """All UAVs at scan k, by id.
 
     Note: velocities are means since the scan before, as recordings hold none; at the first they are zero.
     """
+    setting = recording.setting
     moved = recording.poses[k, :, :2] - recording.poses[max(k - 1, 0), :, :2]
-    bodies = zip(recording.poses_at(k), moved * scenario.rates.sensing, strict=True)
-    return [vehicle_of(i, body, velocity, scenario) for i, (body, velocity) in enumerate(bodies)]
+    bodies = zip(recording.poses_at(k), moved * setting.rates.sensing, strict=True)
+    return [vehicle_of(i, body, velocity, setting) for i, (body, velocity) in enumerate(bodies)]
 
 
-def motion_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> MotionModel:
+def motion_at(recording: Recording, k: int, uav: int) -> MotionModel:
     """Motion model of one UAV's tracker after scan k, with what it had seen of people's speeds until then."""
-    return _motions(recording, scenario)[k][uav]
+    return _motions(recording)[k][uav]
 
 
 @lru_cache(maxsize=1)  # what looks into a mission asks about each of its scans
-def _motions(recording: Recording, scenario: Scenario) -> list[list[MotionModel]]:
+def _motions(recording: Recording) -> list[list[MotionModel]]:
     """Motion model of each UAV's tracker after each scan."""
     uavs, (k, _) = recording.poses.shape[1], recording.cells(recording.track_offsets)
     detected = recording.track_sightings[:, 2] >= recording.times[k]
-    motions = [[tracker_parameters(scenario).motion] * uavs]
+    motions = [[tracker_parameters(recording.setting).motion] * uavs]
     for cell, (first, last) in enumerate(pairwise(recording.track_offsets.tolist())):
         if cell % uavs == 0:
             motions.append(motions[-1].copy())

@@ -10,7 +10,7 @@ from sim.drawing.film import AS_FLOWN, Film, Video
 from sim.drawing.lettering import Image
 from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import Rerenderer, scenario_of
+from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError, check_known
 
@@ -38,7 +38,7 @@ def write_film(
     flown are what `understory run` drew; those of a part are the same pictures, with trails and intents of before.
     `progress` is called with each scan.
     """
-    scenario = scenario_of(recording)
+    scenario = recording.setting
     film = Film(scenario, recording.forest, planner=marked(recording.planner, recording.sees_truth), layout=layout)
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None

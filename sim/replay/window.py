@@ -11,8 +11,7 @@ import numpy as np
 
 from sim.drawing.palette import uav_colour
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import scenario_of
-from sim.scenario.scenario import Scenario
+from sim.scenario.environment import Area
 from sim.sensing.cameras import camera_of
 from sim.world.engine import Engine, pybullet, quiet, refusal_of, silenced
 from sim.world.world import World
@@ -43,10 +42,10 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
     reason = refusal()
     if reason:
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
-    scenario = scenario_of(recording)
-    with _world(recording, scenario) as world:
-        cones = [_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
-        _set_scene(world.engine, scenario)
+    setting = recording.setting
+    with _world(recording) as world:
+        cones = [_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(setting.uavs)]
+        _set_scene(world.engine, setting.area)
         say("Q or Esc closes it, the space bar pauses; turn the view with Ctrl and the mouse, zoom with the wheel.")
         try:
             for moment in _moments(world.engine, recording.times[list(scans)], speed):
@@ -57,14 +56,14 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
 
 
 @contextmanager
-def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
+def _world(recording: Recording) -> Iterator[World]:
     """The world of a recording in a window; what the engine prints meanwhile goes nowhere."""
     options = f"--width={_SIZE[0]} --height={_SIZE[1]}"
     with quiet():
         client = pybullet.connect(pybullet.GUI, options=options)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
         people = recording.people.shape[1]
-        world = World(scenario, recording.forest, people, recording.seed, recording.repeat, client=client)
+        world = World(recording.setting, recording.forest, people, recording.seed, recording.repeat, client=client)
         world.engine.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1)
     try:
         yield world
@@ -73,16 +72,15 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
             world.close()
 
 
-def _set_scene(engine: Engine, scenario: Scenario) -> None:
+def _set_scene(engine: Engine, area: Area) -> None:
     """Lay the ground and look at all of it from the south."""
-    width, height = scenario.area.width, scenario.area.height
-    half = (width / 2, height / 2, 0.05)
+    half = (area.width / 2, area.height / 2, 0.05)
     ground = engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_GRASS)
     engine.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05))
     for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_SHADOWS, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
         engine.configureDebugVisualizer(option, 0)
-    distance = 0.47 * max(width, height * _SIZE[0] / _SIZE[1])
-    engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0))
+    distance = 0.47 * max(area.width, area.height * _SIZE[0] / _SIZE[1])
+    engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * area.height, 0.0))
 
 
 def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:

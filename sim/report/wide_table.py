@@ -22,7 +22,7 @@ from sim.report.formats import piped
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
-from tracking.plugins.registry import check_known
+from tracking.plugins.registry import InputError, check_known
 
 _SHARE = "ospa.share_under_1m"
 
@@ -107,6 +107,8 @@ def main(
 ) -> None:
     """Print a study's results as one wide table in Markdown."""
     check_known("--less", less, ("left", "above"))
+    if first and metric != _SHARE:
+        raise InputError(f"--from-scan: counts {_SHARE} alone, not {metric}; leave one of both out")
     print(table(without_start(read_rows(folder), first), columns, less, metric, baseline))
 
 

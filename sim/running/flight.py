@@ -10,7 +10,8 @@ from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial, naming
-from sim.recording.recording import Recorder, Recording
+from sim.recording.recorder import Recorder
+from sim.recording.recording import Recording
 from sim.scenario.scenario import resolved
 
 Watch = Callable[[Snapshot], bool]  # sees each scan, and says whether the mission goes on

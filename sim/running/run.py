@@ -16,7 +16,7 @@ from sim.mission.warmup import announced, warm_up
 from sim.processes.signals import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
-from sim.recording.recording import Recorder
+from sim.recording.recorder import Recorder
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 from sim.running.flight import flown, recording_of

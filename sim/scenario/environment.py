@@ -40,7 +40,7 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     # m; if given, radii are uniform between `canopy_radius` and this; otherwise all are `canopy_radius`
     largest_radius: Length | None = None
     canopy_base: Length = 3.0  # m, above ground
-    canopy_top: Length = 6.0  # m, above ground, below every UAV
+    canopy_top: Length = 6.0  # m, above ground, below every UAV; 1 m or more below where images are rendered
     trunk_radius: Length = 0.2  # m, people walk round trunks
 
     def __post_init__(self) -> None:
@@ -79,7 +79,8 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     paths: Paths = DEFAULT_PATHS
     group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
     # s, mean time for which people are present; each stays between half and one and a half times as long. They appear
-    # and leave anywhere, evenly over the mission. If not given, all are present throughout
+    # and leave anywhere, evenly over the mission, some before its start or after its end. If not given, all are present
+    # throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds

@@ -17,7 +17,9 @@ from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
 from tracking.plugins.registry import Registry
 
-_CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
+# m, between UAVs at the start: rotors reach 0.3 m out; and of cameras from canopies: images leave out the nearest 0.5 m
+_CLEARANCE = 1.0
+_STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
 MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
 _MOST_PATHS = 2e7  # m, of which each is a point to walk to
@@ -26,7 +28,8 @@ _MOST_PATHS = 2e7  # m, of which each is a point to walk to
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     """Rates [Hz] of physics, sensing and planning; each divides the one before."""
 
-    physics: Annotated[int, Meta(ge=1, le=10_000)] = 240  # Hz, steps of the engine; a multiple of `rates.sensing`
+    # Hz, steps of the engine; a multiple of `rates.sensing`; 25 or more for quadrotors
+    physics: Annotated[int, Meta(ge=1, le=10_000)] = 240
     sensing: Annotated[int, Meta(ge=1, le=1000)] = 5  # Hz, scans; a multiple of `rates.planning`
     planning: Annotated[int, Meta(ge=1, le=1000)] = 1  # Hz, decisions; its inverse is the time step of a plan
 
@@ -80,14 +83,18 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def _check_times(self) -> None:
         if self.first_decision > self.duration:
             raise ValueError(f"first_decision: {self.first_decision:g} s is after the duration of {self.duration:g} s")
+        if self.dynamics == "quadrotor" and self.rates.physics < _STEADY:
+            steady = f'allowed with dynamics "quadrotor" are {_STEADY} Hz or more'
+            raise ValueError(f"rates.physics: at {self.rates.physics} Hz quadrotors cannot be controlled; {steady}")
         _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
     def _check_uav(self, i: int, uav: Uav) -> None:
-        if uav.altitude <= self.trees.canopy_top:
+        gap = _CLEARANCE if self.sensing.renders else 0.0
+        if uav.altitude <= self.trees.canopy_top + gap:
             raise ValueError(
                 f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
-                f"not above trees.canopy_top {self.trees.canopy_top:g} m"
+                f"not {f'{gap:g} m ' * bool(gap)}above trees.canopy_top {self.trees.canopy_top:g} m"
             )
         if uav.altitude > _HIGHEST:
             text = f"with fov_deg {uav.fov_deg:g} means an altitude of {uav.altitude:.3g} m; allowed are {_HIGHEST:g} m"

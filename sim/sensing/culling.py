@@ -8,7 +8,7 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
-NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
+NEAR, FAR = 0.5, 500.0  # m, along the optical axis: FAR at least; the carrier's own body is nearer than NEAR
 # Of meshes to the cylinders that they stand for: from the corners, which are outside, to the faces, which are inside.
 _OUTER, _INNER = 1.01, 0.99
 _PERSON = (0.5, 1.75)  # m: radius and height of an upright cylinder that holds a person

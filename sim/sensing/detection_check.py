@@ -34,6 +34,7 @@ def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
 
     What its `matched` gives is for `usable_matches`.
     """
+    _check_kind("output", output, SensorOutput)
     count, faults = len(output.ground), tuple(output.faults)
     for fault in faults:
         _check_kind("faults", fault, Fault)

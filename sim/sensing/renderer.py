@@ -172,17 +172,19 @@ def capture(
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
     """Raw view of a client: RGB (P, P, 3), depth buffer (P, P) and body ids (P, P), -1 for the background.
 
-    The depth buffer b belongs to the depth FAR NEAR / (FAR - (FAR - NEAR) b) along the optical axis.
+    The depth buffer b belongs to the depth far NEAR / (far - (far - NEAR) b) along the optical axis; far is `FAR`, or
+    ten times the camera's height above ground if that is more.
     """
     rotation, position = pose.rotation, pose.position
     view = np.eye(4)
     view[:3, :3] = rotation.T
     view[:3, 3] = -applied(rotation.T, position)
+    projection = _projection(camera, 0.0 if opengl else 0.5, max(FAR, 10.0 * float(position[2])))
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         camera.pixels,
         camera.pixels,
         viewMatrix=view.ravel(order="F").tolist(),
-        projectionMatrix=_projection(camera, 0.0 if opengl else 0.5).ravel(order="F").tolist(),
+        projectionMatrix=projection.ravel(order="F").tolist(),
         renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if opengl else pybullet.ER_TINY_RENDERER,
         physicsClientId=client,
         **light,
@@ -197,13 +199,16 @@ def capture(
     )
 
 
-def _projection(camera: Camera, shift: float) -> Array:
-    """OpenGL projection (4, 4), shifted by half a pixel for TinyRenderer, which samples pixels at their corners."""
+def _projection(camera: Camera, shift: float, far: float) -> Array:
+    """OpenGL projection (4, 4) up to the depth `far` m, shifted by half a pixel for TinyRenderer.
+
+    That one samples pixels at their corners.
+    """
     scale = 1.0 / tan(camera.fov / 2)
     projection = np.zeros((4, 4))
     projection[0, 0] = projection[1, 1] = scale
     projection[0, 2] = projection[1, 2] = 2.0 * shift / camera.pixels
-    projection[2, 2] = -(FAR + NEAR) / (FAR - NEAR)
-    projection[2, 3] = -2 * FAR * NEAR / (FAR - NEAR)
+    projection[2, 2] = -(far + NEAR) / (far - NEAR)
+    projection[2, 3] = -2 * far * NEAR / (far - NEAR)
     projection[3, 2] = -1.0
     return projection

@@ -133,7 +133,10 @@ class Store:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none."""
+    """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none.
+
+    Those of one trial in several versions stand in the order in which they were written.
+    """
     file = path / NAME if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"{file}: there is no store of a study")
@@ -141,7 +144,7 @@ def read_rows(path: Path) -> list[Row]:
         if _version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
         study = _name(connection, path)
-        order = "scenario, factors, planner, length(seed), seed, repeat, version"
+        order = "scenario, factors, planner, length(seed), seed, repeat, rowid"
         rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sim.world.trajectories import SAMPLES_PER_SECOND
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 from tracking.numerics.trigonometry import arctan2, cos, hypot, sin
@@ -26,7 +26,10 @@ _SLACK = 0.02  # m, for what happens between two samples
 _HEADINGS = 25  # candidates of a decision
 _SPREAD = math.radians(9.0)  # between two of them
 _PERSISTENCE = 0.5  # weight of keeping to the last decision, that of the goal being 1
+_BLOCK = 120  # samples for which the trunks and people that one may meet are found at once
 _FORESIGHT = 2.0  # s, over which the weight of a conflict falls to 1/e; the border stays where it is
+
+_Near = tuple[Indices, Indices]  # ascending rows of the trunks and of the people that one person may meet
 
 
 @compiled
@@ -39,18 +42,45 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
     """
     positions = np.empty((len(paces), len(states), 2))
     decisions, progress = states[:, 2].copy(), np.zeros(len(states), dtype=np.int64)
-    for k in range(len(paces)):
-        for i in range(len(states)):
-            positions[k, i, 0], positions[k, i, 1] = states[i, 0], states[i, 1]
-        for i in range(len(states)):
-            if k % _PERIOD == 0:
-                progress[i] = _advance(states[i], routes[i], progress[i])
-                goal = _goal(states[i], routes[i], progress[i], drifts[k, i])
-                hazards = _hazards(i, states, paces[k], trunks)
-                decisions[i] = _decide(states[i], goal, decisions[i], paces[k, i], hazards, half)
-            _turn(states[i], decisions[i], paces[k, i], _STEP)
-            _move(i, states, paces[k, i], trunks, half)
+    for first in range(0, len(paces), _BLOCK):
+        near = _surroundings(states, paces[first : first + _BLOCK], trunks)
+        for k in range(first, min(first + _BLOCK, len(paces))):
+            for i in range(len(states)):
+                positions[k, i, 0], positions[k, i, 1] = states[i, 0], states[i, 1]
+            for i in range(len(states)):
+                if k % _PERIOD == 0:
+                    progress[i] = _advance(states[i], routes[i], progress[i])
+                    goal = _goal(states[i], routes[i], progress[i], drifts[k, i])
+                    hazards = _hazards(i, states, paces[k], trunks, near[i])
+                    decisions[i] = _decide(states[i], goal, decisions[i], paces[k, i], hazards, half)
+                _turn(states[i], decisions[i], paces[k, i], _STEP)
+                _move(i, states, paces[k, i], trunks, half, near[i])
     return positions
+
+
+@compiled
+def _surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
+    """Obstacles that each person may meet while all walk at these paces (K, M) m/s; no others need be looked at."""
+    fastest = thickest = 0.0
+    for pace in paces.flat:
+        fastest = max(fastest, pace)
+    for trunk in trunks:
+        thickest = max(thickest, trunk[2])
+    way = fastest * (len(paces) * _STEP + _HORIZON * _ROLLOUT_STEP)  # m, the farthest that one walks and looks ahead
+    bark, apart = thickest + 1 + _SLACK, SEPARATION + 1 + _SLACK
+    return [(_within(state, trunks, way + bark), _within(state, states, 2 * way + apart)) for state in states]
+
+
+@compiled
+def _within(state: Array, places: Array, reach: float) -> Indices:
+    """Rows of the places (n, 2 or more) m less than `reach` m from a person, ascending."""
+    rows, count = np.empty(len(places), dtype=np.int64), 0
+    for k in range(len(places)):
+        dx, dy = places[k, 0] - state[0], places[k, 1] - state[1]
+        if dx * dx + dy * dy < reach * reach:
+            rows[count] = k
+            count += 1
+    return rows[:count].copy()
 
 
 @compiled
@@ -73,15 +103,16 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
 
 
 @compiled
-def _hazards(i: int, states: Array, paces: Array, trunks: Array) -> Array:
+def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) -> Array:
     """Trunks and people that person i may meet soon (n, 5): position m, velocity m/s, distance to keep m."""
-    hazards, n = np.zeros((len(trunks) + len(states), 5)), 0
+    hazards, n = np.zeros((len(near[0]) + len(near[1]), 5)), 0
     time = _HORIZON * _ROLLOUT_STEP
-    for trunk in trunks:
+    for t in near[0]:
+        trunk = trunks[t]
         if hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
             hazards[n, 0], hazards[n, 1], hazards[n, 4] = trunk[0], trunk[1], trunk[2] + _SLACK
             n += 1
-    for j in range(len(states)):
+    for j in near[1]:
         away = hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
         if j != i and away < (paces[i] + paces[j]) * time + SEPARATION + 1:
             hazards[n, 0], hazards[n, 1] = states[j, 0], states[j, 1]
@@ -170,7 +201,7 @@ def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
 
 
 @compiled
-def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> None:
+def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: _Near) -> None:
     """Move person i one step, in place; it may turn at once, as little as possible, to touch nothing.
 
     Where each of the headings, 5° apart, touches something, it walks straight on all the same.
@@ -180,7 +211,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> Non
         side = (n + 1) // 2 if n % 2 else -(n // 2)
         turned = heading + side * math.radians(5.0)
         x, y = states[i, 0] + length * cos(turned), states[i, 1] + length * sin(turned)
-        if _free(i, states, x, y, trunks) and abs(x) <= half[0] and abs(y) <= half[1]:
+        if _free(i, states, (x, y), trunks, near) and abs(x) <= half[0] and abs(y) <= half[1]:
             states[i, 0], states[i, 1], states[i, 2] = x, y, turned
             return
     states[i, 0] += length * cos(heading)
@@ -188,12 +219,13 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> Non
 
 
 @compiled
-def _free(i: int, states: Array, x: float, y: float, trunks: Array) -> bool:
-    """True if person i may stand at (x, y)."""
-    for trunk in trunks:
-        if hypot(trunk[0] - x, trunk[1] - y) < trunk[2] + _SLACK:
+def _free(i: int, states: Array, place: tuple[float, float], trunks: Array, near: _Near) -> bool:
+    """True if person i may stand at a place [m]."""
+    x, y = place
+    for t in near[0]:
+        if hypot(trunks[t, 0] - x, trunks[t, 1] - y) < trunks[t, 2] + _SLACK:
             return False
-    for j in range(len(states)):
+    for j in near[1]:
         if j != i and hypot(states[j, 0] - x, states[j, 1] - y) < SEPARATION + _SLACK:
             return False
     return True

@@ -135,7 +135,6 @@ def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_pa
 
 
 def test_the_recording_of_the_lost_person_is_of_its_scenario():
-    from sim.replay.frames.rerender import scenario_of
     from sim.scenario.loading import load as load_scenario
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
@@ -144,7 +143,7 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
         f"tracking.{s}" for s in ("management=m_of_n", "negative_information=0.3", "reacquire_after=1", "sigma_a=0.5")
     ]
     settings += ["tracking.motion=ncv", "tracking.max_variance=400"]
-    assert scenario_of(recording) == load_scenario(grove, [*settings, "network.fusion=kla"])  # as the page says
+    assert recording.setting == load_scenario(grove, [*settings, "network.fusion=kla"])  # as the page says
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
 
 

@@ -7,7 +7,10 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from helpers.pages import DOCS
+from helpers.studies import invented
+from msgspec.structs import replace
 
+from sim.study.store import Store
 from sim.study.study import adapted
 from sim.study.tasks import tasks
 from sim.study.trial import fly
@@ -60,6 +63,26 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     for (world, planner, _), seeds in flown.items():
         assert sorted(seeds) == list(range(20 if world == "fleet" and planner in ON_TWENTY else 50)), (world, planner)
     assert len(flown) == WORLDS * (7 + len(ON_TWENTY)) + 1  # and lawnmower in search
+    counts = [texts[0] for texts in columns(scores.scores_table()).values()][1 : WORLDS + 1]
+    assert counts == ["50"] * (WORLDS - 1) + ["20 or 50"]
+
+
+def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monkeypatch):
+    """The list before and after studies of two worlds, of the same with other settings, and of one world alone."""
+    monkeypatch.setattr(scores, "TRIALS", tmp_path / "worlds.csv")
+
+    def added(value, worlds, **changes):
+        with Store.opened(tmp_path / "runs", "bench-1") as opened:
+            for task in tasks(adapted(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)):
+                opened.add(task, replace(invented(task), metrics=dict.fromkeys(scores.METRICS, value)))
+        scores.add([tmp_path / "runs"])
+        return [(row.scenario, row.planner, row.metrics["share_held"]) for row in scores.trials()]
+
+    planners = ("greedy", "hover", "sma-nbo-mwtp")
+    first = [(world, planner, 0.5) for world in ("scatter", "crowd") for planner in planners]
+    assert added(0.5, ["scatter", "crowd"]) == first
+    assert added(0.9, ["scatter", "crowd"], overrides=["dynamics=kinematic"]) == first
+    assert added(0.75, ["crowd"]) == [*first[:3], *(("crowd", planner, 0.75) for planner in planners)]
 
 
 @pytest.mark.docs

@@ -2,7 +2,7 @@
 
 from planning.loading import load_planner
 from sim.mission.mission import Mission
-from sim.recording.recording import Recorder
+from sim.recording.recorder import Recorder
 from sim.scenario.loading import load
 from sim.scenario.scenario import resolved
 
@@ -41,9 +41,9 @@ def recording_of(mission, snapshots, *, planner="greedy", seed=0, repeat=0):
 
 
 def recorded(*overrides, planner="greedy", seed=3, duration=8, **options):
-    """The recording of a mission, and its scenario."""
+    """The recording of a mission."""
     mission, snapshots = fly(*overrides, planner=planner, seed=seed, duration=duration, **options)
-    return recording_of(mission, snapshots, seed=seed, repeat=options.get("repeat", 0)), mission.scenario
+    return recording_of(mission, snapshots, seed=seed, repeat=options.get("repeat", 0))
 
 
 def filmed(*overrides, duration=4):
@@ -53,4 +53,4 @@ def filmed(*overrides, duration=4):
     def keep(mission):
         images.append([None if frame is None else frame.copy() for frame in mission.frames])
 
-    return recorded(*overrides, duration=duration, see=keep)[0], images
+    return recorded(*overrides, duration=duration, see=keep), images

@@ -10,7 +10,6 @@ from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
 from sim.drawing.film import Film, Video
 from sim.recording.fault_text import recorded
-from sim.replay.frames.rerender import scenario_of
 from sim.sensing.fault import Fault
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
@@ -19,31 +18,31 @@ FAULTS = [Fault(0.0, None, EVIL), Fault(1.0, None, EVIL), Fault(2.0, 2, "broke d
 
 
 def flown(scans=21, **changes):
-    """A made-up mission, and its scenario."""
-    recording = record(scans, planner=EVIL, seed=7, **changes)
-    return recording, scenario_of(recording)
+    """A made-up mission."""
+    return record(scans, planner=EVIL, seed=7, **changes)
 
 
 def eventful():
     """A mission with losses known beforehand, a UAV that breaks down at scan 10, contacts and faults."""
-    recording, setting = flown()
+    recording = flown()
     means = recording.track_means.copy()
     scan = np.repeat(np.arange(63), np.diff(recording.track_offsets)) // 3
     for person, first, last in LOST:
         means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
-    return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=recorded(FAULTS)), setting
+    return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=recorded(FAULTS))
 
 
 def lost_between_tenths():
     """A mission at 20 scans a second in which all people are lost at scan 3, at 0.15 s, until scan 6."""
-    recording, _ = recorded_in_flight(*IDEAL, "rates.sensing=20", "sensing.field_of_view=unlimited", duration=1)
+    recording = recorded_in_flight(*IDEAL, "rates.sensing=20", "sensing.field_of_view=unlimited", duration=1)
     means, uavs = recording.track_means.copy(), recording.poses.shape[1]
     scan = np.repeat(np.arange(len(recording.track_offsets) - 1), np.diff(recording.track_offsets)) // uavs
     means[(scan >= 3) & (scan <= 5), :2] += 30.0
     return dataclasses.replace(recording, track_means=means)
 
 
-def film_of(path, recording, setting):
+def film_of(path, recording):
+    setting = recording.setting
     with Video(path, Film(setting, recording.forest, planner="hover"), fps=5) as video:
         for k in range(len(recording.times)):
             snapshot = recording.snapshot(k)

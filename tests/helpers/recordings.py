@@ -7,7 +7,8 @@ import zipfile
 import numpy as np
 
 from helpers import synthetic
-from sim.recording.recording import VERSION, Recorder, Recording
+from sim.recording.recorder import Recorder
+from sim.recording.recording import VERSION, Recording
 from sim.scenario.scenario import resolved
 
 

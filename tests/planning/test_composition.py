@@ -14,18 +14,26 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
 
 COMMANDS = np.random.default_rng(5).uniform(-5, 5, (40, 1, 3, 2))
+EASE = np.array([1.5])  # m/s
 
 
 class Asking:
-    """An optimiser that asks for the costs of fixed commands, and keeps them."""
+    """An optimiser that asks for the costs of fixed commands, also with wider fields of view, and keeps them."""
 
     def __init__(self):
-        self.values, self.candidates = [], []
+        self.values = []
 
     def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
         asked = COMMANDS[:, :, : starts.shape[2]]
-        self.values.append(objective(asked))
+        self.values += [objective(asked), objective(asked, EASE)]
         return asked[0]
+
+
+class Told:
+    """A term without a cost that keeps the velocities at which it is told that all fly."""
+
+    def term(self, situation, velocities, uavs):
+        self.velocities = velocities
 
 
 @pytest.mark.parametrize("actions", ["all", "first"])
@@ -39,8 +47,8 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     )
     intents = {i: Plan(rng.uniform(-2.5, 2.5, (4, 2))) for i in ids.values()}
     team = [dataclasses.replace(s, intents=intents) for s in team]
-    asking = Asking()
-    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5), team[:1])
+    asking, told = Asking(), Told()
+    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5, terms=(told,)), team[:1])
     situation, uavs = team[0], [0]
     expected = expected_plans(situation, 3)
     belief = Nominal().predict(situation, 3, rng)
@@ -49,7 +57,10 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
         plans = base_policy_plans(situation, situation.own, COMMANDS[:, 0, :1], 3)[:, None]
     others = mean_velocities(response(situation.vehicles, situation.step), expected[None])[0]
     flown = mean_velocities(response([situation.own], situation.step), plans)
-    np.testing.assert_allclose(asking.values[0], objective(belief, others, uavs, 0.5)(flown), rtol=1e-12)
+    np.testing.assert_array_equal(told.velocities, others)
+    of_tracks = objective(belief, others, uavs, 0.5)
+    np.testing.assert_allclose(asking.values, [of_tracks(flown), of_tracks(flown, EASE)], rtol=1e-12)
+    assert np.any(asking.values[0] != asking.values[1])
     assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
 
 

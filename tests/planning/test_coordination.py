@@ -105,12 +105,19 @@ def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team
     np.testing.assert_array_equal(planned(centre, deaf), planned(centre, team))
 
 
+class Lazy:
+    """An optimiser that keeps the first of its starts, the intents."""
+
+    def minimise(self, objective, starts, *_):
+        return starts[0]
+
+
 def test_the_centre_goes_on_from_each_uavs_own_last_plan(random_team):
-    team = knowing(random_team(0), np.random.default_rng(0).uniform(-3, 3, (3, 5, 2)))
+    last = np.random.default_rng(0).uniform(-3, 3, (3, 5, 2))
+    team = knowing(random_team(0), last)
     stale = {i: Plan(np.zeros((6, 2))) for i in range(3)}
     misled = [dataclasses.replace(s, intents=stale | {s.own.id: s.intents[s.own.id]}) for s in team]
-    lazy = Composition(coordination=Centralised(), optimizer=CrossEntropy(1, elites=1, rounds=1))
-    np.testing.assert_array_equal(planned(lazy, misled), planned(lazy, team))
+    np.testing.assert_array_equal(planned(Composition(coordination=Centralised(), optimizer=Lazy()), misled), last)
 
 
 @pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), Partitions(2)])

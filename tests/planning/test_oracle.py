@@ -1,6 +1,7 @@
 """The oracle alone sees the truth, and its results are marked."""
 
 import dataclasses
+import itertools
 import json
 import pickle
 import struct
@@ -11,6 +12,7 @@ from helpers.studies import task_of
 from helpers.teams import Spy
 
 from planning.loading import load_planner
+from planning.objective.nbo import objective
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
 from planning.prediction.propagation import Nominal
 from planning.registry import PLANNERS
@@ -26,7 +28,7 @@ from sim.running.run import run
 from sim.scenario.loading import load
 from sim.study.trial import fly
 from sim.terminal.console import console
-from tracking.filter.kalman import Gaussian
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.tracker import Track
 
@@ -75,7 +77,7 @@ def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothin
         rng = np.random.default_rng(seed)
         team, people = walking(random_team(seed), rng)
         believed = Nominal().predict(team[0], 5, rng)
-        known = _TruePaths(people).predict(dataclasses.replace(team[0], tracks=true_tracks(team[0], people)), 5, rng)
+        known = _TruePaths(people).predict(dataclasses.replace(team[0], tracks=true_tracks(team[0], people, 5)), 5, rng)
         np.testing.assert_array_equal(known.points, np.repeat(believed.points, 5, axis=2))
         np.testing.assert_array_equal(known.covariances, believed.covariances)
 
@@ -89,7 +91,7 @@ def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(ran
         return here + 2.0 * time
 
     situation = dataclasses.replace(situation, tracks=situation.tracks[:3])
-    found = true_tracks(situation, people)
+    found = true_tracks(situation, people, 0)
     assert [t.id for t in found] == [0, 1, 2, 3]
     for person, track, error in ((0, 1, (3.0, -4.0)), (1, 0, (3.0, -4.0)), (3, 2, (0.0, 0.0))):
         truth = np.concatenate([people(0.0)[person], [2.0, 2.0]])
@@ -99,10 +101,21 @@ def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(ran
     np.testing.assert_array_equal(found[2].belief.covariance, _UNKNOWN)
 
 
+def test_tracks_are_assigned_by_place_alone_and_velocities_are_per_second(random_team):
+    """Two people who walk as the track at the other's place does; steps of half a second."""
+    means = np.array([[0.0, 0.0, 40.0, 0.0], [10.0, 0.0, -40.0, 0.0]])
+    tracks = tuple(Track(k, Gaussian(mean, (k + 1.0) * np.eye(4))) for k, mean in enumerate(means))
+    situation = dataclasses.replace(random_team(0)[0], tracks=tracks, motion=NearlyConstantVelocity(0.5, 1.0))
+    found = true_tracks(situation, lambda time: means[::-1, :2] + time * means[:, 2:], 0)
+    for person, track in ((0, 1), (1, 0)):
+        np.testing.assert_array_equal(found[person].belief.covariance, tracks[track].belief.covariance)
+        np.testing.assert_allclose(found[person].belief.mean, [*means[track, :2], *means[person, 2:]], atol=1e-12)
+
+
 def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(random_team):
     situation = dataclasses.replace(random_team(0)[0], time=3.0)
     circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
-    situation = dataclasses.replace(situation, tracks=true_tracks(situation, circle))
+    situation = dataclasses.replace(situation, tracks=true_tracks(situation, circle, 4))
     view = _TruePaths(circle).predict(situation, 4, np.random.default_rng(0))
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
@@ -112,6 +125,21 @@ def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(rando
     np.testing.assert_allclose(
         np.swapaxes(about, -1, -2) @ about / 5, np.broadcast_to(0.25 * np.eye(2), (4, 2, 2, 2)), atol=1e-9
     )
+
+
+def test_the_oracle_foresees_who_appears_and_who_leaves(random_team):
+    """A person 14 m east of a UAV whose image is 20 m wide, who appears or leaves at some step."""
+    (situation,) = random_team(0, uavs=1, targets=0, trees=0)
+    place, oracle = situation.own.position[:2] + np.array([14.0, 0.0]), load_planner("oracle")
+    for first, last in itertools.product(range(7), range(7)):
+        people = lambda t: np.array([place if first <= round(t) <= last else [np.nan] * 2])  # noqa: B023, E731
+        (plan,) = oracle.knowing(people).plan([situation], np.random.default_rng(0))
+        known = dataclasses.replace(situation, tracks=true_tracks(situation, people, 5))
+        assert len(known.tracks) == (first <= min(last, 5))
+        belief = _TruePaths(people).predict(known, 5, np.random.default_rng(0))
+        values = objective(belief, np.zeros((1, 5, 2)), [0], 0.0)(np.array([np.zeros((1, 5, 2)), plan.controls[None]]))
+        in_time = len(known.tracks) > 0 and max(first, 1) <= last  # at some step of the horizon the person is there
+        assert (values[1] < 0.9 * values[0]) == in_time and np.isfinite(values).all()
 
 
 def test_the_oracle_alone_searches_for_a_person_without_a_track():

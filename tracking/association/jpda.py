@@ -118,13 +118,10 @@ def mixture_update(
             moves[0, a] = undetected[0][i, a] - means[i, a]
             for b in range(4):
                 new_covariances[i, a, b] = beta[i, 0] * undetected[1][i, a, b]
-        last = len(noise)  # measurements of equal noise, as neighbours', share gain and covariance
         for c in components:
             if c > 0:
-                j = int(c) - 1
-                _update(covariances[i], noise, (j, last), K, updated)
-                last = j
-                x, y = measurements[last, 0] - means[i, 0], measurements[last, 1] - means[i, 1]
+                _update(covariances[i], noise[c - 1], K, updated)
+                x, y = measurements[c - 1, 0] - means[i, 0], measurements[c - 1, 1] - means[i, 1]
                 for a in range(4):
                     moves[c, a] = K[a, 0] * x + K[a, 1] * y
                     for b in range(4):
@@ -135,15 +132,11 @@ def mixture_update(
 
 
 @compiled
-def _update(P: Array, noise: Array, rows: tuple[int, int], K: Array, updated: Array) -> None:
+def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
     """Write gain K (4, 2) and covariance (4, 4) after a measurement, in Joseph's form.
 
-    rows: of its noise, and of that for which they are already there; the number of rows if of none.
     Written out: for matrices this small, library calls and new arrays cost ten times the arithmetic.
     """
-    R, last = noise[rows[0]], rows[1]
-    if last < len(noise) and np.all(R == noise[last]):
-        return
     xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = xx * yy - xy * xy
     for a in range(4):

@@ -147,6 +147,8 @@ def _check(messages: Sequence[Message]) -> None:
         raise ValueError(
             f"messages must be of one scan, are of scans {[(m.scan, m.time) for m in messages]} (number, s)"
         )
+    if len({m.novel.shape[1] > 0 for m in messages}) > 1:
+        raise ValueError("fusion must be the same for all members, is not")
 
 
 def _links(adjacency: Flags, count: int) -> Flags:

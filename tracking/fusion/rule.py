@@ -62,6 +62,8 @@ class _Checked:
     rule: FusionRule
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
+        import numpy as np
+
         from tracking.fusion.message import INFORMATION, checked_novel
         from tracking.plugins.containment import Unusable
         from tracking.plugins.results import check_positive_definite, checked_array
@@ -74,8 +76,10 @@ class _Checked:
             if 0 < summed.shape[1] <= INFORMATION + local.uav:
                 raise Unusable(f"summed of {summed.shape[1]} columns lacks that of UAV {local.uav}")
             weights = checked_array("weights", weights, (count,))
-            added = summed[:, 4:INFORMATION] if summed.size else 0.0  # the sum may hold what the average lacks
-            check_positive_definite("matrices of averaged, with summed,", (averaged[:, 4:] + added).reshape(-1, 4, 4))
+            if not summed.shape[1]:  # other UAVs may add up
+                summed = np.zeros((count, INFORMATION + local.uav + 1))
+            information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # the sum may hold what the average lacks
+            check_positive_definite("matrices of averaged, with summed,", information.reshape(-1, 4, 4))
             if count and not _LEAST <= weights.min() <= weights.max() <= _LARGEST:
                 allowed = f"weights must be positive, from {_LEAST:g} to {_LARGEST:g}"
                 raise Unusable(f"{allowed}; give little, as 1e-9, where a UAV saw nothing of a track")

@@ -10,6 +10,8 @@ from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import power, power_each
 
+_AT_ONCE = 2_000_000  # distances at one time: all those of a long mission would take gigabytes
+
 
 class Ospa(NamedTuple):
     """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p."""
@@ -43,11 +45,16 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     if any((np.isfinite(Z).any(axis=2) != np.isfinite(Z).all(axis=2)).any() or np.isinf(Z).any() for Z in (X, Y)):
         raise ValueError("estimates and truths must be finite, or NaN in both coordinates where absent")
     X, Y = (Z[:, ~np.isnan(Z[..., 0]).all(axis=0)] for Z in (X, Y))
-    here, there = ~np.isnan(X[..., 0]), ~np.isnan(Y[..., 0])
-    gaps = length(X[:, :, None] - Y[:, None])
-    both, either = here[:, :, None] & there[:, None], here[:, :, None] | there[:, None]
-    total = np.where(both, np.minimum(gaps, c), np.where(either, c, 0.0)).sum(axis=0)
-    return _between(total / either.sum(axis=0), c, p)
+    total, instants = np.zeros((X.shape[1], Y.shape[1])), np.zeros((X.shape[1], Y.shape[1]), dtype=np.int64)
+    block = max(1, _AT_ONCE // max(total.size, 1))
+    for first in range(0, len(X), block):
+        x, y = X[first : first + block, :, None], Y[first : first + block, None]
+        here, there = ~np.isnan(x[..., 0]), ~np.isnan(y[..., 0])
+        either = here | there
+        gaps = np.where(here & there, np.minimum(length(x - y), c), np.where(either, c, 0.0))
+        total += gaps.sum(axis=0)
+        instants += either.sum(axis=0)
+    return _between(total / instants, c, p)
 
 
 def checked_positions(name: str, positions: Array) -> Array:

@@ -1,5 +1,6 @@
 """Decorators that compile numerical functions with Numba and keep the code on disk."""
 
+import gc
 import hashlib
 import re
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import event
 
 from tracking.numerics.arrays import Array
 
@@ -17,6 +19,27 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
 
 not_kept: list[str] = []  # functions whose compiled code this process cannot write to disk
+
+
+class _Uncollected(event.Listener):
+    """Pauses the garbage collector while code is compiled, of which it would take an eighth of the time."""
+
+    def __init__(self) -> None:
+        self._depth, self._paused = 0, False
+
+    def on_start(self, _: event.Event) -> None:
+        if self._depth == 0:
+            self._paused = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, _: event.Event) -> None:
+        self._depth -= 1
+        if self._depth == 0 and self._paused:
+            gc.enable()
+
+
+event.register("numba:compile", _Uncollected())  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Function) -> Function:

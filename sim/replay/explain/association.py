@@ -7,7 +7,6 @@ import numpy as np
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import known_forest, motion_at
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.negative_information import miss_likelihood
 from tracking.geometry.visibility import visible_samples
@@ -33,7 +32,7 @@ class Association:
     existence: Array  # (T,), after the scan, before the fleet's fusion
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Association | None":
+    def of(recording: Recording, k: int, uav: int) -> "Association | None":
         """The association of one UAV at scan k; None where its camera took no frame or the UAV had broken down.
 
         Beliefs are those that the fleet agreed on at scan k - 1, predicted by the tracker's motion model. At the
@@ -42,7 +41,7 @@ class Association:
         Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
         rounds differently. A recording of an earlier version is read by the rules of this one.
         """
-        works = recording.working[:, uav]
+        scenario, works = recording.setting, recording.working[:, uav]
         taken = [j for j in range(k + 1) if works[j] and scenario.has_frame(uav, j)]
         if k not in taken:
             return None
@@ -52,13 +51,13 @@ class Association:
         means, covariances = beliefs_of(tracks)
         existence = np.array([t.existence for t in tracks], dtype=float)
         if k:
-            means, covariances = motion_at(recording, scenario, k - 1, uav).predict_all(means, covariances)
+            means, covariances = motion_at(recording, k - 1, uav).predict_all(means, covariances)
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
         camera = view_of(scenario.uavs[uav], scenario)
         last = recording.scan_at(taken[-2], uav) if len(taken) > 1 else None
         lenses = camera.lens(scan.pose), camera.lens(last.pose) if last else None
-        views = visible_samples(known_forest(recording, scenario), (means, covariances), *lenses)
+        views = visible_samples(known_forest(recording), (means, covariances), *lenses)
         elapsed = np.full(len(means), scan.time - last.time if last else np.inf)
         missed = miss_likelihood(means, covariances, views, elapsed, p.detection_probability)
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)

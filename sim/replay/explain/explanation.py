@@ -1,7 +1,6 @@
 """Explanation of one person at one scan, and of a whole mission, in words."""
 
 import math
-from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -10,7 +9,7 @@ from sim.drawing.lettering import Group
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
-from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
+from sim.replay.event import UNHELD, UNMATCHED, lasting
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
@@ -22,17 +21,17 @@ _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "
 _LEAST = 0.005  # probability below which a measurement is not worth a line
 
 
-def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
+def explanation(facts: PersonFacts) -> list[Group]:
     """Facts of one person at one scan: the person, each UAV, the track, the mission's events then, and intents."""
-    groups = [(f"person {facts.person} at {recording.times[facts.k]:.1f} s", _person(facts, events))]
+    groups = [(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
     if np.isnan(facts.place[0]):
         return groups
     if facts.note:
         groups.append(("note", [facts.note]))
-    groups += [(f"UAV {w.uav}", _observation(w, facts, recording)) for w in facts.observations]
+    groups += [(f"UAV {w.uav}", _observation(w, facts)) for w in facts.observations]
     if facts.holder:
         groups.append((f"track {facts.holder.number}", _track(facts.holder, facts)))
-    now = [event for event in events if event.first <= facts.k <= event.last]
+    now = [event for event in facts.flight.events if event.first <= facts.k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
     if now:
         groups.append(("events", [f"{event.when}: {event.sentence}" for event in now]))
@@ -40,29 +39,30 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
     return groups
 
 
-def _person(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
+def _person(facts: PersonFacts) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
     walks = ""
     if not np.isnan(facts.velocity[0]):
         eighth = round(math.atan2(facts.velocity[1], facts.velocity[0]) / (math.pi / 4)) % 8
         walks = f" and walks {math.hypot(*facts.velocity):.1f} m/s to the {_COMPASS[eighth]}"
-    return [f"is at {place_text(facts.place)}{walks}", *_holding(facts, events), _seen(facts)]
+    return [f"is at {place_text(facts.place)}{walks}", *_holding(facts), _seen(facts)]
 
 
-def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
+def _holding(facts: PersonFacts) -> list[str]:
     """UAVs that hold the person, or else the loss: since when and until when."""
-    times, holder = facts.history.times, facts.holder
+    history, holder = facts.flight.history, facts.holder
+    times = history.times
     if holder and holder.holds:
         by = [(holder.number, holder.holds), *holder.others]
         return [f"held by {fleet_text(uavs)} as track {number}" for number, uavs in by]
-    unheld = (event for event in events if event.kind in UNHELD and event.person == facts.person)
+    unheld = (event for event in facts.flight.events if event.kind in UNHELD and event.person == facts.person)
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end = loss.last + 1
     if end == len(times):
         later = "not held again by the end of the mission"
     else:
-        later = f"{'held from' if facts.history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
+        later = f"{'held from' if history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
     if holder is None:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
     lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track within {HELD:g} m"]
@@ -70,14 +70,13 @@ def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
 
 
 def _seen(facts: PersonFacts) -> str:
-    seen = facts.history.detected[: facts.k + 1, :, facts.person]
+    times, seen = facts.flight.history.times, facts.flight.history.detected[: facts.k + 1, :, facts.person]
     scans = np.flatnonzero(seen.any(axis=1))
     if len(scans) == 0:
         return "not detected so far"
     fleet = fleet_text(np.flatnonzero(seen[scans[-1]]).tolist())
     if scans[-1] == facts.k:
         return f"detected by {fleet}"
-    times = facts.history.times
     return f"last detected by {fleet} at {times[scans[-1]]:.1f} s{_ago(times, int(scans[-1]), facts.k)}"
 
 
@@ -85,11 +84,11 @@ def _ago(times: Array, scan: int, k: int) -> str:
     return f", {times[k] - times[scan]:.1f} s ago" if k > scan else ""
 
 
-def _observation(w: PersonObservation, facts: PersonFacts, recording: Recording) -> list[str]:
+def _observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
     if not w.works:
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
-    lines += _view(w, recording)
+    lines += _view(w, facts.flight.recording)
     if w.found and w.association:
         lines += _detection(w.found, w.association)
     elif w.sighting.looked and w.sighting.pixels:
@@ -136,7 +135,7 @@ def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> 
 
 
 def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
-    now = float(facts.history.times[facts.k])
+    now = float(facts.flight.history.times[facts.k])
     role = f"stands for the person for {fleet_text(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:

@@ -6,11 +6,10 @@ from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
-from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
 from tracking.fusion.member import TRACKERS
@@ -47,22 +46,22 @@ class PersonObservation:
 
 
 class Observer(ExitStack):
-    """Observations of people in a recording; renders frames again where these were rendered."""
+    """Observations of people in a flight; renders frames again where these were rendered."""
 
-    def __init__(self, recording: Recording, scenario: Scenario) -> None:
+    def __init__(self, flight: Flight) -> None:
         super().__init__()
-        self.recording, self.scenario = recording, scenario
-        tracker = scenario.tracking.tracker
+        self.flight, self.recording = flight, flight.recording
+        tracker = flight.scenario.tracking.tracker
         self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on what recordings do not tell
-        self.again = self.enter_context(Rerenderer(recording))
+        self.again = self.enter_context(Rerenderer(self.recording))
         # Of a scan k and a UAV; stories ask for some of the last again.
-        self.association = lru_cache(1024)(partial(Association.of, recording, scenario))
+        self.association = lru_cache(1024)(partial(Association.of, self.recording))
         self.owners = lru_cache(1024)(self._owners)
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
-        recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
-        sighting = Sighting.all_of(recording, self.scenario, k, uav, view)[person]
+        recording, setting = self.recording, self.recording.setting
+        sighting = Sighting.all_of(recording, k, uav, view_of(setting.uavs[uav], setting))[person]
         works = bool(recording.working[k, uav])
         owners = self.owners(k, uav)
         return PersonObservation(
@@ -82,7 +81,7 @@ class Observer(ExitStack):
         return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
 
     def _renders(self, k: int, uav: int) -> bool:
-        return self.scenario.sensing.renders and self.scenario.has_frame(uav, k)
+        return self.recording.setting.sensing.renders and self.recording.setting.has_frame(uav, k)
 
     def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
         """Pixels of the person in the same frame of the same world without its trees."""

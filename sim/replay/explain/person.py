@@ -11,9 +11,8 @@ from sim.evaluation.score import velocities
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
-from sim.replay.history import History
+from sim.replay.flight import Flight
 from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -37,17 +36,18 @@ class PlannedVisibility:
 
 
 def planned_visibility(
-    recording: Recording, scenario: Scenario, k: int, uav: int, person: int, belief: Gaussian | None
+    recording: Recording, k: int, uav: int, person: int, belief: Gaussian | None
 ) -> PlannedVisibility | None:
     """Visibility of a person, and of a track with `belief`, on the plan of a UAV from scan k on.
 
     None where there is no plan, and where nothing of it is left.
     """
-    now, rate = float(recording.times[k]), scenario.rates.sensing
+    scenario, now = recording.setting, float(recording.times[k])
+    rate = scenario.rates.sensing
     plan = sum(scenario.due(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
     if plan < 0 or not recording.working[k, uav]:
         return None
-    at, corners, poses = _flight(recording, scenario, plan, uav)
+    at, corners, poses = _flight(recording, plan, uav)
     times = now + np.arange(1, int((at[-1] - now + _SLACK) * rate) + 1) / rate
     if len(times) == 0:
         return None
@@ -55,34 +55,36 @@ def planned_visibility(
     views = [Pose(np.append(place, poses.position[2]), poses.quaternion) for place in path]
     known = recording.people[k + 1 : k + 1 + len(times), person]
     ahead = np.full(len(times), -1)
-    ahead[: len(known)] = _states(recording, scenario, uav, views, known)
+    ahead[: len(known)] = _states(recording, uav, views, known)
     track = None
     if belief is not None:
-        scan = replace(planned_motion(scenario, motion_at(recording, scenario, k, uav)), dt=1 / rate, scans=1)
+        scan = replace(planned_motion(scenario, motion_at(recording, k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
-        track = _states(recording, scenario, uav, views, nominal[:, 0])
+        track = _states(recording, uav, views, nominal[:, 0])
     return PlannedVisibility(float(recording.plan_times[plan]), times, path, ahead, track)
 
 
-def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tuple[Array, Array, Pose]:
+def _flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Array, Pose]:
     """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its first.
 
     The path begins where the UAV was when the plan was due, and follows the commands as planners take it to. The camera
     is held as planners take it to be held.
     """
-    step, begun = 1 / scenario.rates.planning, scenario.due(float(recording.plan_times[plan]))
+    setting = recording.setting
+    step, begun = 1 / setting.rates.planning, setting.due(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
-    vehicle = vehicles_at(recording, scenario, int(np.argmin(np.abs(recording.times - begun))))[uav]
+    vehicle = vehicles_at(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]
     flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
     corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
     camera = Pose(vehicle.position, vehicle.attitude)
     return begun + step * np.arange(len(corners), dtype=float), corners, camera
 
 
-def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Indices:
+def _states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
-    camera, trees = view_of(scenario.uavs[uav], scenario), known_forest(recording, scenario)
+    setting, trees = recording.setting, known_forest(recording)
+    camera = view_of(setting.uavs[uav], setting)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
         point = at_target_height(place[None])
@@ -127,15 +129,14 @@ class PersonFacts:
     holder: HoldingTrack | None  # None for a person that no track has stood for yet
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
-    history: History
+    flight: Flight
     note: str  # on what the recording does not tell of its tracker; empty: none
 
     @staticmethod
-    def of(observer: Observer, history: History, k: int, person: int) -> "PersonFacts":
+    def of(observer: Observer, k: int, person: int) -> "PersonFacts":
         """The facts of a person at scan k."""
-        recording, scenario = observer.recording, observer.scenario
-        uavs = range(recording.poses.shape[1])
-        holder = _holder(recording, history, k, person)
+        recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
+        holder = _holder(observer.flight, k, person)
         belief = holder.belief if holder else None
         return PersonFacts(
             k=k,
@@ -144,15 +145,15 @@ class PersonFacts:
             velocity=velocities(recording)[k, person],
             holder=holder,
             observations=tuple(observer.observe(k, i, person) for i in uavs),
-            planned=tuple(planned_visibility(recording, scenario, k, i, person, belief) for i in uavs),
-            history=history,
+            planned=tuple(planned_visibility(recording, k, i, person, belief) for i in uavs),
+            flight=observer.flight,
             note=observer.note,
         )
 
 
-def _holder(recording: Recording, history: History, k: int, person: int) -> HoldingTrack | None:
+def _holder(flight: Flight, k: int, person: int) -> HoldingTrack | None:
     """The track by which most UAVs hold the person; where none does, the last that did."""
-    held = history.tracks[: k + 1, :, person]
+    recording, held = flight.recording, flight.history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:
         return None
@@ -162,7 +163,7 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
     numbers = recording.track_numbers
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
-    found = track_at(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
+    found = track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
     return HoldingTrack(
         number=numbers[id_],
         holds=tuple(holds),

@@ -33,10 +33,10 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 
     Below the words are the pixels round the person, as the cameras gave them.
     """
-    picture, tracks = _map(observer, facts)
+    picture, tracks = _map(facts)
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
     for w in _nearest(facts):
-        sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
+        sight = Sight.of(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotated(image, sight, _TILE)
         shown |= marks
@@ -97,28 +97,28 @@ def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
     return tile, low
 
 
-def _map(observer: Observer, facts: PersonFacts) -> tuple[Image, bool]:
+def _map(facts: PersonFacts) -> tuple[Image, bool]:
     """The map round the person, or what there is of it, with lines of sight and the trees in their way.
 
     True, if there are tracks on it.
     """
-    recording, metres = observer.recording, np.array(map_extent(observer.scenario))
+    recording, metres = facts.flight.recording, np.array(map_extent(facts.flight.scenario))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
-    view = MapView(observer.scenario, recording.forest, (width, height))
-    holds = facts.history.hold_states[facts.k].copy()
+    view = MapView(facts.flight.scenario, recording.forest, (width, height))
+    holds = facts.flight.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image, labels = view.recorded(recording, facts.k, holds)
     if not np.isnan(facts.place[0]):
-        _draw_person(view, image, labels, observer, facts)
+        _draw_person(view, image, labels, facts)
     tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
     tracks = beliefs_of(view.shown(recording.snapshot(facts.k)))[0][:, :2]
     inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
     return tile, bool(inside.all(axis=1).any())
 
 
-def _draw_person(view: MapView, image: Image, labels: Labels, observer: Observer, facts: PersonFacts) -> None:
-    recording, pixels = observer.recording, view.pixels
+def _draw_person(view: MapView, image: Image, labels: Labels, facts: PersonFacts) -> None:
+    recording, pixels = facts.flight.recording, view.pixels
     _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))
     labels.reserve(pixels(facts.place), 16.0)
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):

@@ -62,12 +62,12 @@ class TrackFacts:
         self.observer, self.recording, self.number = observer, observer.recording, number
         recording = observer.recording
         self.id = list(recording.track_numbers)[number]
-        self.parameters = tracker_parameters(observer.scenario)
+        self.parameters = tracker_parameters(recording.setting)
         scans, _ = recording.cells(recording.track_offsets)
         own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
         self.scans = (first, last)  # the first and the last at which any UAV had it
-        self.known = first == 0 and observer.scenario.tracking.initial_tracks == "known"  # given at the start
+        self.known = first == 0 and recording.setting.tracking.initial_tracks == "known"  # given at the start
         holders = self.holders(first)
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
         # UAVs that had it first; the one that confirmed it, by its label.
@@ -158,9 +158,9 @@ class TrackFacts:
         return found
 
 
-def track_story(facts: TrackFacts, events: Sequence[Event]) -> list[Group]:
+def track_story(facts: TrackFacts) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
-    own = [event for event in events if event.track == facts.number]
+    own = [event for event in facts.observer.flight.events if event.track == facts.number]
     groups = [
         ("note", list(filter(None, [facts.observer.note]))),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),

@@ -32,8 +32,8 @@ _SLACK = 1e-6  # s, for times that were typed
 
 def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
-    recording, scenario = again.recording, again.scenario
-    sight = Sight.of(recording, scenario, k, uav)
+    recording, scenario = again.recording, again.recording.setting
+    sight = Sight.of(recording, k, uav)
     view, shown = annotated(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]

@@ -1,6 +1,5 @@
 """Frames for the eye: images of a recorded mission, rendered again from its poses and annotated."""
 
-import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -9,14 +8,11 @@ import numpy as np
 
 from sim.drawing.lettering import Image
 from sim.recording.archive import load
-from sim.recording.npz import line
 from sim.recording.recording import Recording
-from sim.recording.validation import check_scenario
-from sim.scenario.loading import decode
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Flags
 from tracking.plugins.registry import InputError
 
@@ -31,9 +27,8 @@ class Rerenderer(ExitStack):
     def __init__(self, recording: Recording) -> None:
         super().__init__()
         self.recording = recording
-        self.scenario = scenario_of(recording)
         people = recording.people.shape[1]
-        world = World(self.scenario, recording.forest, people, recording.seed, repeat=recording.repeat)
+        world = World(recording.setting, recording.forest, people, recording.seed, repeat=recording.repeat)
         self._world = self.enter_context(world)
         self._renderer = Renderer(self._world)
 
@@ -46,7 +41,7 @@ class Rerenderer(ExitStack):
         r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
-        camera = camera_of(self.scenario.uavs[uav])
+        camera = camera_of(r.setting.uavs[uav])
         return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
@@ -54,30 +49,26 @@ class Rerenderer(ExitStack):
 
         A UAV takes none when it has broken down, between those of a slow camera, and in ideal sensing.
         """
-        taken: list[Image | None] = [None] * len(self.scenario.uavs)
-        if self.scenario.sensing.renders:
+        setting = self.recording.setting
+        taken: list[Image | None] = [None] * len(setting.uavs)
+        if setting.sensing.renders:
             for i in uavs:
-                if self.recording.working[k, i] and self.scenario.has_frame(i, k):
+                if self.recording.working[k, i] and setting.has_frame(i, k):
                     taken[i] = self.image(k, i)
         return taken
 
 
-def frames_taken(recording: Recording, scenario: Scenario) -> Flags:
+def frames_taken(recording: Recording) -> Flags:
     """Flags (K, n) of the scans at which the camera of a UAV that works took a frame."""
     scans, uavs = recording.working.shape
-    due = [[scenario.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
+    due = [[recording.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
     return np.logical_and(recording.working, due)
 
 
-def scenario_of(recording: Recording) -> Scenario:
-    """The scenario that a recording was flown in; InputError if this program does not know it."""
-    try:
-        scenario = decode(json.loads(recording.scenario))
-    except (ValueError, RecursionError, OverflowError) as error:
-        other = "made by another understory? its summary.json names the version that reads it"
-        raise InputError(f"recording: its scenario: {line(error)}; {other}") from error
-    check_scenario(recording, scenario)
-    return scenario
+def hiding_forest(recording: Recording) -> Forest:
+    """The map of trees as they hid people from cameras: in ideal sensing as `sensing.occlusion` says, else exactly."""
+    sensing, exact = recording.setting.sensing, recording.forest
+    return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
 
 
 def find(folder: Path) -> Recording:
@@ -87,7 +78,7 @@ def find(folder: Path) -> Recording:
         if not path.exists():
             raise InputError(f"{folder} " + (_holds(folder) if folder.is_dir() else "does not exist"))
         recording = load(path)
-        scenario_of(recording)
+        _ = recording.setting  # which may be unknown here
     except OSError as error:
         raise InputError(f"DIR: {folder} cannot be read: {error.strerror}") from error
     except ValueError as error:

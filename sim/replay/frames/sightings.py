@@ -9,6 +9,7 @@ import numpy as np
 from sim.drawing.labels import numbered
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
+from sim.replay.frames.rerender import hiding_forest
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
@@ -51,11 +52,11 @@ class Sighting:
         return "in view" if self.pixels else "covered by another person"
 
     @staticmethod
-    def all_of(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
+    def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
         """All people to a camera at the pose of a UAV's at scan k."""
-        pose, people, forest = recording.camera_at(k, uav), recording.people[k], recording.forest
-        looked = scenario.has_frame(uav, k)
-        inside, hiding = inside_and_hiding(camera, pose, people, forest)
+        pose, people = recording.camera_at(k, uav), recording.people[k]
+        looked = recording.setting.has_frame(uav, k)
+        inside, hiding = inside_and_hiding(camera, pose, people, hiding_forest(recording))
         # Without a frame, geometry tells what it would have shown.
         pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
         return tuple(
@@ -93,12 +94,13 @@ class Sight:
         return self.snapshot.cameras[self.uav]
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Sight":
+    def of(recording: Recording, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
-        people = Sighting.all_of(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
+        scenario = recording.setting
+        people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, recording.forest, numbered(recording, k), uav, people)
+        return Sight(scenario, hiding_forest(recording), numbered(recording, k), uav, people)
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
@@ -106,8 +108,10 @@ def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest)
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     parts = len(forest.blockers) // max(len(forest.trees), 1)  # of a tree
-    touched = _touched(pose.position, points, forest.blockers).reshape(len(points), parts, len(forest.trees))
-    return inside, touched.any(axis=1) & inside[:, None]
+    touched = _touched(pose.position, points[inside], forest.blockers)
+    hiding = np.zeros((len(points), len(forest.trees)), dtype=np.bool_)
+    hiding[inside] = touched.reshape(len(touched), parts, len(forest.trees)).any(axis=1)
+    return inside, hiding
 
 
 @compiled
@@ -121,18 +125,18 @@ def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
-    """Outlines in the image, for each tree, of what it hides at `TARGET_HEIGHT`: canopy and trunk, as pixels (N, 2).
+    """Outlines in the image, for each tree, of what its blockers hide at `TARGET_HEIGHT`, as pixels (N, 2).
 
-    From a camera above, a point at that height is hidden where the image shows a part of a cylinder that is higher.
+    From a camera above, a point at that height is hidden where the image shows a part of a blocker from there on.
     """
     found: list[list[Array]] = [[] for _ in forest.trees]
-    for tree, cylinder in zip([*range(len(found)), *range(len(found))], forest.cylinders, strict=True):
+    for n, cylinder in enumerate(forest.blockers):
         x, y, radius, bottom, top = cylinder.tolist()
-        if top <= TARGET_HEIGHT:
+        if top < TARGET_HEIGHT:
             continue
         outline = silhouette(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
         if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.pixels):
-            found[tree].append(outline)
+            found[n % len(found)].append(outline)
     return found
 
 

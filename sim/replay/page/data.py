@@ -13,7 +13,6 @@ from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, footprint
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, lanes
 from sim.replay.flight import Flight
-from sim.scenario.scenario import Scenario
 
 
 def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
@@ -34,7 +33,7 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "people": [[None if math.isnan(p[0]) else _rounded(p) for p in row] for row in recording.people],
         "headings": _rounded(np.nan_to_num(recording.headings)),
         "uavs": _rounded(recording.poses[:, :, :3]),
-        "views": _views(recording, scenario),
+        "views": _views(recording),
         "tracks": _tracks(recording),
         "states": history.camera_states.tolist(),
         "texts": list(texts),
@@ -45,7 +44,7 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
         "unmatched": [[e.kind, e.first, e.last, lane] for e, lane in lanes(events)],
         "switches": [[event.first, event.person] for event in events if event.kind in IDENTITIES],
-        "plans": _plans(recording, scenario),
+        "plans": _plans(recording),
         "colours": {
             **colours(),
             "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further ones begin again
@@ -57,10 +56,10 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     }
 
 
-def _views(recording: Recording, scenario: Scenario) -> list[list[list[float] | None]]:
+def _views(recording: Recording) -> list[list[list[float] | None]]:
     """Corners x, y [m] of what each camera shows of the ground; null where it has no bounds nearby."""
-    uavs = range(len(scenario.uavs))
-    shown = ([footprint(scenario, i, recording.camera_at(k, i)) for i in uavs] for k in range(len(recording.times)))
+    scans, uavs = recording.poses.shape[:2]
+    shown = ([footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans))
     return [[None if corners is None else _rounded(corners.ravel()) for corners in row] for row in shown]
 
 
@@ -76,11 +75,12 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
 
 
-def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
+def _plans(recording: Recording) -> dict[str, Any]:
     """Times from which plans are flown [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    setting = recording.setting
     return {
-        "times": _rounded([scenario.due(time) for time in recording.plan_times.tolist()], 3),
-        "step": 1 / scenario.rates.planning,
+        "times": _rounded([setting.due(time) for time in recording.plan_times.tolist()], 3),
+        "step": 1 / setting.rates.planning,
         "controls": [[_rounded(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }
 

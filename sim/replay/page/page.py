@@ -64,8 +64,8 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     return Template(_asset("page.html")).substitute(
         policy=policy,
         title=escape(titled(recording)),
-        warnings=_warnings(recording, scenario, [event for event in incidents if event.kind == "fault"]),
-        facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
+        warnings=_warnings(recording, [event for event in incidents if event.kind == "fault"]),
+        facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),
         settings=_settings(scenario),
         film="" if film is None else _film(film),
         lost=len(lost),
@@ -125,19 +125,19 @@ def _film(film: bytes) -> str:
     )
 
 
-def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event]) -> str:
+def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
     """Lines on what the results lack: the part that was not flown, and the first faults of planner and detector."""
     lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_SHOWN]]
     if (more := len(faults) - _SHOWN) > 0:
         lines.append(f"{more} more {'kind of fault is' if more == 1 else 'kinds of fault are'} listed below.")
     if recording.interrupted:
-        lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {scenario.duration:g} s.")
+        lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {recording.setting.duration:g} s.")
     return "\n".join(f'<p class="warning">{escape(line)}</p>' for line in lines)
 
 
-def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:
+def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     """Facts to know before looking: results first, then the setting."""
-    outcome = Outcome(recording)
+    outcome, scenario = Outcome(recording), recording.setting
     for label, metric in _RESULTS.items():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
     if name := _packaged(scenario):

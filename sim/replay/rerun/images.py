@@ -29,15 +29,15 @@ class Cameras:
 
     def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
-        self._recording, self._scenario = again.recording, again.scenario
+        self._recording, self._uavs = again.recording, again.recording.setting.uavs
 
     def log(self, k: int) -> None:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         tracks = numbered(self._recording, k).tracks
-        for i, uav in enumerate(self._scenario.uavs):
-            association = Association.of(self._recording, self._scenario, k, i)
+        for i, uav in enumerate(self._uavs):
+            association = Association.of(self._recording, k, i)
             if association is None:
                 continue
             root = f"world/camera/{i}"
@@ -59,7 +59,7 @@ class Cameras:
         self._stream.log(f"world/camera/{uav}/image", encoded)
 
     def _log_breakdown(self, uav: int) -> None:
-        tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._scenario.uavs[uav].pixels
+        tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._uavs[uav].pixels
         draw_broken(tile, uav)
         self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
         root = f"world/camera/{uav}"
@@ -68,7 +68,7 @@ class Cameras:
 
     def _project(self, k: int, uav: int, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
-        camera, pose = camera_of(self._scenario.uavs[uav]), self._recording.camera_at(k, uav)
+        camera, pose = camera_of(self._uavs[uav]), self._recording.camera_at(k, uav)
         points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 

@@ -10,17 +10,16 @@ from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
-from sim.scenario.scenario import Scenario
 from tracking.numerics.arrays import Array
 
 
-def matches_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> tuple[tuple[Match, Array], ...]:
+def matches_at(recording: Recording, k: int, uav: int) -> tuple[tuple[Match, Array], ...]:
     """The matches at the end of the plans made at scan k on what one UAV believed then, the strongest first.
 
     They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
     make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
     """
-    plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, uav)
+    plans, situation = recording.plans_at(k), situation_at(recording, k, uav)
     if plans is None or not situation.tracks:
         return ()
     planned = [plans[v.id].controls for v in situation.vehicles]
@@ -36,18 +35,19 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> tu
     return tuple((m._replace(uav=ids[0][m.uav], target=ids[1][m.target]), targets[m.target, :2]) for m in found)
 
 
-def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> Situation:
+def situation_at(recording: Recording, k: int, uav: int) -> Situation:
     """Situation of one UAV when plans were made at scan k: its tracks, and all UAVs that worked.
 
     Note: the team is the true one; links that were down then, and earlier intents, are left out.
     """
-    fleet = [v for v in vehicles_at(recording, scenario, k) if recording.working[k, v.id]]
+    setting = recording.setting
+    fleet = [v for v in vehicles_at(recording, k) if recording.working[k, v.id]]
     return Situation(
         time=float(recording.times[k]),
         own=next(v for v in fleet if v.id == uav),
         neighbours=tuple(v for v in fleet if v.id != uav),
         tracks=recording.tracks_at(k, uav),
-        forest=known_forest(recording, scenario),
-        area=(scenario.area.width, scenario.area.height),
-        motion=planned_motion(scenario, motion_at(recording, scenario, k, uav)),
+        forest=known_forest(recording),
+        area=(setting.area.width, setting.area.height),
+        motion=planned_motion(setting, motion_at(recording, k, uav)),
     )

@@ -96,7 +96,7 @@ class Scene:
     """Logs one scan after another."""
 
     def __init__(self, stream: rr.RecordingStream, flight: Flight) -> None:
-        self._stream, self._recording, self._scenario = stream, flight.recording, flight.scenario
+        self._stream, self._recording = stream, flight.recording
         self._holds, self._intents = flight.history.hold_states, Intents(flight.scenario)
 
     def log(self, k: int) -> None:
@@ -194,7 +194,7 @@ class Scene:
 
     def _log_matches(self, k: int, uav: int, snapshot: Snapshot) -> None:
         """Lines from a UAV to where its matches are expected when the plans end; bold, what has a penalty."""
-        matches = [(m, end) for m, end in matches_at(self._recording, self._scenario, k, uav) if m.uav == uav]
+        matches = [(m, end) for m, end in matches_at(self._recording, k, uav) if m.uav == uav]
         numbers = [self._recording.track_numbers[match.target] for match, _ in matches]
         lines = rr.LineStrips3D(
             [np.array([snapshot.poses[uav].position, (*end, TARGET_HEIGHT)]) for _, end in matches],

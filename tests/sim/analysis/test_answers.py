@@ -43,6 +43,8 @@ def test_pairs_are_by_seed_and_what_is_better_depends_on_the_metric():
 def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
     rows = [*flown("sma-nbo", {0: 1.0, 1: 1.0, 2: np.nan, 3: 1.0}), failed("sma-nbo", 4)]
     rows += [*flown("greedy", {0: 2.0, 1: np.inf, 2: 2.0, 4: 2.0, 9: 3.0}), failed("greedy", 3)]
+    both = [*rows, failed("sma-nbo", 5), failed("greedy", 5)]
+    assert answer(both, "sma-nbo").difference.unpaired == 6
     one = answer(rows, "sma-nbo")
     assert (one.maps, one.flown, one.trials, one.failed, one.undefined) == (4, 6, 5, 1, 1)
     assert one.mean == means(np.array([[2.0], [2.0], [2.0], [3.0]]))[0]
@@ -50,6 +52,11 @@ def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
     base = answer(rows, "sma-nbo", planner="sma-nbo")
     assert (base.maps, base.flown, base.trials, base.failed, base.undefined) == (3, 5, 4, 1, 1)
     assert base.difference is None
+
+
+def test_a_trial_counts_as_faulty_from_one_fault_on():
+    rows = [row("greedy", seed, metrics={"ospa.mean_m": 1.0, "faults": float(seed)}) for seed in range(3)]
+    assert answer(rows, "greedy").faulty == 2
 
 
 def test_cells_without_baseline_and_groups_that_failed_are_there():
@@ -158,6 +165,19 @@ def test_over_all_cells_each_seed_counts_once_whole_and_with_its_baseline():
     rows += [row("greedy", s, (("R", "9"),)) for s in (0, 1)]
     gap = answer(rows, "sma-nbo", cell=None).difference
     assert (gap.pairs, gap.unpaired, gap.tied, gap.cells) == (2, 0, 2, 2)
+
+
+def test_what_cancels_but_for_rounding_is_a_tie():
+    shares = {"1": (150, 151), "3": (120, 121), "5": (100, 98)}  # of 201 scans: one more, one more, two fewer
+    rows = []
+    for seed in range(8):
+        for r, counts in shares.items():
+            for planner, count in zip(("sma-nbo", "greedy"), counts, strict=True):
+                rows.append(row(planner, seed, (("R", r),), {SHARE.name: count / 201}))
+    by_cell = answer(rows, "sma-nbo", SHARE, cell=None).difference
+    repeats = [msgspec.structs.replace(r, factors=(), repeat=int(r.factors[0][1])) for r in rows]
+    for gap in (by_cell, answer(repeats, "sma-nbo", SHARE).difference):
+        assert (gap.won, gap.tied, gap.lost, gap.mean.value, gap.p_value) == (0, 8, 0, 0.0, 1.0)
 
 
 def test_labels_keep_what_tells_planners_apart_in_natural_order():

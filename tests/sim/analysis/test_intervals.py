@@ -116,6 +116,9 @@ def test_spreads_are_those_of_the_analysis_of_variance_also_unequal_repeats():
     assert spreads(skewed(5), np.arange(5)) == [NO_SPREAD]
     (one,) = spreads(np.array([[1.0], [3.0], [np.nan]]), np.array([4, 4, 5]))
     assert np.isnan(one.between) and one.within == pytest.approx(np.sqrt(2))
+    # Means 1, of two, and 5, of one, about 7/3: MS within 2, MS between 32/3, mean size 4/3.
+    (unequal,) = spreads(np.array([[0.0], [2.0], [5.0]]), np.array([0, 0, 1]))
+    assert (unequal.between, unequal.within) == pytest.approx((np.sqrt(6.5), np.sqrt(2.0)))
     rng = np.random.default_rng(3)
     maps = np.repeat(np.arange(9), [1, 2, 3, 1, 4, 2, 5, 1, 3])
     found = [spreads((rng.normal(0, 2, 9)[maps] + rng.normal(0, 1, len(maps)))[:, None], maps)[0] for _ in range(2000)]

@@ -64,6 +64,8 @@ def test_maps_without_floor_or_bound_do_not_count_nor_do_cells_without_room():
     (score,) = scored(rows)
     assert score.maps == 2 and score.estimate.value == pytest.approx((9 - 6) / (9 - 2))
     assert scored(cell((6.0, 6.0, 6.0), bound=(20.0, 20.0, 20.0))) == []
+    equal = (0.5, 0.5), (0.5, 0.5), (0.5, 0.5)
+    assert scored(cell(*equal)) == scored(cell(*equal, name=SHARE.name), SHARE) == []
 
 
 def test_the_mean_over_cells_is_by_seed_and_of_planners_in_all_of_them():
@@ -72,6 +74,9 @@ def test_the_mean_over_cells_is_by_seed_and_of_planners_in_all_of_them():
     found = {(s.cell, s.planner): s.estimate for s in scored(rows)}
     one, other = (found[(("scenario", w),), "sma-nbo"].value for w in "ab")
     assert found[None, "sma-nbo"].value == pytest.approx((one + other) / 2) and (None, "greedy") not in found
+    third = cell((6.0, 6.0, 6.0), factors=(("scenario", "c"),))
+    some = [r for world in "ab" for r in flown("greedy", (3.0, 3.0, 3.0), (("scenario", world),))]
+    assert {s.planner for s in scored([*worlds[0], *worlds[1], *third, *some]) if s.cell is None} == {"sma-nbo"}
 
 
 def test_intervals_hold_the_score_of_many_maps():

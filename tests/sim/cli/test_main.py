@@ -112,7 +112,7 @@ def test_a_mission_without_people_is_explained(call, tmp_path):
 
 
 def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tmp_path):
-    save(eventful()[0], tmp_path / "mission.npz")
+    save(eventful(), tmp_path / "mission.npz")
     code, out, err = call("explain", ".")
     assert (code, err) == (0, "") and out.splitlines()[0] == "losses"
     told = [line.split(": ")[:2] for line in out.splitlines()[1:4]]

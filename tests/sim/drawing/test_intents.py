@@ -27,7 +27,7 @@ class Turning:
 def delayed(request):
     """A delay, and a mission flown with it."""
     options = (*IDEAL, "trees.density=0", f"network.plan_delay={request.param}")
-    return request.param, *recorded(*options, planner=Turning(), duration=6)
+    return request.param, recorded(*options, planner=Turning(), duration=6)
 
 
 def expected(delayed, k, uav):
@@ -35,7 +35,7 @@ def expected(delayed, k, uav):
 
     The first step of each plan ends where the UAV is when the next one is due, which the recording tells.
     """
-    delay, recording, _ = delayed
+    delay, recording = delayed
     since = k - round(5 * delay)
     if since < 0:
         return None
@@ -44,8 +44,8 @@ def expected(delayed, k, uav):
 
 
 def test_intents_are_what_is_flown_from_when_a_plan_is_due(delayed):
-    recording, scenario = delayed[1:]
-    intents = Intents(scenario)
+    recording = delayed[1]
+    intents = Intents(recording.setting)
     for k in range(len(recording.times) - 5):
         snapshot = recording.snapshot(k)
         intents.follow(snapshot)
@@ -58,10 +58,10 @@ def test_intents_are_what_is_flown_from_when_a_plan_is_due(delayed):
 
 
 def test_the_map_rings_the_end_of_what_is_flown(delayed):
-    recording, scenario = delayed[1:]
+    recording = delayed[1]
     size = (1080, 756)
     for k in (2, 7, 18):
-        view = MapView(scenario, recording.forest, size)
+        view = MapView(recording.setting, recording.forest, size)
         image, _ = view.recorded(recording, k, np.full(recording.people.shape[1], HOLDS.index("held")))
         for uav in range(3):
             ends = expected(delayed, k, uav)
@@ -72,7 +72,7 @@ def test_the_map_rings_the_end_of_what_is_flown(delayed):
 
 
 def test_the_page_has_the_times_when_plans_are_due(delayed):
-    delay, recording, _ = delayed
+    delay, recording = delayed
     times = page_data(Flight(recording), None)["plans"]["times"]
     np.testing.assert_allclose(times, np.arange(7) + delay)
 

@@ -92,6 +92,17 @@ def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
     assert env.flight().recording.seed >= 2**32
 
 
+def test_resets_without_a_seed_draw_new_maps_the_same_after_the_same_seed():
+    drawn = []
+    for env in (understory.parallel_env("forest", settings={**IDEAL, "duration": 1}) for _ in range(2)):
+        env.reset(seed=5)
+        for _ in range(2):
+            env.reset()
+            env.step(dict.fromkeys(env.agents, np.zeros(2)))
+            drawn.append(env.flight().recording.seed)
+    assert drawn[:2] == drawn[2:] and len(set(drawn)) == 2 and min(drawn) >= 2**32
+
+
 def test_two_hundred_steps_are_the_same_again():
     settings = {**IDEAL, "duration": 40, "rates.planning": 5, "sensing.false_alarms": 0.2, "network.loss": 0.1}
     one, other = (understory.parallel_env("forest", settings=settings) for _ in range(2))
@@ -157,6 +168,24 @@ def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
     assert len(team.unwrapped.flight().recording.times) == 21
 
 
+def test_a_teams_reward_and_infos_are_means_over_the_uavs_that_work():
+    settings = {**IDEAL, "uavs.1.fails_at": 1.5, "network.rounds": 0}  # what UAVs believe differs
+    team = gymnasium.make("understory/Forest-v0", settings=settings)
+    each = understory.parallel_env("forest", settings=settings)
+    team.reset(seed=0)
+    each.reset(seed=0)
+    while each.agents:
+        _, reward, _, truncated, info = team.step(np.full((3, 2), 0.4))
+        _, rewards, terminated, _, infos = each.step(dict.fromkeys(each.agents, np.full(2, 0.4)))
+        working = [agent for agent, ends in terminated.items() if not ends]
+        assert reward == pytest.approx(np.mean([rewards[agent] for agent in working]))
+        assert info == pytest.approx({name: np.mean([infos[agent][name] for agent in working]) for name in info})
+    assert truncated and working == ["uav_0", "uav_2"] and set(info) == {"time", "ospa", "gospa"}
+    errors = each.flight().arrays["ospa_m"][-1, :, 0]
+    assert errors[0] != errors[2] and [infos[agent]["ospa"] for agent in working] == errors[[0, 2]].tolist()
+
+
+ROWS = (np.int64(3), 3)
 KNOWN = "gospa, true_gospa, trace"
 TEAM = partial(gymnasium.make, "understory/Forest-v0")
 SIZES = {"settings": {"uavs.1.pixels": 64}, "observe": {"image": True}}
@@ -315,6 +344,13 @@ def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, m
         shown.append(told)
     assert len(places) == len(shown)
     assert all(equal(one, other) for one in shown for other in shown)
+
+
+def test_repeats_and_rows_may_be_integers_of_numpy():
+    env, other = (understory.parallel_env("forest", settings=IDEAL, observe={"tracks": rows}) for rows in ROWS)
+    seen = env.reset(seed=0, options={"repeat": np.int64(1)})
+    assert equal(seen, other.reset(seed=0, options={"repeat": 1}))
+    assert env.observation_spaces == other.observation_spaces
 
 
 def test_an_option_that_is_unknown_is_told_of():

@@ -12,6 +12,7 @@ from sim.environments.observations import Observations
 from sim.environments.rewards import expected_gospa, trace, true_gospa
 from sim.mission.snapshot import reported_positions
 from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.metrics.gospa import gospa
 from tracking.track import Track
 from tracking.undetected import Intensity
@@ -77,6 +78,19 @@ def test_a_time_unseen_grows_while_no_camera_sees_the_person(teams):
     assert grown and any(seen.values())
 
 
+def test_a_track_that_tells_no_sighting_is_unseen_since_the_start(teams):
+    track = Track(0, Gaussian(np.zeros(4), np.eye(4)))
+    assert math.isnan(track.sighting[2])
+    situation = dataclasses.replace(teams[3][0], tracks=(track,))
+    assert Observations(2).of(situation)["tracks"][0, -1] == situation.time == 3.0
+
+
+def test_the_edge_of_an_unlimited_view_is_the_longer_of_the_area(teams):
+    own = dataclasses.replace(teams[0][0].own, camera=Camera(ALL_ROUND, 128))
+    situation = dataclasses.replace(teams[0][0], own=own)
+    assert Observations(2).of(situation)["own"][-1] == 150.0
+
+
 def believed(situation, tracks, undetected):
     people = np.full((2, 2), undetected / 4)
     return dataclasses.replace(situation, tracks=tracks, undetected=Intensity(people, (0.0, 0.0), (1.0, 1.0)))
@@ -110,6 +124,8 @@ def test_the_other_rewards_are_the_trace_and_the_gospa_to_the_true_people(teams)
     tracks = (Track(0, Gaussian(np.zeros(4), np.diag([1.0, 2.0, 8.0, 8.0]))),)
     situation = believed(teams[0][0], tracks * 1, 0.0)
     assert trace(situation, np.zeros((5, 2))) == -3.0
+    lost = believed(teams[0][0], (), 4.0)
+    assert trace(lost, np.zeros((4, 2))) == 0.0 and expected_gospa(lost, np.zeros((4, 2))) == -math.sqrt(200.0)
     people = np.array([[3.0, 4.0], [90.0, 0.0]])
     assert true_gospa(situation, people) == pytest.approx(-math.sqrt(25.0 + 50.0))
     doubted = (Track(0, tracks[0].belief, 0.5),)

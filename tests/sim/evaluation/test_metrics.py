@@ -70,11 +70,13 @@ def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     np.testing.assert_allclose(found[:, 0, 0], np.array([1, 2, 4, 5, nan, nan]) * 5)
     np.testing.assert_allclose(found[:, 1, 0], np.array([nan, nan, nan, 1, 1.5, 2]) * 5)
     np.testing.assert_allclose(found[..., 1], -2 * found[..., 0])
-    held = held_by(recorded(walk(), HELD), 0)
+    flown = recorded(walk(), HELD)
+    held = held_by(flown, 0)
     assert held.ids.tolist() == [7, 8, 9]
     np.testing.assert_array_equal(held.means[3, 1], track(-30.0))
     assert np.isnan(held.means[..., 0]).tolist() == [[0, 1, 1], [0, 1, 1], [1, 1, 0], [1, 0, 0]]
-    assert np.array_equal(np.isnan(held.covariances[..., 0, 0]), np.isnan(held.means[..., 0]))
+    assert np.array_equal(held.rows < 0, np.isnan(held.means[..., 0]))
+    np.testing.assert_array_equal(flown.track_means[held.rows[held.rows >= 0]], held.means[held.rows >= 0])
 
 
 def test_tracks_that_are_not_reported_count_in_no_figure_of_tracking():
@@ -130,6 +132,25 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
     between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4), 0)
     np.testing.assert_allclose(between.position_nees, np.full(4, 16.0))  # one track is of one person
     assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
+    assert len(score(recorded(people, [[{1: (0.0, -10.0, 0.0, 0.0)}]] * 4), 0).position_nees) == 0
+
+
+@pytest.mark.parametrize(("side", "rows", "low", "high"), [(2, 1, 0.86, 0.93), (3, 3, 0.57, 0.68)])
+def test_pairs_of_near_people_bias_nees_as_the_page_says(side, rows, low, high):
+    """People in grids, one standard deviation apart, 100 m from grid to grid; independent errors at 20 scans."""
+    rng, deviation, grids = np.random.default_rng(0), 0.25, 200 // (side * rows)
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(rows)), axis=-1).reshape(-1, 2) * deviation
+    people = (grid + 100.0 * np.arange(grids)[:, None, None] * [1, 0]).reshape(-1, 2)
+    places = people + deviation * rng.normal(size=(20, len(people), 2))
+    found = []
+    for renamed in (True, False):  # tracks of new ids are paired anew at each scan, others keep their people
+        tracks = [
+            [{k * renamed * len(people) + i: (*xy, 0, 0) for i, xy in enumerate(at)}] for k, at in enumerate(places)
+        ]
+        recording = recorded(np.tile(people, (20, 1, 1)), tracks)
+        spread = np.tile(deviation**2 * np.eye(4), (len(recording.track_ids), 1, 1))
+        found.append(score(dataclasses.replace(recording, track_covariances=spread), 0).position_nees.mean() / 2)
+    assert low < found[0] < high and found[1] > 1.05
 
 
 def test_a_track_that_holds_one_person_is_no_outlier_of_nees_for_another():

@@ -15,7 +15,7 @@ from helpers.summaries import hand_made, shown, summary
 from helpers.trials import row
 from rich.console import Console
 
-from sim.evaluation.metric import metric
+from sim.evaluation.metric import Outcome, evaluated, metric
 from sim.report.report import About
 from sim.report.terminal import show
 from sim.study.store import read_rows
@@ -43,6 +43,7 @@ def moved(outcome):
 MOVED = Metric("moved", moved)
 NONE = Metric("of nothing", lambda outcome: None)
 NUMBER = 3
+MORE = Metric("more is better", farthest, better="more")
 ODD = Metric("how [/b]", lambda outcome: np.float64("nan"), "[/i]")
 ENDLESS = Metric("endless [/b]", lambda outcome: np.inf)
 """
@@ -103,6 +104,8 @@ def test_a_metric_that_raises_is_undefined_and_a_fault():
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]
     assert fault["message"].startswith("metric mine:BROKEN: ZeroDivisionError") and math.isfinite(fault["time"])
+    row = evaluated(Outcome(hand_made()), ["mine:BROKEN", "mine:FARTHEST"])
+    assert row["mine:BROKEN"] is None and row["faults"] == 1  # of which tables of a study warn
 
 
 def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
@@ -123,6 +126,7 @@ def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
         ("run", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:NUMBER", "cannot be imported: 'NUMBER' of mine is of type int, not a class or function"),
         ("compare", "mine:farthest", "is not a metric; expected a sim.evaluation.metric.Metric"),
+        ("compare", "mine:MORE", "mine:MORE: better: 'more' is unknown; allowed are lower, higher, neither"),
         ("compare", "nowhere:IT", "cannot be imported: No module named 'nowhere'"),
         ("compare", "ospa.maen_m", "did you mean ospa.mean_m?"),
     ],

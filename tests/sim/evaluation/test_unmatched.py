@@ -9,8 +9,7 @@ from helpers.summaries import shown, summary
 
 from sim.evaluation.score import FAR, HELD, held_by
 from sim.evaluation.unmatched import standing, unmatched_tracks
-from sim.replay.events import events_of
-from sim.replay.frames.rerender import scenario_of
+from sim.replay.flight import Flight
 from tracking.metrics.clearmot import correspondence
 from tracking.metrics.gospa import gospa
 
@@ -50,7 +49,7 @@ def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
         tracks = np.array([t.belief.mean[:2] for t in recording.tracks_at(k, i)]).reshape(-1, 2)
         people = recording.people[k][~np.isnan(recording.people[k, :, 0])]
         assert counts[k, i] == round(gospa(tracks, people, FAR)[3] ** 2 / (FAR**2 / 2))
-    found = [event for event in events_of(recording, scenario_of(recording)) if event.kind == "identity switch"]
+    found = [event for event in Flight(recording).events if event.kind == "identity switch"]
     for i, row in enumerate(summary(recording)["uavs"]):
         assert row["switches"] == sum(i in event.uavs for event in found)
     assert found
@@ -76,11 +75,24 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}
 
 
+def test_a_duplicate_is_so_by_its_median_distance_where_the_first_uav_has_it():
+    """Track 90 beside a person with track 70: at one of five scans 9 m off, and to the second UAV alone."""
+
+    def found(usual, once):
+        scans = [[{70: (0.0, 0.0)}, {70: (0.0, 0.0), 90: (once if k == 2 else usual, 0.0)}] for k in range(5)]
+        (track,) = unmatched_tracks(standing_still(scans, np.zeros((1, 2))))
+        return track
+
+    near, far = found(0.9, 9.0), found(9.0, 0.9)
+    assert (near.duplicate, near.gap, near.nearest) == (True, 0.9, 0)
+    assert (far.duplicate, far.gap, far.nearest) == (False, 9.0, 0)
+
+
 def test_a_false_track_tells_that_its_person_left():
     recording = standing_still([[{70: (0.0, 0.0), 80: (20.0, 0.0)}]] * 12, np.array([[0.0, 0.0], [20.0, 0.0]]))
     recording.people[6:, 1] = np.nan
     (track,) = unmatched_tracks(recording)
     assert (track.id, track.first, track.last, track.left) == (80, 6, 11, 1)
-    (event,) = (e for e in events_of(recording, scenario_of(recording)) if e.kind == "false track")
+    (event,) = (e for e in Flight(recording).events if e.kind == "false track")
     assert "after its person 1 left" in event.why
     assert all(track.left is None for track in unmatched_tracks(swapping()))

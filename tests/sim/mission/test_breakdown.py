@@ -19,7 +19,6 @@ from sim.drawing.palette import ALARM, FAINT, uav_colour
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.frames.pages import scans_between
-from sim.replay.frames.rerender import scenario_of
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
@@ -151,7 +150,7 @@ def test_map_and_tile_cross_out_a_uav_that_broke_down():
 
 def test_frames_after_a_breakdown_are_refused_and_the_command_says_when(call, refused):
     recording = recording_of(*fly("uavs.1.fails_at=0.5", "uavs.2.fails_at=0", duration=2))
-    assert scenario_of(recording).uavs[1].fails_at == 0.5
+    assert recording.setting.uavs[1].fails_at == 0.5
     assert scans_between(recording, 0.0, 0.4, 1) == [0, 1, 2]
     assert scans_between(recording, 0.0, 2.0, 0) == list(range(11))
     with pytest.raises(InputError, match=r"^--time: at 0\.6 s UAV 1 had broken down; its last scan is that at 0\.4 s$"):

@@ -89,6 +89,34 @@ def test_one_file_from_outside_changes_the_tracks(tmp_path, module, override):
     assert digest(recording) == digest_of(override) != digest_of()
 
 
+SUMS = """
+from tracking.fusion.hcmci import HybridConsensus
+
+
+class Zeros(HybridConsensus):
+    def contribution(self, local):
+        given = super().contribution(local)
+        if local.uav:
+            own = given.averaged + given.summed[:, :20]
+            return given._replace(averaged=own, summed=self.nothing(given.summed))
+        return given
+
+    def nothing(self, summed):
+        return 0.0 * summed
+
+
+class Nothing(Zeros):
+    def nothing(self, summed):
+        return summed[:, :0]
+"""
+
+
+def test_a_fusion_rule_may_add_up_on_some_uavs_only(tmp_path, module):
+    module("sums", SUMS)
+    zeros, nothing = (flown(tmp_path / rule, *SHORT, f"network.fusion=sums:{rule}")[0] for rule in ("Zeros", "Nothing"))
+    assert np.array_equal(nothing.track_means, zeros.track_means) and len(zeros.track_means)
+
+
 def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
     assert type(motion_model("ncv", 0.2, 0.5, 3.0, 1.6)).__name__ == "NearlyConstantVelocity"
     assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
@@ -218,7 +246,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("contribution", "given = given._replace(summed=-1e3 * np.ones((4, 21)))", "averaged, with summed, are not"),
         ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("contribution", "return None", "cannot contribute: "),
-        ("sense", "return None", "cannot sense: "),
+        ("sense", "return None", "cannot sense: output: NoneType is no sim.sensing.sensor_mode.SensorOutput"),
         ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
         ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1e+06 m away"),
         ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),

@@ -23,7 +23,7 @@ NOISY = ["sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust
 
 
 def flown(repeat):
-    return recorded(*NOISY, planner="sma-nbo(evaluations=64)", seed=7, duration=2, repeat=repeat)[0]
+    return recorded(*NOISY, planner="sma-nbo(evaluations=64)", seed=7, duration=2, repeat=repeat)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +42,10 @@ def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recording
     again = flown(2)
     assert again.measurements.tobytes() == others[1].measurements.tobytes()
     assert again.track_means.tobytes() == others[1].track_means.tobytes()
-    setting = load("forest", NOISY)
-    lost = [np.array([links.lost for links in links_of(r, setting)]) for r in recordings]
+    lost = [np.array([links.lost for links in links_of(r)]) for r in recordings]
     assert not np.array_equal(lost[0], lost[1])
     forgotten = flown(0)
-    np.testing.assert_array_equal(lost[0], np.array([links.lost for links in links_of(forgotten, setting)]))
+    np.testing.assert_array_equal(lost[0], np.array([links.lost for links in links_of(forgotten)]))
 
 
 def test_a_map_is_what_the_seed_gives_and_looks_the_same():

@@ -12,7 +12,7 @@ from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.fault_text import LONGEST, MOST, read, recorded
-from sim.recording.recording import Recorder
+from sim.recording.recorder import Recorder
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault

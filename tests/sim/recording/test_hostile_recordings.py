@@ -22,7 +22,7 @@ from sim.recording.fault_text import LONGEST, MOST
 from sim.recording.npz import MOST_BYTES
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
-from sim.replay.frames.rerender import find, scenario_of
+from sim.replay.frames.rerender import find
 from sim.replay.history import History
 from sim.scenario.scenario import resolved
 from tracking.plugins.registry import InputError
@@ -315,7 +315,7 @@ def sound_or_one_line(path):
     save(recording, path.with_name("again.npz"))
     assert_same(load(path.with_name("again.npz")), recording)
     summary(recording, seconds={}, wall_s=0.0)
-    History.of(recording, scenario_of(recording))
+    History.of(recording)
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,10 @@ from planning.planner import Plan
 from sim.recording import recording as recording_module
 from sim.recording.archive import load, save
 from sim.recording.fault_text import recorded
-from sim.recording.recording import Recorder, Recording
+from sim.recording.recorder import Recorder
+from sim.recording.recording import Recording
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
-from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
@@ -170,7 +170,7 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks_renders_and_exports
     assert (found["network"]["bytes_total"] is None) == ("bytes_sent" in lacks) == ("sent by a UAV" not in shown(found))
     assert recording.snapshot(4).bytes_sent.tolist() == recording.bytes_sent[4].tolist()
     assert recording.faults_at(0) == recording.snapshot(3).faults == ()
-    assert len(History.of(recording, scenario_of(recording)).losses) == 0
+    assert len(History.of(recording).losses) == 0
     write_frames(recording, [5], 1, tmp_path / "frames", size=256, progress=lambda k: None)
     assert [p.name for p in (tmp_path / "frames").iterdir()] == ["uav1-scan0005-1.0s.png"]
     for target in ("csv", "stonesoup", "mot"):

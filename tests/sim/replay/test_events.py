@@ -40,8 +40,8 @@ def recorded(tracks, setting=SETTING, **changes):
     return replace(record(len(tracks), setting=setting, trees=0, change=still), **changes)
 
 
-def told(recording, setting=SETTING, without=("link lost", "link restored")):
-    return [(round(e.time, 6), e.kind, e.sentence) for e in events_of(recording, setting) if e.kind not in without]
+def told(recording, without=("link lost", "link restored")):
+    return [(round(e.time, 6), e.kind, e.sentence) for e in Flight(recording).events if e.kind not in without]
 
 
 def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
@@ -67,7 +67,7 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
-    lost, found = [e for e in events_of(recording, SETTING) if e.kind.startswith("person")]
+    lost, found = [e for e in Flight(recording).events if e.kind.startswith("person")]
     assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.8 s", 0)
     assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
@@ -93,25 +93,25 @@ def test_a_track_that_is_not_reported_holds_no_person_and_is_not_false():
     on, off = held((7, 0.0), (9, 20.0)), held((7, 50.0), (9, 20.0))
     recording = recorded([(on, on), (on, on), (off, off)])
     existence = np.where(recording.track_ids == 7, np.repeat([0.51, 0.5, 0.34], 4), np.nan)
-    (lost,) = (e for e in events_of(replace(recording, track_existence=existence), SETTING) if e.kind == "person lost")
+    (lost,) = (e for e in Flight(replace(recording, track_existence=existence)).events if e.kind == "person lost")
     assert lost.why.endswith("; track 0 is 0.0 m off at first, but not reported (existence 0.50)")
     assert lost.when == "from 0.2 s to the end"
-    likely = [e.kind for e in events_of(recording, SETTING)]
-    unlikely = [e.kind for e in events_of(replace(recording, track_existence=existence), SETTING)]
+    likely = [e.kind for e in Flight(recording).events]
+    unlikely = [e.kind for e in Flight(replace(recording, track_existence=existence)).events]
     assert "false track" in likely and "false track" not in unlikely
 
 
 def test_causes_of_a_loss_are_told_in_order_of_time():
     on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on)] + [(off, off)] * 5)
-    history = History.of(recording, SETTING)
+    history = History.of(recording)
     none = np.zeros(history.inside.shape, dtype=np.bool_)
     parts = {name: none.copy() for name in ("inside", "shown", "detected")}
     hidden_by = np.full(history.inside.shape, -1)
     parts["inside"][1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
     parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
     parts["shown"][4, 1, 0] = True
-    events = events_of(recording, SETTING, replace(history, hidden_by=hidden_by, **parts))
+    events = events_of(recording, replace(history, hidden_by=hidden_by, **parts))
     (lost,) = (e for e in events if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
@@ -124,7 +124,7 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
     plain, double = held((1, 0.0), (2, 20.0)), held((1, 0.0), (2, 20.0), (3, 0.5))
     false, drifted = held((1, 0.0), (2, 20.0), (4, 50.0)), held((1, 5.0), (2, 20.0))
     recording = recorded([(plain, plain), (double, plain), (double, double), (plain, false), (drifted, drifted)])
-    found = [e for e in events_of(recording, SETTING) if e.kind in ("false track", "duplicate track")]
+    found = [e for e in Flight(recording).events if e.kind in ("false track", "duplicate track")]
     assert [(e.kind, e.text, e.when, e.uavs, e.person) for e in found] == [
         ("duplicate track", "track 2 is person 0's second one", "0.2 to 0.6 s", (0, 1), 0),
         ("false track", "track 3 stands for no person", "0.6 to 0.8 s", (1,), None),
@@ -142,18 +142,18 @@ def test_breakdowns_faults_contacts_and_links_are_told_once():
     faults.insert(1, {"time": 0.3, "uav": 1, "message": "broke down"})
     contacts = np.array([[1, 0, 1, 4], [2, 0, 1, 4], [3, 1, 4, 0]])
     recording = replace(recording, faults=json.dumps(faults), contacts=contacts)
-    assert [e for e in told(recording, setting) if not e[1].startswith("person") and e[0]] == [
+    assert [e for e in told(recording) if not e[1].startswith("person") and e[0]] == [
         (0.2, "fault", "2 faults of the team: ValueError: no"),
         (0.2, "contact", "UAV 0 touched the canopy of tree 4"),
         (0.3, "breakdown", "UAV 1 broke down"),
         (0.6, "contact", "UAV 1 touched the ground"),
     ]
-    lasting = [e.when for e in events_of(recording, setting) if e.kind in ("fault", "contact")]
+    lasting = [e.when for e in Flight(recording).events if e.kind in ("fault", "contact")]
     assert lasting == ["0.2 to 0.4 s", "0.2 to 0.4 s", "at 0.6 s"]
     cut = Network(cuts=(Cut(links=((0, 1),), start=0.3, end=0.5),))
     setting = msgspec.structs.replace(SETTING, network=cut)
     on = held((1, 0.0), (2, 20.0))
-    assert [e for e in told(recorded([(on, on)] * 4, setting), setting, ()) if e[1].startswith("link")] == [
+    assert [e for e in told(recorded([(on, on)] * 4, setting), ()) if e[1].startswith("link")] == [
         (0.4, "link lost", "UAV 0 and UAV 1: too far, cut or not there"),
         (0.6, "link restored", "UAV 0 and UAV 1"),
     ]
@@ -163,8 +163,8 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     flown = []
     monkeypatch.setattr(mission, "Links", lambda *parts: flown.append(Links(*parts)) or flown[-1])
     options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
-    recording, scenario = recorded_flight(*options, seed=5, duration=4)
-    again = links_of(recording, scenario)
+    recording = recorded_flight(*options, seed=5, duration=4)
+    again = links_of(recording)
     assert len(again) == len(flown) == 21
     silent = 0
     for now, then, working in zip(again, flown, recording.working, strict=True):
@@ -173,7 +173,7 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
         np.testing.assert_array_equal(now.up, then.up & both)
         silent += np.count_nonzero(now.up & ~now.contact)
     assert silent > 5 and not recording.working[-1, 1]
-    events = events_of(recording, scenario)
+    events = Flight(recording).events
     assert all(e.kind in KINDS for e in events)
     began = [e for e in events if e.kind == "messages lost"]
     first = next(k for k, now in enumerate(again) if (now.up & ~now.contact).any())

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers.recordings import broken, record
 
+import understory
 from sim.evaluation.holding import HOLDS, Holding
-from sim.replay.frames.rerender import scenario_of
 from sim.replay.frames.sightings import Sight, inside_and_hiding
 from sim.replay.history import STATES, History
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
@@ -15,18 +15,16 @@ from tracking.geometry.visibility import Forest, Tree
 
 
 @pytest.fixture(scope="module")
-def recorded():
-    recording = record(21)
-    return recording, scenario_of(recording)
+def recording():
+    return record(21)
 
 
-def test_views_and_holders_are_those_of_each_camera_and_track(recorded):
-    recording, scenario = recorded
-    history = History.of(recording, scenario)
+def test_views_and_holders_are_those_of_each_camera_and_track(recording):
+    history = History.of(recording)
     hidden = 0
     for k in range(len(recording.times)):
         for i in range(3):
-            for m, person in enumerate(Sight.of(recording, scenario, k, i).people):
+            for m, person in enumerate(Sight.of(recording, k, i).people):
                 assert history.inside[k, i, m] == person.inside
                 assert history.hidden_by[k, i, m] == min(person.hidden_by, default=-1)
                 hidden += bool(person.hidden_by)
@@ -37,9 +35,20 @@ def test_views_and_holders_are_those_of_each_camera_and_track(recorded):
         assert np.hypot(*(track.belief.mean[:2] - recording.people[k, m])) <= 1.0
         count += 1
     assert count > 100
-    history = History.of(broken(recording, 1, 10), scenario)
+    history = History.of(broken(recording, 1, 10))
     assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
     assert history.looked[:, [0, 2]].all()
+
+
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
+def test_ideal_sensing_shows_exactly_those_inside_whom_no_tree_hides(occlusion):
+    settings = {"duration": 10, "sensing.mode": "ideal", "sensing.occlusion": occlusion, "trees.density": 75}
+    flight = understory.run("forest", "greedy", seed=1, settings=settings)
+    history = flight.history
+    np.testing.assert_array_equal(history.shown, history.inside & (history.hidden_by < 0))
+    assert history.shown.any() and (history.hidden_by >= 0).any()
+    last = Sight.of(flight.recording, len(history.times) - 1, 1).people
+    assert [min(person.hidden_by, default=-1) for person in last] == history.hidden_by[-1, 1].tolist()
 
 
 def test_each_tree_hides_by_itself():
@@ -56,9 +65,8 @@ def test_each_tree_hides_by_itself():
     )
 
 
-def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
-    recording, scenario = recorded
-    history = History.of(recording, scenario)
+def test_states_losses_and_holders_are_those_counted_by_hand(recording):
+    history = History.of(recording)
     shape = history.tracks.shape
     for k, m in np.ndindex(shape[0], shape[2]):
         told = [s for s, by in (("hidden", history.inside), ("missed", history.shown), ("seen", history.detected))
@@ -83,9 +91,9 @@ def test_states_scan_by_scan_are_those_of_the_whole_history():
     means[(recording.track_ids == 1) & (np.arange(len(means)) < 60), :2] += 50.0
     existence = np.where(rng.random(len(means)) < 0.1, 0.5, 0.6)
     recording = replace(recording, track_means=means, track_existence=existence)
-    expected, holding = History.of(recording, scenario_of(recording)).hold_states, Holding(4, 3)
+    expected, holding = History.of(recording).hold_states, Holding(4, 3)
     found = [holding.step(recording.snapshot(k)) for k in range(len(recording.times))]
     np.testing.assert_array_equal(found, expected)
     certain = replace(recording, track_existence=np.ones(len(means)))
-    assert (History.of(certain, scenario_of(recording)).hold_states != expected).any()
+    assert (History.of(certain).hold_states != expected).any()
     assert set(np.unique(expected)) == set(range(len(HOLDS)))

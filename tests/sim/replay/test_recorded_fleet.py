@@ -33,7 +33,7 @@ def test_planners_know_velocities_of_the_engine_and_recordings_nearly():
             np.testing.assert_array_equal(s.own.velocity, velocities[s.own.id])
             for v in s.neighbours:
                 np.testing.assert_array_equal(v.velocity, velocities[v.id])
-            recorded = vehicles_at(recording, mission.scenario, k)[s.own.id]
+            recorded = vehicles_at(recording, k)[s.own.id]
             np.testing.assert_array_equal(recorded.position, s.own.position)
             assert np.linalg.norm(recorded.velocity - s.own.velocity) < 0.6  # m/s: half a scan at 6 m/s²
             far += k > 0 and np.linalg.norm(s.own.velocity - snapshots[k].commands[s.own.id]) > 0.5
@@ -47,7 +47,7 @@ def test_kinematic_uavs_have_the_velocity_of_their_last_command():
     for k, team in enumerate(spy.teams):
         for s in team:
             np.testing.assert_array_equal(s.own.velocity, snapshots[5 * k].commands[s.own.id])
-            recorded = vehicles_at(recording, mission.scenario, 5 * k)[s.own.id]
+            recorded = vehicles_at(recording, 5 * k)[s.own.id]
             np.testing.assert_allclose(recorded.velocity, s.own.velocity, atol=1e-9)
 
 
@@ -58,9 +58,9 @@ def test_each_scan_is_learned_from_once_however_often_models_are_asked_for(monke
         learned.append(len(velocities))
         return observed(self, velocities)
 
-    recording, scenario = recorded(*IDEAL, duration=4)
+    recording = recorded(*IDEAL, duration=4)
     monkeypatch.setattr(MeanRevertingVelocity, "observed", counted)
-    models = [motion_at(recording, scenario, k, i) for _ in range(2) for k in range(21) for i in range(3)]
+    models = [motion_at(recording, k, i) for _ in range(2) for k in range(21) for i in range(3)]
     assert 0 < len(learned) <= 21 * 3 and min(learned) > 0
     assert models[:63] == models[63:]
     seconds = models[62].learned_in - models[2].learned_in  # of people in view, by UAV 2 since its first scan

@@ -13,9 +13,7 @@ from sim.drawing.palette import FALSE
 from sim.drawing.plots import rgb
 from sim.recording.archive import save
 from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
-from sim.replay.events import events_of
 from sim.replay.flight import Flight
-from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.page.page import page
 from sim.replay.timeline import timeline_figure
@@ -25,16 +23,15 @@ ALL = (0, 1, 2)
 
 @pytest.fixture(scope="module")
 def mission():
-    recording = swapping()
-    return recording, scenario_of(recording)
+    return swapping()
 
 
 def found(recording, kinds=(*UNMATCHED, *IDENTITIES)):
-    return [event for event in events_of(recording, scenario_of(recording)) if event.kind in kinds]
+    return [event for event in Flight(recording).events if event.kind in kinds]
 
 
 def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
-    rows = [(e.kind, e.text, e.when, e.first, e.last, e.track, e.person, e.former, e.uavs) for e in found(mission[0])]
+    rows = [(e.kind, e.text, e.when, e.first, e.last, e.track, e.person, e.former, e.uavs) for e in found(mission)]
     both = "for UAVs 0, 1 and 2"
     west = f"person 0 switched from track 0 to track 1, that of person 1, {both}"
     east = f"person 1 switched from track 1 to track 0, that of person 0, {both}"
@@ -61,8 +58,7 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
 
 
 def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
-    recording, setting = mission
-    figure = timeline_figure(History.of(*mission), recording.ospa, events_of(recording, setting))
+    figure = timeline_figure(History.of(mission), mission.ospa, Flight(mission).events)
     (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
     shades = [tuple(face[:3]) for face in boxes.get_facecolors()]
     at = [path.vertices[:, 0] for path, s in zip(boxes.get_paths(), shades, strict=True) if s == rgb(FALSE)]
@@ -74,7 +70,7 @@ def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
 
 
 def test_the_page_lists_and_marks_them(mission):
-    text = page(Flight(mission[0]), place="runs/one")
+    text = page(Flight(mission), place="runs/one")
     sheet = Page(text)
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]
@@ -89,7 +85,7 @@ def test_the_page_lists_and_marks_them(mission):
 
 
 def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):
-    save(mission[0], tmp_path / "mission.npz")
+    save(mission, tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz")
     assert code == 0
     assert "  0.4 to 3.4 s: track 2 stands for no person: held by UAVs 0, 1 and 2, 50.0 m from person 0; " in out
@@ -106,10 +102,10 @@ def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
 
     from sim.replay.rerun.viewer import write
 
-    write(Flight(mission[0]), tmp_path / "a.rrd", progress=lambda k: None)
+    write(Flight(mission), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     told = {row["text"][0]: row["level"][0] for row in entities["/events"]}
-    for event in found(mission[0]):
+    for event in found(mission):
         assert told[f"{event.time:.1f} s: {event.sentence}"] == "WARN"
     states = [(round(row["time"], 6), row["state"][0]) for row in entities["/people/none/tracks"] if "time" in row]
     assert states == [(0.0, "none"), (0.4, "false"), (1.0, "false and duplicate"), (3.0, "false"), (3.4, "none")]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers import synthetic
 from helpers.histories import history
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
@@ -11,8 +10,7 @@ from sim.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, 
 from sim.drawing.plots import rgb
 from sim.evaluation.holding import HOLDS, Episode, episodes
 from sim.replay.event import Event
-from sim.replay.events import events_of
-from sim.replay.frames.rerender import scenario_of
+from sim.replay.flight import Flight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.timeline import timeline_figure
 
@@ -106,9 +104,8 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
 
 
 def test_breakdowns_at_one_time_are_named_beneath_one_another():
-    recording, scenario = record(6, uavs=3), synthetic.scenario(uavs=3)
-    recording = broken(broken(recording, 0, 3), 2, 3)
-    figure = timeline_figure(History.of(recording, scenario), recording.ospa, events_of(recording, scenario))
+    recording = broken(broken(record(6, uavs=3), 0, 3), 2, 3)
+    figure = timeline_figure(History.of(recording), recording.ospa, Flight(recording).events)
     figure.draw_without_rendering()
     one, other = (text.get_window_extent() for text in figure.axes[1].texts if "broke down" in text.get_text())
     assert not one.overlaps(other)
@@ -117,8 +114,8 @@ def test_breakdowns_at_one_time_are_named_beneath_one_another():
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording = record(scans, uavs=uavs, people=people)
-    recording, scenario = broken(recording, 0, scans // 2 + 1), scenario_of(recording)
-    figure = timeline_figure(History.of(recording, scenario), recording.ospa, events_of(recording, scenario))
+    recording = broken(recording, 0, scans // 2 + 1)
+    figure = timeline_figure(History.of(recording), recording.ospa, Flight(recording).events)
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = legend_of(figure)

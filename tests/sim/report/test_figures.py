@@ -45,6 +45,14 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
             assert drawn == set(np.round([*low, *high], 9))
 
 
+def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither():
+    values = {"sma-nbo": (1.0, 1.0, 1.0), "greedy": (2.0, 1.0, 0.5)}
+    rows = [row(p, s, metrics={"ospa.mean_m": v}) for p, own in values.items() for s, v in enumerate(own)]
+    found = {p.name: p.alt for p in pictures(groups(rows), "sma-nbo", [metric_shown("ospa.mean_m")])}
+    assert "sma-nbo 0.0%; greedy 33.3%." in found["ecdf"] and "sma-nbo 1.00 m; greedy 1.00 m." in found["time"]
+    assert "greedy: 1 of 3 maps above sma-nbo." in found["maps-ospa-mean-m"]
+
+
 def test_points_are_maps_that_both_flew():
     found = groups()
     shown = metric_shown("ospa.share_under_1m")

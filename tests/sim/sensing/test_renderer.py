@@ -150,6 +150,31 @@ def surface(pose, depth, rows, columns):
     return pose.position + z[:, None] * CAMERA.rays(pose, np.column_stack([columns + 0.5, rows + 0.5]))
 
 
+@pytest.mark.parametrize("altitude", [260.0, 600.0, 1146.0, 10_000.0])
+def test_a_camera_at_any_height_shows_people_and_canopies_hide_them(altitude):
+    camera = Camera(2 * math.atan(10 / altitude), 128)
+    places = np.array([[3.0, -4.0], [-5.0, 2.0]])
+    with World(SCENARIO, Forest((Tree(-5.0, 2.0, 2.0),)), 2) as world:
+        world.place_people(places, np.zeros(2))
+        people = Renderer(world).render(camera, Pose.level(0.0, 0.0, altitude)).people
+    assert np.unique(people).tolist() == [-1, 0]
+    rows, columns = np.nonzero(people == 0)
+    assert [columns.mean() / 6.4 - 10, 10 - rows.mean() / 6.4] == pytest.approx(places[0], abs=0.2)
+
+
+def test_from_the_least_height_above_canopies_that_is_allowed_they_hide_people():
+    rng = np.random.default_rng(0)
+    tree = Tree(0.0, 0.0, 5.0)
+    least = msgspec.structs.replace(SCENARIO.uavs[0], footprint=2 * (tree.canopy_top + 1.001) * math.tan(math.pi / 6))
+    scenario = Scenario(uavs=(least,))
+    with World(scenario, Forest((tree,)), 2) as world:
+        world.place_people(np.array([[0.5, 0.5], [-1.0, 0.0]]), np.zeros(2))
+        renderer = Renderer(world)
+        for k in range(20):
+            pose = tilted(rng, [*rng.uniform(-1, 1, 2), least.altitude], 0.6 * (k > 0))
+            assert (renderer.render(CAMERA, pose).people == -1).all()
+
+
 def near_silhouettes(trees):
     """Pixels within one pixel of where another tree or the ground begins."""
     padded = np.pad(trees, 1, mode="edge")

@@ -65,6 +65,13 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     assert len(expected) == 3 and mean == pytest.approx(np.mean(expected)) and table["precision"].isna().all()
 
 
+def test_versions_of_one_trial_are_read_in_the_order_in_which_they_were_written(tmp_path):
+    (task,) = short(["hover"], seeds="0")
+    for version in ("0.1.0+b", "0.1.0+c", "0.1.0+a"):
+        store(tmp_path, [msgspec.structs.replace(task, version=version, key=version)])
+    assert [row.version for row in read_rows(tmp_path)] == ["0.1.0+b", "0.1.0+c", "0.1.0+a"]
+
+
 def test_another_version_is_kept_apart(tmp_path):
     store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
     with Store.opened(tmp_path, "short") as opened:

@@ -17,7 +17,7 @@ from sim.drawing.palette import ALARM
 from sim.evaluation.fleet_facts import contacts
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
-from sim.recording.recording import Recorder
+from sim.recording.recorder import Recorder
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.world.contacts import KINDS, Contact, touched

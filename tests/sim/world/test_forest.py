@@ -27,15 +27,18 @@ def test_count_is_poisson(density):
     assert stats.chisquare(observed, 600 * probability).pvalue > 0.01
 
 
-def test_places_are_those_of_drawing_trees_one_by_one():
-    trees = Trees(density=75)
+@pytest.mark.parametrize("largest", [None, 7.0])
+def test_places_are_those_of_drawing_trees_one_by_one(largest):
+    trees = Trees(density=75 if largest is None else 50, largest_radius=largest)
     for seed in range(5):
         rng = np.random.default_rng(seed)
         expected = []
         count = rng.poisson(trees.density)
+        radii = np.full(count, 5.0) if largest is None else np.sort(rng.uniform(5, largest, count))[::-1]
         while len(expected) < count:
             candidate = rng.uniform([-75, -50], [75, 50])
-            if all(np.hypot(*(candidate - c)) >= 10 for c in expected):
+            sums = radii[: len(expected)] + radii[len(expected)]
+            if all(np.hypot(*(candidate - c)) >= sum_ for c, sum_ in zip(expected, sums, strict=True)):
                 expected.append(candidate)
         assert np.array_equal(centres(trees, seed), expected)
 

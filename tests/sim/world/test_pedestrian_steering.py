@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sim.world.pedestrian_steering import SEPARATION, _nearest, _to_border, _turn, simulate
+from sim.world.pedestrian_steering import (
+    _BLOCK,
+    SEPARATION,
+    _move,
+    _nearest,
+    _surroundings,
+    _to_border,
+    _turn,
+    simulate,
+)
 
 HALF = np.array([74.0, 49.0])
 NO_TRUNKS = np.zeros((0, 3))
@@ -86,3 +95,28 @@ def test_distances_to_segments_and_borders_agree_with_brute_force():
     assert _to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
     assert _to_border(HALF - 10, HALF) == pytest.approx(10)
     assert _to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_person_about_to_touch_a_trunk_turns_to_the_nearer_side(side):
+    states, trunks = np.zeros((1, 4)), np.array([[0.615, side * 0.05, 0.6]])
+    _move(0, states, 1.5, trunks, np.array([50.0, 50.0]), _surroundings(states, np.array([[1.5]]), trunks)[0])
+    assert -100 < side * math.degrees(states[0, 2]) < -60 and math.hypot(*states[0, :2]) == pytest.approx(1.5 / 60)
+
+
+def test_trunks_and_people_that_one_may_meet_are_found_beforehand():
+    rng = np.random.default_rng(0)
+    half, count = np.array([90.0, 60.0]), 30
+    states = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(-3, 3, count), np.zeros(count)])
+    trunks = np.column_stack([rng.uniform(-half, half, (400, 2)), rng.uniform(0.5, 1.5, 400)])
+    paces = rng.uniform(2.5, 3.0, (_BLOCK, count))
+    near = _surroundings(states, paces, trunks)
+    assert max(len(rows) for rows, _ in near) < len(trunks) / 2
+    routes = np.full((count, 1, 2), np.nan)
+    walk = simulate(states, paces, np.zeros_like(paces), routes, trunks, half)
+    for k, places in enumerate(walk):
+        away = np.hypot(*(places[:, None] - trunks[:, :2]).T).T
+        met = away < 4.0 * paces[k][:, None] + trunks[:, 2] + 1.0  # rollouts of 4 s
+        close = np.hypot(*(places[:, None] - places).T) < 4.0 * (paces[k][:, None] + paces[k]) + SEPARATION + 1.0
+        for i, (rows, others) in enumerate(near):
+            assert set(np.flatnonzero(met[i])) <= set(rows) and set(np.flatnonzero(close[i])) <= set(others)

@@ -9,16 +9,20 @@ from scipy.spatial.transform import Rotation
 
 from planning.prediction.response import mean_velocities, response
 from sim.scenario.fleet import Uav
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Rates, Scenario
 from sim.sensing.cameras import vehicle_of
 from sim.world.bodies import rotated
 from sim.world.quadrotor import (
+    _ATTITUDE_GAINS,
     COMMAND_LAG,
     GRAVITY,
     INERTIA,
     MASS,
+    MAX_ACCELERATION,
     MAX_ROTOR_THRUST,
+    MAX_TILT,
     ROTORS,
+    _acceleration,
     _mix,
     _torque,
     rotor_thrusts,
@@ -58,6 +62,16 @@ def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
     assert_allclose(_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
 
 
+def test_accelerations_asked_for_need_no_more_than_the_largest_tilt_also_in_descent():
+    rng = np.random.default_rng(7)
+    for height in (20.0, 40.0):
+        for target in rng.uniform(-20, 20, (50, 2)):
+            east, north, climb = _acceleration(state((0, 0, height)), np.array([*target, 20.0]), np.eye(3), CALM)
+            tilt, most = math.atan2(math.hypot(east, north), GRAVITY + climb), math.hypot(east, north)
+            assert tilt < MAX_TILT + 1e-12 and most < MAX_ACCELERATION + 1e-12
+    assert climb == -4.0
+
+
 def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
     rng = np.random.default_rng(2)
     for _ in range(200):
@@ -72,6 +86,16 @@ def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
     assert thrusts[:4].sum() == pytest.approx(12.0) and x > 0 and y / x == pytest.approx(-1 / 3)
 
 
+def test_torques_damp_spins_alike_as_the_gyroscopic_moment_is_made_up_for():
+    rng = np.random.default_rng(6)
+    for R in Rotation.random(20, random_state=3).as_matrix():
+        spin, acceleration = rng.uniform(-5, 5, 3), rng.uniform(-3, 3, 3)
+        omega = R.T @ spin
+        still, turning = _torque(R, np.zeros(3), acceleration), _torque(R, spin, acceleration)
+        moment = turning - still - np.cross(omega, INERTIA * omega)
+        assert_allclose(moment / INERTIA, -_ATTITUDE_GAINS[1] * omega, atol=1e-9)
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
     angle = 0.4
@@ -81,15 +105,15 @@ def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
     assert_allclose(_torque(R, np.zeros(3), np.zeros(3)), expected, atol=1e-12)
 
 
-def fly(commands, seconds, quaternion=LEVEL, wind=None):
+def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):
     """Velocities (K, 3), heights above the commanded one (K,) and tilts (K,) rad in the engine."""
-    with World(Scenario(uavs=(UAV,)), Forest(()), 0) as world:
+    with World(Scenario(uavs=(UAV,), rates=Rates(physics=rate)), Forest(()), 0) as world:
         place = [*UAV.start, UAV.altitude]
         body = world.bodies[-1].id
         pybullet.resetBasePositionAndOrientation(body, place, list(quaternion), physicsClientId=world.client)
         rows = []
         for command in commands:
-            for _ in range(round(seconds * RATE)):
+            for _ in range(round(seconds * rate)):
                 world.step(np.array([command], dtype=float), None if wind is None else np.array(wind, dtype=float))
                 pose = world.poses()[0]
                 rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, pose.rotation[2, 2]])
@@ -143,6 +167,21 @@ def test_the_quadrotor_keeps_altitude_and_tilt_under_reversals_and_random_comman
     rng = np.random.default_rng(4)
     _, height, tilt = fly(rng.uniform(-3.5, 3.5, (40, 2)), 1.0)
     assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)
+
+
+def test_attitudes_are_stable_at_the_least_rate_of_physics_and_at_lower_ones_not():
+    def growth(rate):
+        """Largest factor of an attitude's error and rate in a step of the engine, which takes the new rate."""
+        stiffness, damping = np.array(_ATTITUDE_GAINS) / rate
+        step = [[1 - stiffness / rate, (1 - damping) / rate], [-stiffness, 1 - damping]]
+        return np.abs(np.linalg.eigvals(step)).max()
+
+    assert growth(25) < 1 < growth(22)
+    commands = np.random.default_rng(5).uniform(-3.5, 3.5, (20, 2))
+    _, height, tilt = fly(commands, 1.0, rate=25)
+    assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)
+    with pytest.raises(ValueError, match=r"rates\.physics: at 20 Hz"):
+        fly(commands, 1.0, rate=20)
 
 
 @pytest.mark.parametrize(("step", "metres", "most_left"), [(1.0, 1.4, 0.21), (0.2, 0.43, 0.15)])

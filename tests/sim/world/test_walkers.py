@@ -140,6 +140,12 @@ def test_three_footprints_can_nearly_always_hold_the_default_four():
     assert np.mean(held) > 0.97
 
 
+def test_people_set_out_for_their_second_waypoint():
+    positions, _ = walked(0, trees=Trees(density=0), people=People(count=1, paths=(((-40, 0), (-20, 30), (60, -40)),)))
+    east, north = positions[30, 0] - positions[0, 0]
+    assert math.degrees(math.atan2(north, east)) == pytest.approx(56, abs=12)
+
+
 def test_people_without_a_path_wander_and_same_seeds_walk_alike():
     positions, forest = walked(5, people=People(count=6, paths=()))
     assert_allowed(positions, forest)

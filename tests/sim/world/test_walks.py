@@ -1,14 +1,17 @@
+import math
+
 import numpy as np
 import pytest
 
 from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
-from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, walk
-from sim.world.walks import Itinerary, Levy
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _present, walk
+from sim.world.walks import Groups, Itinerary, Levy, _going
 from tracking.geometry.visibility import Forest
 
 AREA, RATE = Area(), 60
+HALF = np.array([AREA.width, AREA.height]) / 2 - MARGIN
 BARE = Forest(())
 
 
@@ -41,6 +44,21 @@ def test_people_who_stop_and_go_stand_still_for_a_part_of_the_time():
     assert np.mean(still.any(axis=0)) > 0.9 and np.abs(np.diff(pace, axis=0)).max() * RATE < 3
 
 
+def test_stops_and_the_times_between_them_are_as_long_as_the_reference_says():
+    rng = np.random.default_rng(9)
+    courses = [_going(120 * RATE, rng) for _ in range(300)]
+    assert np.mean([course[0] for course in courses]) == pytest.approx(0.7, abs=0.08)
+    stops, walks = [], []
+    for course in courses:
+        changes = np.flatnonzero(np.diff(course > 0.5))
+        spans = np.diff(changes) / RATE
+        first = course[0] > 0.5
+        stops += spans[0 if first else 1 :: 2].tolist()
+        walks += spans[1 if first else 0 :: 2].tolist()
+    assert 1.9 < min(stops) < 2.2 and 7.8 < max(stops) < 8.1
+    assert 5.9 < min(walks) < 6.3 and 13.7 < max(walks) < 14.1
+
+
 def test_groups_stay_together_and_part_later():
     positions = walked(People(count=12, walks=("groups",), group=3), seed=4)
     for first in range(0, 12, 3):
@@ -49,6 +67,20 @@ def test_groups_stay_together_and_part_later():
             assert apart[: 12 * RATE].max() < 6 and apart.min() >= SEPARATION and apart[-1] > apart[0]
     others = [gaps(positions, i, j)[:12].mean() for i in range(0, 12, 3) for j in range(0, i, 3)]
     assert np.mean(others) > 20
+
+
+def test_groups_walk_abreast_until_a_time_between_two_fifths_and_nine_tenths():
+    rng = np.random.default_rng(8)
+    parted = []
+    for size in (2, 4):
+        found = Groups().itineraries(People(group=size), HALF, np.full((40 * RATE, 100 * size), 1.5), rng)
+        for first in range(0, len(found), size):
+            ways = [found[k].waypoints for k in (first, first + 1)]
+            same = [np.allclose(a - b, ways[0][0] - ways[1][0]) for a, b in zip(*ways, strict=False)]
+            assert np.hypot(*(ways[0][0] - ways[1][0])) == pytest.approx(1.5)
+            together = same.index(False)
+            parted.append(np.hypot(*np.diff(ways[0][:together], axis=0).T).sum() / (40 * 1.5))
+    assert 0.399 < min(parted) < 0.45 and 0.85 < max(parted) < 0.901
 
 
 def test_people_are_shared_out_among_ways_and_keep_clear_of_trunks():
@@ -73,7 +105,14 @@ def test_people_appear_and_leave_once_and_stay_as_long_as_asked():
     stays = there[:, whole].sum(axis=0) / RATE
     assert whole.sum() >= 10 and stays.min() > 7.4 and stays.max() < 22.6
     assert np.array_equal(there, ~np.isnan(positions[..., 1]))
-    assert 15 < there[0].sum() + there[-1].sum() < 60
+
+
+@pytest.mark.parametrize("stay", [0.5, 1.0, 4.0])
+def test_as_many_people_are_there_at_the_start_as_later(stay):
+    there = _present(8000, RATE + 1, stay, np.random.default_rng(7))
+    # In a mission of 1 s those who stay for s seconds are there at any time with probability s / (s + 1).
+    expected = 1 - math.log((1.5 * stay + 1) / (0.5 * stay + 1)) / stay
+    assert there[[0, RATE // 2, RATE]].mean(axis=1) == pytest.approx([expected] * 3, abs=0.02)
 
 
 class Straight:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from tracking.fusion.consensus import combine, fuse
-from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.labels import LABELS_PER_SCAN, is_new_label, new_label
 from tracking.fusion.message import Message
 
 
@@ -106,18 +106,6 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
     fuse(members, graph("complete", 3), 2)
     assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 4))] * 3
-
-
-def test_a_uav_may_add_nothing_where_others_add_up():
-    said = like_named(np.random.default_rng(0), 3)
-    nothing = [replace(m, novel=np.zeros((5, width))) for m, width in zip(said[1:], (22, 23), strict=True)]
-    left = []
-    for others in (nothing, [replace(m, novel=np.zeros((5, 0))) for m in nothing]):
-        members = [Heard(m) for m in (said[0], *others)]
-        fuse(members, graph("line", 3), 2)
-        left.append([m.left.novel[:, :21] for m in members])
-    assert np.count_nonzero(left)
-    np.testing.assert_array_equal(*left)
 
 
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
@@ -242,6 +230,19 @@ def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [5, taken - 1, taken])
         np.testing.assert_allclose(m.beliefs[0][:, 0], [0.0, -20.0, 20.0], atol=1e-9)
+
+
+def test_a_contested_track_among_hundreds_gets_no_label_of_a_new_one():
+    count = LABELS_PER_SCAN + 3  # a person each
+    places = np.array([[20.0 * (k % 40), 20.0 * (k // 40), 0, 0] for k in range(count)])
+    for contested in (LABELS_PER_SCAN // 2 - 1, LABELS_PER_SCAN // 2, count - 1):
+        pair = [
+            message(0, [contested], np.full(4, -50.0), 0.1 * np.eye(4), degree=1),
+            message(1, range(count), places, [0.1 * np.eye(4)] * count, degree=1, partition=(1, 0.0)),
+        ]
+        ids = combine(pair[0], pair[1:], 3.0).ids
+        assert len(ids) == count + 1 and not is_new_label(ids, SCAN).any()
+        assert new_label(SCAN, 1, 0) < ids[-1] < new_label(SCAN, 2, 0)
 
 
 def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():

@@ -1,12 +1,15 @@
 """Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids
-from helpers.scenes import play, scan, track, tracker
+from helpers.scenes import AWAY, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
+from tracking.fusion.labels import new_label
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import shared_people, without_measurement
 from tracking.measurement_update import _unresolved
@@ -34,6 +37,18 @@ def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(
     subject = tracker(vague, track(4, 0, 0, 0, 0))
     assert all(4 in ids for ids in play(subject, [scan(k, (0, 0)) for k in range(8)]))
     assert [t.id for t in subject.tracks] == [4] and np.trace(subject.tracks[0].belief.covariance) < 1.0
+
+
+@pytest.mark.parametrize(("last", "left"), [(5, [4, 5]), (new_label(1, 0, 0), [3, 4])])
+def test_the_likelier_of_two_tracks_takes_the_older_id_only_if_it_is_new(last, left):
+    one, other = (Gaussian(np.array([x, 0, 0, 0]), 0.05 * np.eye(4)) for x in (0.0, 9.0))
+    subject = tracker(Track(3, one, 0.2), Track(4, other, 1.0), Track(5, one, 0.7))
+    subject.step(scan(0, pose=AWAY))
+    said = subject.message(0)  # all three are told as detected in this scan
+    subject.accept(replace(said, ids=np.array([3, 4, last]), times=np.zeros((3, 4))))
+    assert [t.id for t in subject.tracks] == left
+    joint = next(t for t in subject.tracks if t.id != 4)
+    assert joint.belief.mean[0] == pytest.approx(0.0) and joint.existence == pytest.approx(0.9, abs=1e-3)
 
 
 def test_people_within_a_metre_may_give_one_measurement():
@@ -75,7 +90,8 @@ def test_two_people_under_one_canopy_stay_two(radius):
     """Their beliefs agree and their existence falls, but there is no measurement for which they compete."""
     hidden = track(3, -0.3, 0, 0, 0), track(4, 0.3, 0, 0, 0)
     subject = tracker(*hidden, forest=Forest((Tree(0, 0, radius),)))
-    assert play(subject, [scan(k) for k in range(100)]) == [(3, 4)] * 100
+    found = scan(0, (-0.3, 0), (0.3, 0))
+    assert play(subject, [found, *(scan(k) for k in range(1, 100))]) == [(3, 4)] * 100
     assert sum(t.existence for t in subject.tracks) < 1.5
 
 

@@ -75,6 +75,7 @@ def test_two_people_detected_at_once_get_two_lasting_tracks(management):
     people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
     ids = play(subject, [scan(k, *(p + rng.normal(scale=0.15, size=(2, 2)))) for k, p in enumerate(people)])
     assert ids[1:] == [(2_000_000, 2_000_001)] * 24
+    assert all((t.existence == 1.0) == (management == "m_of_n") for t in subject.tracks)
 
 
 @pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
@@ -106,6 +107,34 @@ def test_scans_without_a_frame_count_neither_way():
         assert [t.id for t in subject.tracks] == ([3] if k < 8 else [])  # the fifth frame is that of the ninth scan
 
 
+def test_scans_without_a_frame_leave_what_the_frame_before_showed():
+    """Of a belief of which half is in view, a frame each second tells the same with and without scans between."""
+    found = []
+    for coasts in (True, False):
+        subject = tracker(track(3, EDGE, 0, 0, 0, variance=4.0))
+        for k in range(11):
+            if k % 5 == 0:
+                subject.step(scan(k))
+            elif coasts:
+                subject.coast(0.2 * k)
+            if coasts or k % 5 == 0:
+                fuse([subject], ALONE, 5)
+        found.append(subject.tracks[0].belief)
+    np.testing.assert_allclose(found[0].mean, found[1].mean, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found[0].covariance, found[1].covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_only_sure_detections_tell_how_fast_people_walk():
+    """Of two tracks in one place each may be the person's. Tracks known at the start are as good as seen then."""
+    motion, moving = MeanRevertingVelocity(0.2, 0.5, walking_speed=1.0), track(3, 0, 0, 3, 0)
+    for others, learns in ((), True), ((track(4, 0, 0, 3, 0),), False):
+        subject = Tracker(0, CAMERA, OPEN, TrackerParameters(motion), (moving, *others))
+        play(subject, [scan(0)])
+        first = subject.motion.walking_speed
+        play(subject, [scan(1, (0.6, 0))])
+        assert (subject.motion.walking_speed > first) == learns
+
+
 def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, management="m_of_n") for u in range(2)]
     for k in range(10):
@@ -113,6 +142,22 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
             t.step(scan(k, *([(0, 0)] if (u, k) == (1, 4) else []), uav=u))
         fuse(trackers, PAIR, 5)
         assert [len(t.tracks) for t in trackers] == [int(k < 9)] * 2
+
+
+def test_a_look_without_a_detection_tells_nothing_where_another_uav_detects_the_person():
+    """UAV 1's frame shows half of the belief, in which UAV 0 measures the person; nobody sees another one."""
+    found, hidden = [], track(4, -60, 0, 0, 0)
+    for looks in (True, False):
+        trackers = [tracker(track(3, EDGE, 0, 0, 0, variance=4.0), hidden, uav=u) for u in range(2)]
+        trackers[0].step(scan(0, (EDGE, 0), pose=Pose.level(EDGE, 0.0, 20.0)))
+        if looks:
+            trackers[1].step(scan(0, uav=1))
+        else:
+            trackers[1].coast(0.0)
+        fuse(trackers, PAIR, 5)
+        found.append(trackers[1].tracks[0].belief)
+    np.testing.assert_allclose(found[0].mean, found[1].mean, atol=1e-3)
+    np.testing.assert_allclose(found[0].covariance, found[1].covariance, atol=1e-3)
 
 
 def test_the_motion_of_a_scenario_is_what_it_says():

@@ -54,6 +54,13 @@ CASES = {
     "as many pairs as can be": ([line(0), line(0.9)], [line(0.8), line(-0.5)], [[1, 0]], [0, 0], [0, 0]),
     # Both had track 0; the second had it later and keeps it, though the first is nearer.
     "the later correspondence": (
+        [line(0, 0, 0), line(5, 5, 0.9)],
+        [line(0, 5, 0.4)],
+        [[0, -1], [-1, 0], [-1, 0]],
+        [0, 0],
+        [0, 0],
+    ),
+    "the same id after a gap, beside somebody with another": (
         [line(0, 0, 0), line(5, 0.9, 0.9)],
         [line(0, None, 0.2), line(9, 9, 9), line(None, 0.9, None)],
         [[0, -1], [-1, 2], [0, -1]],

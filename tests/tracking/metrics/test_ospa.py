@@ -3,6 +3,7 @@
 import datetime
 import itertools
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -219,3 +220,17 @@ def test_a_cut_off_or_order_without_meaning_is_refused(c, p):
     for distance, nothing in ((ospa, NONE), (gospa, NONE), (ospa2, NONE[None])):
         with pytest.raises(ValueError, match="c must be positive"):
             distance(nothing, nothing, c, p)
+
+
+def test_ospa2_of_a_long_mission_takes_little_memory_and_is_the_same(monkeypatch):
+    rng = np.random.default_rng(0)
+    X, Y = (rng.normal(0.0, 20.0, (2000, count, 2)) for count in (60, 50))
+    for Z in (X, Y):
+        Z[rng.random(Z.shape[:2]) < 0.3] = np.nan
+    tracemalloc.start()
+    whole = ospa2(X, Y)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.5e8  # at once it would be 2.7e8
+    monkeypatch.setattr("tracking.metrics.ospa._AT_ONCE", 77_777)
+    np.testing.assert_allclose(ospa2(X, Y), whole, rtol=1e-13)

@@ -1,11 +1,13 @@
 """The first run says that code is compiled; later ones load it; and it works where nothing can be kept."""
 
+import gc
 import re
 from pathlib import Path
 
 import numba
 import pytest
 from helpers.processes import python
+from numba.core import event
 
 from sim.mission.warmup import announced
 from tracking.numerics import compiled as subject
@@ -33,6 +35,31 @@ def test_compiling_is_announced_and_timed_once_however_functions_call_each_other
     with announced(said.append):
         function(8)
     assert len(said) == 2
+
+
+class Collecting(event.Listener):
+    """Notes whether the garbage collector is on when a compilation begins."""
+
+    def __init__(self):
+        self.found = []
+
+    def on_start(self, _):
+        self.found.append(gc.isenabled())
+
+    def on_end(self, _):
+        pass
+
+
+def test_the_garbage_collector_rests_while_code_is_compiled():
+    function = numba.njit(thrice)
+    with event.install_listener("numba:compile", Collecting()) as listener:
+        assert function(7) == 21 * 2 and gc.isenabled()
+        try:
+            gc.disable()
+            assert function(7.0) == 42.0 and not gc.isenabled()
+        finally:
+            gc.enable()
+    assert listener.found and not any(listener.found)
 
 
 @pytest.fixture

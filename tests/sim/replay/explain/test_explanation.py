@@ -13,7 +13,6 @@ from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
 
 from sim.drawing.lettering import width
-from sim.replay.events import events_of
 from sim.replay.explain import picture
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, percent_text, stretches
@@ -21,6 +20,7 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts
+from sim.replay.flight import Flight
 from sim.replay.frames.annotation import TRACK, annotated
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight
@@ -29,19 +29,19 @@ from sim.replay.history import History
 
 @pytest.fixture(scope="module")
 def mission():
-    """A recording, its scenario, its history and an observer."""
+    """A recording, its history and an observer."""
     alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6")  # by which tracks of lost people last longer
-    recording, scenario = recorded("trees.density=60", *alarms, *paper)
-    with Observer(recording, scenario) as observer:
-        yield recording, scenario, History.of(recording, scenario), observer
+    recording = recorded("trees.density=60", *alarms, *paper)
+    with Observer(Flight(recording)) as observer:
+        yield recording, observer.flight.history, observer
 
 
 @pytest.fixture(scope="module")
 def all_facts(mission):
     """Those of each person at every third scan."""
-    _, _, history, observer = mission
-    return [PersonFacts.of(observer, history, k, m) for k, m in np.ndindex(history.present.shape) if k % 3 == 0]
+    _, history, observer = mission
+    return [PersonFacts.of(observer, k, m) for k, m in np.ndindex(history.present.shape) if k % 3 == 0]
 
 
 def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
@@ -56,8 +56,8 @@ def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
             clear += w.sighting.pixels == w.whole
             assert w.whole > 0 or w.sighting.pixels == 0
     assert hidden >= 10 and clear >= 10
-    bare, scenario = recorded("trees.density=0", duration=1)
-    with Observer(bare, scenario) as observer:
+    bare = recorded("trees.density=0", duration=1)
+    with Observer(Flight(bare)) as observer:
         shown = [(observer.observe(k, i, m).whole or 0, bare.visible[k, i, m])
                  for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
     assert all(whole == pixels for whole, pixels in shown) and max(shown)[0] > 5
@@ -82,48 +82,48 @@ def test_detections_are_found_where_they_were_with_the_error_that_they_had(missi
 
 
 def test_stories_of_tracks_render_each_frame_once(mission, monkeypatch):
-    recording, scenario, *_ = mission
+    recording = mission[0]
     asked, rendered = [], Rerenderer.rendered
     monkeypatch.setattr(Rerenderer, "rendered", lambda self, *frame: asked.append(frame) or rendered(self, *frame))
-    with Observer(recording, scenario) as observer:
+    with Observer(Flight(recording)) as observer:
         detections = [d for n in range(len(recording.track_numbers)) for d in TrackFacts(observer, n).detections]
     assert len(detections) > len(asked) == len(set(asked)) > 5
 
 
 def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view():
-    recording, scenario = recorded("sensing.mode=ideal", "sensing.false_alarms=2", duration=2)
+    recording = recorded("sensing.mode=ideal", "sensing.false_alarms=2", duration=2)
     count = 0
-    with Observer(recording, scenario) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
             w = observer.observe(k, i, m)
             gaps = np.hypot(*(w.association.measurements - recording.people[k, m]).T)
             assert w.whole is None and w.found.pixel is None and w.found.error == pytest.approx(gaps.min())
             count += len(w.owners) > 1
     assert count > 5
-    recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
+    recording = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
     far = 0
-    with Observer(recording, scenario) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, i, m in np.ndindex(*recording.matched.shape):
             w = observer.observe(k, i, m)
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
-            far += w.found is not None and w.away > scenario.uavs[i].footprint
-        page = PersonFacts.of(observer, History.of(recording, scenario), 0, 0)
-        assert draw_explanation(observer, page, explanation(page, recording, events_of(recording, scenario))).std() > 10
+            far += w.found is not None and w.away > recording.setting.uavs[i].footprint
+        page = PersonFacts.of(observer, 0, 0)
+        assert draw_explanation(observer, page, explanation(page)).std() > 10
     assert far > 5
 
 
 def test_the_words_of_an_explanation_agree_with_history_views_and_association(mission, all_facts):
-    recording, scenario, history, _ = mission
-    seen, events = set(), events_of(recording, scenario)
+    recording, history, _ = mission
+    seen = set()
     for facts in all_facts:
-        groups = dict(explanation(facts, recording, events))
+        groups = dict(explanation(facts))
         heading = f"person {facts.person} at {recording.times[facts.k]:.1f} s"
         assert list(groups)[:4] == [heading, "UAV 0", "UAV 1", "UAV 2"] and list(groups)[-1] == "intents"
         assert len(groups["intents"]) == 3
         text = "\n".join(groups[heading])
         assert ("held by UAV" in text) == (history.held[facts.k, facts.person] > 0) != ("lost since" in text)
         for w in facts.observations:
-            made, text = Association.of(recording, scenario, facts.k, w.uav), "\n".join(groups[f"UAV {w.uav}"])
+            made, text = Association.of(recording, facts.k, w.uav), "\n".join(groups[f"UAV {w.uav}"])
             trees = re.findall(r"^tree (\d+) stands", text, flags=re.M)
             assert [int(tree) for tree in trees] == list(w.sighting.hidden_by)
             assert ("detected at pixel" in text) == (w.found is not None)
@@ -144,7 +144,7 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
 
 
 def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, all_facts):
-    recording, _, history, _ = mission
+    recording, history, _ = mission
     order = list(dict.fromkeys(recording.track_ids.tolist()))
     lost = 0
     for facts in all_facts:
@@ -167,7 +167,7 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
 
 
 def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission):
-    recording, _, history, _ = mission
+    recording, history, _ = mission
     for m in range(4):
         rows = stretches(history, m)
         assert rows[0][0] == 0.0 and math.isinf(rows[-1][1])
@@ -179,8 +179,8 @@ def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission)
                 trees = {int(tree) for tree in re.findall(r"tree (\d+)", seen)}
                 blind = ~history.shown[k, :, m] & ~history.detected[k, :, m]
                 assert trees == set(history.hidden_by[k, blind, m].tolist()) - {-1}
-    recording, scenario = mission[:2]
-    history = History.of(broken(recording, 1, 20), scenario)
+    recording = mission[0]
+    history = History.of(broken(recording, 1, 20))
     for m in range(history.present.shape[1]):
         rows = stretches(history, m)
         assert all(one[2:] != other[2:] for one, other in pairwise(rows))
@@ -201,17 +201,16 @@ def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission)
     ids=["broken and slow", "unlimited", "cameras"],
 )
 def test_pages_of_any_fleet_can_be_drawn(options):
-    recording, scenario = recorded(*options, duration=1)
+    recording = recorded(*options, duration=1)
     gone = recording.people.copy()
     gone[4, 1] = np.nan
     shown, matched = recording.visible.copy(), recording.matched.copy()
     shown[4, :, 1] = matched[4, :, 1] = 0
     recording = replace(recording, people=gone, visible=shown, matched=matched)
-    history = History.of(recording, scenario)
-    with Observer(recording, scenario) as observer:
+    with Observer(Flight(recording)) as observer:
         for k, m in ((4, 1), (5, 3)):
-            facts = PersonFacts.of(observer, history, k, m)
-            groups = explanation(facts, recording, events_of(recording, observer.scenario))
+            facts = PersonFacts.of(observer, k, m)
+            groups = explanation(facts)
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
             page = draw_explanation(observer, facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
@@ -219,30 +218,28 @@ def test_pages_of_any_fleet_can_be_drawn(options):
 
 def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_path):
     (tmp_path / "people.csv").write_text("t,id,x,y\n0,0,40,0\n0.6,0,41,0\n0,1,-28,0\n2,1,-26,0\n", encoding="utf-8")
-    recording, scenario = recorded(
+    recording = recorded(
         *IDEAL, "tracking.initial_tracks=none", f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1
     )
-    history, events = History.of(recording, scenario), events_of(recording, scenario)
-    with Observer(recording, scenario) as observer:
-        lines = [explanation(PersonFacts.of(observer, history, 0, m), recording, events)[0][1] for m in (0, 1)]
+    with Observer(Flight(recording)) as observer:
+        lines = [explanation(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
-def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):
-    recording = mission[0]
+def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
     facts = next(a for a in all_facts if a.holder and a.holder.belief)
     for existence, told in ((0.51, "existence 0.5100"), (0.5, "existence 0.5000, so it is not reported")):
         doubted = replace(facts, holder=replace(facts.holder, existence=existence))
-        assert told in [line for _, lines in explanation(doubted, recording, ()) for line in lines]
+        assert told in [line for _, lines in explanation(doubted) for line in lines]
 
 
 def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, all_facts):
-    recording, scenario, _, observer = mission
+    recording, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
-    page = draw_explanation(observer, facts, explanation(facts, recording, ()))
+    page = draw_explanation(observer, facts, explanation(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
-    frame, _ = annotated(image, Sight.of(recording, scenario, facts.k, first.uav), 512)
+    frame, _ = annotated(image, Sight.of(recording, facts.k, first.uav), 512)
     tiles, words = np.split(page, [1060], axis=1)
     found = cv2.matchTemplate(tiles, frame, cv2.TM_SQDIFF)
     y, x = np.unravel_index(found.argmin(), found.shape)
@@ -254,7 +251,7 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
 
 
 def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_facts, monkeypatch):
-    recording, scenario, *_ = mission
+    recording = mission[0]
     written = []
     monkeypatch.setattr(picture, "write", lambda image, text, at, style, align=0.0: written.append(text))
     monkeypatch.setattr(picture, "annotated", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
@@ -262,15 +259,15 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     gone = replace(recording, track_means=recording.track_means + 1000.0)
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
         written.clear()
-        with Observer(flown, scenario) as observer:
-            draw_explanation(observer, all_facts[0], ())
+        with Observer(Flight(flown)) as observer:
+            draw_explanation(observer, replace(all_facts[0], flight=observer.flight), ())
         assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
 
 
 def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
     near = "t,id,x,y\n0,0,-28,0\n2,0,-27,0\n0,1,-25,0\n2,1,-24,0\n"  # person 1 stands where a name of person 0 would
     (tmp_path / "people.csv").write_text(near, encoding="utf-8")
-    recording, scenario = recorded(*IDEAL, f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1)
+    recording = recorded(*IDEAL, f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1)
     boxes = {}
 
     def written(image, text, at, style, align=0.0):
@@ -279,23 +276,23 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
             boxes[text] = (at - reach, at + reach + (width(text, style), 0.0))
 
     monkeypatch.setattr("sim.drawing.labels.write", written)
-    with Observer(recording, scenario) as observer:
-        draw_explanation(observer, PersonFacts.of(observer, History.of(recording, scenario), 2, 0), ())
+    with Observer(Flight(recording)) as observer:
+        draw_explanation(observer, PersonFacts.of(observer, 2, 0), ())
     assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
     for (low, high), (left, right) in combinations(boxes.values(), 2):
         assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
-    recording, _, history, observer = mission
+    recording, history, observer = mission
     k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
                 if np.any(history.held[:k, m]))  # fmt: skip
-    whole = PersonFacts.of(observer, history, k, m).holder
+    whole = PersonFacts.of(observer, k, m).holder
     rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
     assert whole.belief is not None and len(rows) == 1
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
     renamed = replace(recording, track_ids=ids)
-    with Observer(renamed, observer.scenario) as other:
-        holder = PersonFacts.of(other, history, k, m).holder
+    with Observer(Flight(renamed)) as other:
+        holder = PersonFacts.of(other, k, m).holder
     assert holder.belief is not None and holder.number == whole.number

@@ -22,7 +22,7 @@ CASES = {
 
 
 def flown(case, monkeypatch):
-    """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
+    """A recording, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
     spied = []
 
     def updated(before, z, R, lost, p):
@@ -31,15 +31,15 @@ def flown(case, monkeypatch):
         return spied[-1][4]
 
     monkeypatch.setattr(tracking.tracker, "scan_update", updated)
-    return *recorded("sensing.mode=ideal", *CASES[case], duration=5), spied
+    return recorded("sensing.mode=ideal", *CASES[case], duration=5), spied
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_associations_are_those_of_the_flight(case, monkeypatch):
-    recording, scenario, spied = flown(case, monkeypatch)
+    recording, spied = flown(case, monkeypatch)
     hidden, ambiguous, turned = 0, 0, 0
     for k, uav in np.ndindex(recording.poses.shape[:2]):
-        found = Association.of(recording, scenario, k, uav)
+        found = Association.of(recording, k, uav)
         if found is None:
             assert (uav == 1 and k % 5) or (uav == 2 and k >= 10)
             continue
@@ -58,12 +58,12 @@ def test_associations_are_those_of_the_flight(case, monkeypatch):
 
 
 def test_weights_distances_gates_and_visibility_are_what_they_say(monkeypatch):
-    recording, scenario, _ = flown("existence", monkeypatch)
-    gate = -2 * math.log(1 - scenario.tracking.gate_probability)
+    recording, _ = flown("existence", monkeypatch)
+    gate = -2 * math.log(1 - recording.setting.tracking.gate_probability)
     order = list(dict.fromkeys(recording.track_ids.tolist()))
     pairs = 0
     for k, uav in np.ndindex(recording.poses.shape[:2]):
-        found = Association.of(recording, scenario, k, uav)
+        found = Association.of(recording, k, uav)
         np.testing.assert_allclose(found.beta.sum(axis=1), 1.0, atol=1e-12)
         np.testing.assert_array_equal(found.beta[:, 1:] > 0, found.gated)
         np.testing.assert_array_equal(found.gated, found.distances <= gate)
@@ -77,8 +77,8 @@ def test_weights_distances_gates_and_visibility_are_what_they_say(monkeypatch):
 
 
 def test_a_mission_of_one_scan_has_its_first_association(monkeypatch):
-    recording, scenario, spied = flown("m_of_n", monkeypatch)
+    recording, spied = flown("m_of_n", monkeypatch)
     names = "times people headings poses cameras commands ospa visible matched".split()
     one = replace(recording, **{name: getattr(recording, name)[:1] for name in names})
     for uav in range(3):
-        np.testing.assert_array_equal(Association.of(one, scenario, 0, uav).beta, spied[uav][5])
+        np.testing.assert_array_equal(Association.of(one, 0, uav).beta, spied[uav][5])

@@ -1,5 +1,7 @@
 """The story of a track: against the trackers' own tentative tracks, the association, and a mission made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
@@ -8,21 +10,20 @@ from msgspec import structs
 
 from sim.evaluation.score import held_by
 from sim.recording.archive import save
-from sim.replay.events import events_of
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.track_story import TrackFacts, track_story
-from sim.replay.frames.rerender import scenario_of
-from sim.replay.history import History
+from sim.replay.flight import Flight
+from sim.scenario.scenario import resolved
 from tracking.metrics.ospa import ospa
 from tracking.parameters import SEEN
 
 
 @pytest.fixture(scope="module")
 def mission():
-    """A recording in which false alarms become tracks, its scenario, an observer, and tentative tracks in flight."""
+    """A recording in which false alarms become tracks, an observer, and tentative tracks in flight."""
     tentative = []
 
     def see(mission):
@@ -32,13 +33,13 @@ def mission():
 
     options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6", "tracking.max_variance=400")
-    recording, scenario = recorded(*IDEAL, *options, *paper, seed=3, duration=20, see=see)
-    with Observer(recording, scenario) as observer:
-        yield recording, scenario, observer, tentative
+    recording = recorded(*IDEAL, *options, *paper, seed=3, duration=20, see=see)
+    with Observer(Flight(recording)) as observer:
+        yield recording, observer, tentative
 
 
 def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
-    recording, _, observer, tentative = mission
+    recording, observer, tentative = mission
     false = 0
     for id_, number in recording.track_numbers.items():
         facts = TrackFacts(observer, number)
@@ -66,22 +67,22 @@ def test_errors_in_flight_are_those_of_reported_tracks(mission):
 
 
 def test_the_story_says_when_a_track_was_not_reported(mission):
-    recording, scenario, observer, _ = mission
+    recording, observer, _ = mission
     id_ = recording.track_ids[~recording.reported][0]
     facts = TrackFacts(observer, recording.track_numbers[id_])
     scans, _ = recording.cells(recording.track_offsets)
     own = np.unique(scans[~recording.reported & (recording.track_ids == id_)])  # on all UAVs alike
-    (line,) = [line for line in dict(track_story(facts, events_of(recording, scenario)))["kept"] if "reported" in line]
+    (line,) = [line for line in dict(track_story(facts))["kept"] if "reported" in line]
     first, last = recording.times[own[[0, -1]] + [0, 1]]
     assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
 
 def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
-    recording, scenario, observer, _ = mission
+    recording, observer, _ = mission
     id_ = next(iter(recording.track_numbers))
     facts, count = TrackFacts(observer, 0), 0
     for detection in facts.detections:
-        a = Association.of(recording, scenario, detection.k, detection.uav)
+        a = Association.of(recording, detection.k, detection.uav)
         weights = a.beta[a.ids.tolist().index(id_), 1:]
         assert detection.weight in weights[weights >= SEEN]
         assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
@@ -90,10 +91,10 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
 
 
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
-    recording, scenario, observer, _ = mission
+    recording, observer, _ = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
     facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
-    groups, begun = dict(track_story(facts, events_of(recording, scenario))), facts.origins[0]
+    groups, begun = dict(track_story(facts)), facts.origins[0]
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
@@ -105,12 +106,12 @@ def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
 
 
 def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
-    recording, scenario, observer, _ = mission
-    events = events_of(recording, scenario)
+    recording, observer, _ = mission
+    events = Flight(recording).events
     ended = [event for event in events if event.kind == "track deleted"]
     for event in ended:
         facts = TrackFacts(observer, event.track)
-        lines = dict(track_story(facts, events))["ended"]
+        lines = dict(track_story(facts))["ended"]
         existence, variance = (float(line.split()[1]) for line in lines[1:3])
         assert lines[0] == f"deleted at {event.time:.1f} s"
         assert "a track is deleted below 0.001" in lines[1] and "a track is deleted beyond 400 m²" in lines[2]
@@ -119,29 +120,29 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
 
 
 def test_a_track_whose_uavs_broke_down_was_not_deleted():
-    recording, scenario = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
-    with Observer(recording, scenario) as observer:
-        story = dict(track_story(TrackFacts(observer, 0), events_of(recording, scenario)))
+    recording = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
+    with Observer(Flight(recording)) as observer:
+        story = dict(track_story(TrackFacts(observer, 0)))
     assert story["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
 
 
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):
-    recording, scenario, *_ = mission
-    events = events_of(recording, scenario)
-    outside = structs.replace(scenario, tracking=structs.replace(scenario.tracking, tracker="soup:Jpda"))
-    with Observer(recording, outside) as observer:
+    setting = mission[0].setting
+    outside = structs.replace(setting, tracking=structs.replace(setting.tracking, tracker="soup:Jpda"))
+    recording = replace(mission[0], scenario=resolved(outside))
+    with Observer(Flight(recording)) as observer:
         for number in recording.track_numbers.values():
-            groups = dict(track_story(TrackFacts(observer, number), events))
+            groups = dict(track_story(TrackFacts(observer, number)))
             lines = [line for group in groups.values() for line in group]
             assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
             assert not any("a track ends" in line or "its gate" in line for line in lines)
-        facts = PersonFacts.of(observer, History.of(recording, outside), 4, 0)
-        assert dict(explanation(facts, recording, events))["note"] == groups["note"]
+        facts = PersonFacts.of(observer, 4, 0)
+        assert dict(explanation(facts))["note"] == groups["note"]
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
     recording = swapping()
-    with Observer(recording, scenario_of(recording)) as observer:
+    with Observer(Flight(recording)) as observer:
         false = TrackFacts(observer, 2)
         assert (false.scans, false.known, false.makers) == (FALSE, False, (0, 1, 2))
         assert TrackFacts(observer, 0).known

@@ -19,7 +19,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
-from sim.replay.frames.rerender import Rerenderer, scenario_of
+from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from sim.world.world import World
 from tracking.filter.kalman import Gaussian
@@ -37,7 +37,7 @@ def mission():
 
 def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
     recording, _ = filmed("uavs.0.rate=1", "trees.density=0", duration=2)
-    taken, idle = (Sight.of(recording, scenario_of(recording), k, 0) for k in (5, 6))
+    taken, idle = (Sight.of(recording, k, 0) for k in (5, 6))
     assert any(p.status == "in view" for p in taken.people)
     assert {p.status for p in idle.people} <= {"in view", "outside the view"}
     assert any(p.status == "in view" for p in idle.people)

@@ -9,13 +9,13 @@ from sim.replay.page.page import write_page
 
 @pytest.fixture(scope="package")
 def mission():
-    """The recording and its scenario."""
+    """The recording."""
     return eventful()
 
 
 @pytest.fixture(scope="package")
 def folder(tmp_path_factory, mission):
     folder = tmp_path_factory.mktemp("run")
-    film = film_of(folder / "mission.mp4", *mission)
-    write_page(Flight(mission[0]), folder / "mission.html", video=film, place="runs/it's here")
+    film = film_of(folder / "mission.mp4", mission)
+    write_page(Flight(mission), folder / "mission.html", video=film, place="runs/it's here")
     return folder

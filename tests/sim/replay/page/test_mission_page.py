@@ -96,7 +96,7 @@ def test_commands_name_the_scan_of_an_event_at_any_rate():
 
 
 def test_the_data_are_those_of_the_recording(mission, text):
-    recording, setting = mission
+    recording = mission
     data = data_of(text)
     numbers = list(dict.fromkeys(recording.track_ids.tolist()))
     for k, i in np.argwhere(recording.working).tolist():
@@ -109,7 +109,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
             spread = float(along @ track.belief.covariance[:2, :2] @ along)
             assert bool(row[6]) == track.reported
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
-        for m, person in enumerate(Sight.of(recording, setting, k, i).people):
+        for m, person in enumerate(Sight.of(recording, k, i).people):
             shown = "seen" if person.detected else "hidden" if person.inside else "out of view"
             state = "absent" if person.status == "absent" else shown
             assert STATES[data["states"][k][i][m]] == state
@@ -118,21 +118,21 @@ def test_the_data_are_those_of_the_recording(mission, text):
     assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
     assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
-    assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in parts_of(setting).tiles.values()]
+    assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in parts_of(recording.setting).tiles.values()]
 
 
 def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     five = flown(uavs=5)
-    data = data_of(page(Flight(five[0])))
+    data = data_of(page(Flight(five)))
     assert len(set(data["colours"]["uavs"][:5])) == 5
-    assert data["holds"] == History.of(*five).hold_states.tolist()
+    assert data["holds"] == History.of(five).hold_states.tolist()
     assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
-    data = page_data(Flight(flown(scans=201)[0]), None)
+    data = page_data(Flight(flown(scans=201)), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
 def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, mission, folder):
-    shorter, _ = flown(scans=20)
+    shorter = flown(scans=20)
     for film in (folder / "mission.mp4", b"no film"):
         with pytest.raises(InputError, match="video: "):
             write_page(Flight(shorter), tmp_path / "mission.html", video=film)
@@ -160,7 +160,7 @@ def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
     ids=["no people", "one scan", "many", "ideal", "one UAV"],
 )
 def test_missions_of_any_size_and_sensing_have_a_page(changes):
-    recording, _ = flown(**{"scans": 6, **changes})
+    recording = flown(**{"scans": 6, **changes})
     text = page(Flight(dataclasses.replace(recording, interrupted=True)))
     data = data_of(text)
     assert Page(text).of("h1") and data["film"] is None
@@ -170,9 +170,9 @@ def test_missions_of_any_size_and_sensing_have_a_page(changes):
 
 
 def test_settings_other_than_the_defaults_stand_on_the_page():
-    recording, scenario = flown(scans=6)
+    recording = flown(scans=6)
     text = page(Flight(recording)).partition("</header>")[0]
-    own = changed(scenario)
+    own = changed(recording.setting)
     assert own and re.findall("<code>(.*?)</code>", text) == list(map(html.escape, own))
     assert f"Settings other than the defaults: {len(own)}<" in text
     plain = dataclasses.replace(recording, scenario=resolved(Scenario()))
@@ -183,7 +183,7 @@ def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
     rows = [{"start": [4.0 * i - 20.0, 3.0], "footprint": 18.0 + i} for i in range(10)]
     rows[3] |= {"mount": "body", "fails_at": 2.5}
     own = load("forest", ["duration=1", f"uavs={toml(rows)}"])
-    recording = dataclasses.replace(flown(scans=2, uavs=10)[0], scenario=resolved(own))
+    recording = dataclasses.replace(flown(scans=2, uavs=10), scenario=resolved(own))
     header = page(Flight(recording)).partition("</header>")[0]
     _, fleet = map(html.unescape, re.findall("<code>(.*?)</code>", header, re.S))
     lines = fleet.splitlines()
@@ -199,7 +199,7 @@ def facts(recording):
 
 
 def test_the_header_has_the_results_that_a_run_shows(mission):
-    recording, _ = mission
+    recording = mission
     outcome = Outcome(recording)
     gospa, held = METRICS["gospa.mean_m"](outcome), METRICS["share_held"](outcome)
     shown = facts(recording)
@@ -208,7 +208,7 @@ def test_the_header_has_the_results_that_a_run_shows(mission):
 
 
 def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
-    recording, _ = flown(scans=6)
+    recording = flown(scans=6)
     assert "scenario" not in facts(recording)  # its settings are its own
     packaged = dataclasses.replace(recording, scenario=resolved(load("paper", ["duration=1"])))
     assert facts(packaged)["scenario"] == "paper"
@@ -219,7 +219,7 @@ def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
 
 
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
-    recording, _ = flown(scans=6)
+    recording = flown(scans=6)
     faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
     text = page(Flight(dataclasses.replace(recording, faults=recorded(faults))))
     header = text.partition("</header>")[0]

@@ -46,7 +46,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
     with Browser(tmp_path / "profile") as browser:
         browser.open(folder / "mission.html")
         assert now(browser) == [0, "0.0 s", []]
-        _lists_what_is_drawn(browser, Flight(mission[0]))
+        _lists_what_is_drawn(browser, Flight(mission))
         _follows_the_slider(browser, mission, folder)
         _draws_scans_from_their_instants(browser)
         _follows_keys(browser)
@@ -66,7 +66,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
 def _follows_the_slider(browser, mission, folder):
     with av.open(str(folder / "mission.mp4")) as container:
         images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    box = parts_of(mission[1]).tiles[1]
+    box = parts_of(mission.setting).tiles[1]
     maps = []
     for k in (13, 6, 20, 0):
         browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")

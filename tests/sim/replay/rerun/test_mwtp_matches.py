@@ -11,7 +11,6 @@ from planning.planner import Vehicle
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
-from sim.replay.frames.rerender import scenario_of
 from sim.replay.rerun.mwtp_matches import matches_at, situation_at
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Camera
@@ -56,16 +55,15 @@ def test_penalties_add_up_to_what_planners_pay():
 
 def test_matches_of_a_recording_are_those_its_plans_would_pay_for():
     recording = record(21)
-    scenario = scenario_of(recording)
-    assert matches_at(recording, scenario, 1, 0) == ()  # nothing was planned
+    assert matches_at(recording, 1, 0) == ()  # nothing was planned
     count = 0
     for k in range(0, 21, 5):
         controls = np.array([plan.controls for plan in recording.plans_at(k)])
-        situation = situation_at(recording, scenario, k, 1)
+        situation = situation_at(recording, k, 1)
         view = Nominal().predict(situation, 5, np.random.default_rng(0))
         flown = mean_velocities(response(situation.vehicles, situation.step), controls[None])
         paid = [float(objective(view, flown[0], range(3), beta)(flown)[0]) for beta in (0.0, 1.0)]
-        found = matches_at(recording, scenario, k, 1)
+        found = matches_at(recording, k, 1)
         assert sum(m.penalty for m, _ in found) == pytest.approx(paid[1] - paid[0])
         assert {m.target for m, _ in found} <= {t.id for t in recording.tracks_at(k, 1)}
         count += len(found)

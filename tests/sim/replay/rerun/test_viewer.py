@@ -12,10 +12,9 @@ from helpers.flights import recorded  # noqa: E402
 from helpers.rerun_files import tables  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
-from sim.replay.events import events_of  # noqa: E402
 from sim.replay.explain.association import Association  # noqa: E402
 from sim.replay.flight import Flight  # noqa: E402
-from sim.replay.frames.rerender import Rerenderer, scenario_of  # noqa: E402
+from sim.replay.frames.rerender import Rerenderer  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
 from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
 from sim.replay.rerun.scene import gaps_at  # noqa: E402
@@ -27,7 +26,7 @@ OVERRIDES = ("trees.density=75", "uavs.2.fails_at=1.5", "uavs.1.rate=1", "networ
 
 @pytest.fixture(scope="module")
 def recording():
-    return recorded(*OVERRIDES, seed=2, duration=3)[0]
+    return recorded(*OVERRIDES, seed=2, duration=3)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,7 @@ def test_forest_lenses_bodies_and_frusta_are_where_they_were_at_every_scan(recor
 
 
 def test_each_frame_taken_has_its_image_and_marks(recording, entities):
-    scenario = scenario_of(recording)
+    scenario = recording.setting
     taken = {i: [k for k in range(16) if recording.working[k, i] and scenario.has_frame(i, k)] for i in range(3)}
     assert {i: len(scans) for i, scans in taken.items()} == {0: 16, 1: 4, 2: BROKEN_AT}
     with Rerenderer(recording) as again:
@@ -90,9 +89,9 @@ def test_each_frame_taken_has_its_image_and_marks(recording, entities):
 
 
 def test_weights_are_those_of_the_association(recording, entities):
-    scenario, lines = scenario_of(recording), 0
+    lines = 0
     for k in range(BROKEN_AT):
-        told = Association.of(recording, scenario, k, 2)
+        told = Association.of(recording, k, 2)
         (text,) = rows(entities, "/association/2", "text")[k]
         for number, beta in zip(told.numbers, told.beta, strict=True):
             assert f"| {number} | {beta[0]:.2f} |" in text
@@ -104,14 +103,14 @@ def test_weights_are_those_of_the_association(recording, entities):
 
 
 def test_beliefs_intents_and_matches_are_drawn(recording, entities):
-    scenario, numbers = scenario_of(recording), recording.track_numbers
+    numbers = recording.track_numbers
     for i in range(3):
         drawn = rows(entities, f"/world/tracks/{i}/ellipses", "labels")
         for k in np.flatnonzero(recording.working[:, i]).tolist():
             assert drawn[k] == [f"track {numbers[t.id]}" for t in recording.tracks_at(k, i)]
         matched = rows(entities, f"/world/mwtp/{i}", "labels")
         for k in [k for k in (0, 5, 10, 15) if recording.working[k, i]]:
-            told = [m for m, _ in matches_at(recording, scenario, k, i) if m.uav == i]
+            told = [m for m, _ in matches_at(recording, k, i) if m.uav == i]
             assert matched[k] == [f"track {numbers[m.target]}, {m.distance:.0f} m" for m in told]
         intents = rows(entities, f"/world/intents/{i}", "strips")
         np.testing.assert_allclose(intents[5][0][0], recording.poses[5, i, :3], atol=1e-5)
@@ -139,7 +138,7 @@ def test_curves_have_a_value_at_every_scan(recording, entities):
 
 def test_people_not_found_yet_and_uavs_that_break_down_early_are_shown_as_such(tmp_path):
     broken = ("uavs.0.fails_at=0.5", "uavs.1.fails_at=0")
-    recording, _ = recorded("tracking.initial_tracks=none", *broken, duration=1)
+    recording = recorded("tracking.initial_tracks=none", *broken, duration=1)
     rerun_view.write(Flight(recording), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     names = rows(entities, "/world/people/lost", "labels")[0]
@@ -153,7 +152,7 @@ def test_people_not_found_yet_and_uavs_that_break_down_early_are_shown_as_such(t
 
 def test_events_are_logged_at_their_times_and_it_opens_well_laid_out(recording, entities, written):
     told = sorted((round(row["time"], 6), row["text"][0]) for row in entities["/events"])
-    events = events_of(recording, scenario_of(recording))
+    events = Flight(recording).events
     assert told == sorted((round(e.time, 6), f"{e.time:.1f} s: {e.sentence}") for e in events)
     assert {e.kind for e in events} >= {"track born", "breakdown", "messages lost"}
     assert entities["/people/0/tracks"]

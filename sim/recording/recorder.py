@@ -1,0 +1,127 @@
+"""Recorder of a mission while it flies."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan
+from sim.mission.snapshot import Snapshot
+from sim.recording.fault_text import recorded
+from sim.recording.recording import FIELDS, VERSION, Recording
+from sim.sensing.fault import Fault
+from sim.world.contacts import KINDS
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array, Indices
+from tracking.track import Scan, Track
+
+_BY_SCAN = {name: dtype for name, (_, dtype, shape) in FIELDS.items() if shape.split(" ")[0] == "K"}
+
+
+class Recorder:
+    """Takes snapshots, copies what they hold, and gives the recording so far at any time."""
+
+    def __init__(self, repeat: int = 0) -> None:
+        """`repeat` is the mission's, on the map of its seed."""
+        self._repeat = repeat
+        self._dense: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
+        self._scans: list[tuple[Scan, Array]] = []
+        self._tracks: list[tuple[Track, ...]] = []
+        self._plans: list[tuple[float, list[Plan]]] = []
+        self._contacts: list[tuple[int, int, int, int]] = []
+        self._faults: list[Fault] = []
+
+    def __len__(self) -> int:
+        """Number of scans so far."""
+        return len(self._dense["times"])
+
+    def add(self, snapshot: Snapshot) -> None:
+        """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
+        rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
+        self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
+        for name, dtype in _BY_SCAN.items():
+            value = getattr(snapshot, "time" if name == "times" else name)
+            if name in ("poses", "cameras"):
+                value = [np.concatenate([pose.position, pose.quaternion]) for pose in value]
+            self._dense[name].append(np.array(value, dtype=dtype))
+        self._scans.extend(zip(snapshot.scans, rows, strict=True))
+        self._tracks.extend(snapshot.tracks)
+        self._faults.extend(snapshot.faults)
+        if snapshot.plans is not None:
+            self._plans.append((snapshot.time, snapshot.plans))
+
+    def recording(
+        self,
+        *,
+        scenario: str,
+        planner: str,
+        seed: int,
+        forest: Forest,
+        interrupted: bool = False,
+        sees_truth: bool = False,
+    ) -> Recording:
+        """All scans so far; `scenario` is the resolved JSON. At least one scan is needed, else ValueError."""
+        if not len(self):
+            raise ValueError("nothing to record: the mission has no scan")
+        dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
+        uavs, tracks = dense["poses"].shape[1], [track for held in self._tracks for track in held]
+        return Recording(
+            version=VERSION,
+            scenario=scenario,
+            planner=planner,
+            seed=seed,
+            repeat=self._repeat,
+            interrupted=interrupted,
+            trees=np.array([astuple(tree) for tree in forest.trees], dtype=float).reshape(-1, 6),
+            **dense,
+            measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
+            measurements=_joined((scan.measurements for scan, _ in self._scans), 2),
+            measurement_covariances=_joined((scan.covariances for scan, _ in self._scans), 2, 2),
+            pixels=_joined((pixels for _, pixels in self._scans), 2),
+            track_offsets=_offsets(len(held) for held in self._tracks),
+            track_ids=np.array([track.id for track in tracks], dtype=np.int64),
+            track_means=_joined((track.belief.mean for track in tracks), 4),
+            track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
+            track_existence=_existence(tracks),
+            track_sightings=_joined((track.sighting for track in tracks), 3),
+            plan_times=np.array([time for time, _ in self._plans], dtype=float),
+            plans=_padded([plans for _, plans in self._plans], uavs),
+            contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
+            sees_truth=sees_truth,
+            faults=recorded(self._faults),
+        )
+
+
+def _pixel_rows(scan: Scan, pixels: Array) -> Array:
+    if len(pixels) == 0:
+        return np.full((len(scan.measurements), 2), np.nan)
+    if len(pixels) != len(scan.measurements):
+        raise ValueError(f"UAV {scan.uav} has {len(scan.measurements)} measurements of {len(pixels)} detections")
+    return np.array(pixels, dtype=float)
+
+
+def _existence(tracks: Sequence[Track]) -> Array:
+    """Existence probabilities, which stay below one; NaN of tracks without any, for which one stands."""
+    return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
+
+
+def _offsets(counts: Iterable[int]) -> Indices:
+    return np.cumsum([0, *counts], dtype=np.int64)
+
+
+def _joined(blocks: Iterable[Array], *shape: int) -> Array:
+    rows = [np.asarray(block, dtype=float).reshape(-1, *shape) for block in blocks]
+    return np.concatenate([np.zeros((0, *shape)), *rows])
+
+
+def _padded(plans: Sequence[Sequence[Plan]], uavs: int) -> Array:
+    horizon = max((len(plan.controls) for made in plans for plan in made), default=0)
+    table = np.full((len(plans), uavs, horizon, 2), np.nan)
+    for e, made in enumerate(plans):
+        for i, plan in enumerate(made):
+            table[e, i, : len(plan.controls)] = plan.controls
+    return table
