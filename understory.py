@@ -1,4 +1,4 @@
-"""Understory in Python: fly missions, compare planners, look into recordings, write planners, detectors and trackers.
+"""Understory in Python: fly missions, compare planners, examine recordings, write planners, detectors and trackers.
 
 Example:
     ```python
@@ -9,7 +9,7 @@ Example:
     print(flight.columns("losses"))
     ```
 
-`run`, `mission`, `compare` and `parallel_env` stand here; all others are imported from packages at their first use.
+`run`, `mission`, `compare` and `parallel_env` are defined here; other names are imported from packages at first use.
 """
 
 from __future__ import annotations
@@ -119,18 +119,18 @@ def run(
     settings: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
 ) -> Flight:
-    """Fly one mission in this process, and return it to look into.
+    """Fly one mission in this process, and return its recording with tables and figures.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
         planner: Name with or without options, "module:Class", or an object with a method `plan(team, rng)`.
-        seed: Gives the forest and the people.
-        repeat: Gives, with the seed, all other chance: noise, network, wind and planner.
-        settings: Keys of the scenario that differ, as {"trees.density": 75}.
-        out: New folder for what `understory run` leaves; the planner has to be text then. Else nothing is written.
+        seed: Decides the forest and the people.
+        repeat: Decides, with the seed, all other randomness: noise, network, wind and planner.
+        settings: Keys of the scenario to change, as {"trees.density": 75}.
+        out: New folder for the files of `understory run`; the planner has to be text then. Default: write nothing.
 
     Raises:
-        InputError: Where scenario, settings, planner or folder cannot be used.
+        InputError: If scenario, settings, planner or folder cannot be used.
     """
     from planning.contract import planner_of
     from sim.mission.trial import Trial
@@ -160,17 +160,17 @@ def mission(
     repeat: int = 0,
     settings: Mapping[str, Any] | None = None,
 ) -> Mission:
-    """A mission to fly scan by scan with `Mission.step`, from outside or, with a planner, by that.
+    """A mission to fly scan by scan with `Mission.step`, by plans of yours or by a planner.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
-        planner: What decides where no plans are given, as `run` takes it.
-        seed: Gives the forest and the people.
-        repeat: Gives, with the seed, all other chance.
-        settings: Keys of the scenario that differ, as {"trees.density": 75}.
+        planner: Decides in steps without plans; given as for `run`.
+        seed: Decides the forest and the people.
+        repeat: Decides, with the seed, all other randomness.
+        settings: Keys of the scenario to change, as {"trees.density": 75}.
 
     Raises:
-        InputError: Where scenario, settings or planner cannot be used.
+        InputError: If scenario, settings or planner cannot be used.
     """
     from planning.contract import planner_of
     from planning.loading import PlannerError
@@ -199,19 +199,19 @@ def compare(
     A script has to call this under `if __name__ == "__main__":`, as the processes that fly import it. Nothing is kept.
 
     Args:
-        planners: One or several names, with or without options, as other processes make them, or "module:Class".
+        planners: One or several names, with or without options, or "module:Class": other processes make the planners.
         scenarios: One or several names of packaged scenarios or .toml files.
-        seeds: Maps to fly: each gives one forest and its people, the same for all planners.
-        repeats: Flights on each map, with other noise each.
-        settings: Keys of the scenarios that differ, as {"trees.density": 75}.
-        workers: Number of processes; one for each core if not given.
+        seeds: Maps to fly: each seed gives one forest and its people, the same for all planners.
+        repeats: Number of flights on each map, each with other noise.
+        settings: Keys of the scenarios to change, as {"trees.density": 75}.
+        workers: Number of processes; one per core if not given.
 
     Returns:
-        A frame of pandas, else of polars: planner, scenario, seed, repeat, status, and a column for each metric,
-        such as `ospa.mean_m`. A mission that failed has its status, its error and no metrics.
+        A frame of pandas, or of polars if there is no pandas: planner, scenario, seed, repeat, status, and a column
+        for each metric, such as `ospa.mean_m`. A failed mission has its status and its error, and no metrics.
 
     Raises:
-        InputError: Where something cannot be used, or neither pandas nor polars is installed.
+        InputError: If an argument cannot be used, or neither pandas nor polars is installed.
     """
     from sim.scenario.quantities import WORKERS, integer
     from sim.study.backends import Pool
@@ -237,26 +237,26 @@ def parallel_env(
 ) -> Any:  # noqa: ANN401 - PettingZoo's class, which is not needed otherwise
     """PettingZoo environment of a mission: each UAV is an agent, each step flies from one decision to the next.
 
-    With Gymnasium the team is one agent: `gymnasium.make("understory/Forest-v0")`, which takes the same arguments.
-    Actions are velocities east and north, in shares of the UAV's limit; faster ones are shortened to it. Observations
-    hold what a UAV knows, and no ground truth, see `understory.Observations`. An agent is terminated when its UAV
-    breaks down, and truncated at the last decision. Infos hold the time and, by the truth, OSPA and GOSPA. `flight()`
-    of the environment gives the recording so far.
+    With Gymnasium the team is one agent: `gymnasium.make("understory/Forest-v0")` takes the same arguments.
+    Actions are velocities east and north, as shares of the UAV's speed limit; faster ones are shortened to the limit.
+    Observations hold what a UAV knows, and no ground truth; see `understory.Observations`. An agent is terminated when
+    its UAV breaks down, and truncated at the last decision. Infos hold the time and the true OSPA and GOSPA.
+    The environment's `flight()` returns the recording so far.
 
-    `reset(seed=3)` flies the map of seed 3, as `understory run --seed 3`; without a seed one of 2**32 or more is drawn,
-    so that maps of reports stay new to what is learned. The option `{"repeat": 1}` gives a map other noise.
+    `reset(seed=3)` flies the map of `understory run --seed 3`. A reset without a seed draws one of 2**32 or more, so
+    that a policy trained on drawn maps has not seen those of reports. The option `{"repeat": 1}` gives other noise.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
-        settings: Keys of the scenario that differ, as {"trees.density": 75}.
-        reward: `"gospa"`: expected by the UAV's own belief; `"trace"`: of its covariances; `"true_gospa"`: by the
-            truth, for training alone; or a function of a `Situation` and of true positions (M, 2) m, for training
-            alone, too.
-        observe: Rows of `tracks` and `trees`, 10 each by default, and whether there is an `image`.
-        render_mode: `"rgb_array"` lets `render()` give frames as films have them, true people included.
+        settings: Keys of the scenario to change, as {"trees.density": 75}.
+        reward: `"gospa"`: negative GOSPA expected by the UAV's own belief; `"trace"`: negative sum of its tracks'
+            variances; `"true_gospa"`: negative true GOSPA; or a function of a `Situation` and of the true positions
+            (M, 2) m. The last two see the truth, and are for training only.
+        observe: Numbers of rows of `tracks` and `trees`, 10 each by default, and whether there is an `image`.
+        render_mode: With `"rgb_array"`, `render()` returns frames as in films, true people included.
 
     Raises:
-        InputError: Where something cannot be used, or PettingZoo is not installed.
+        InputError: If an argument cannot be used, or PettingZoo is not installed.
     """
     from tracking.plugins.registry import InputError
 

@@ -1,4 +1,4 @@
-"""A planner's contract, checked of planners of any origin: `plan`, and optional `exchange`, `knowing`, `stateful`."""
+"""Checks of a planner's interface, whatever its origin: `plan`, and optional `exchange`, `knowing` and `stateful`."""
 
 from collections.abc import Callable
 from typing import Any, cast

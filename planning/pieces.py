@@ -33,48 +33,49 @@ class Composed:
     """A `Composition` of pieces by name; ValueError names what is wrong and what is allowed."""
 
     horizon: int = 5  # steps of a plan
-    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`; `partitions`: in rounds, each
-    # UAV counts those alone that have decided
+    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`; `partitions`: in rounds, where
+    # each UAV considers only the plans of UAVs that have decided
     coordination: Literal["sequential", "parallel", "decentralised", "centralised", "partitions"] = "sequential"
     # of the sequence: `fixed`: by id; `random`; `worst-first`: the UAV with the most uncertain track within 40 m first
     order: Order = "fixed"
-    # times that the sequence is gone through; from the second on, each UAV answers the plans that the others have made
+    # number of passes through the sequence; from the second on, each UAV answers the plans that the others have made
     sweeps: int = 1
-    # of partitions: each UAV draws one of so many rounds, and all of a round decide at once; 0: one UAV a round, by id
+    # of partitions: each UAV draws one of this many rounds, and all UAVs of a round decide at once; 0: one UAV per
+    # round, by id
     rounds: int = 0
     # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
     propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
-    # of a target: `nominal`: judged along its nominal trajectory; `expected`: along five equally probable ones through
+    # of a target: `nominal`: along its nominal trajectory; `expected`: along five equally probable trajectories through
     # its predicted beliefs, each with a covariance of its own; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none (truncated)
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
     optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
-    # of the objective, for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
+    # evaluations of the objective for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
     evaluations: int = 0
-    # s for each UAV's plan: cross-entropy searches until then, a swarm or grid that is not done stops; 0: no limit
+    # s for each UAV's plan: cross-entropy searches for this time, a swarm or grid stops after it; 0: no limit
     seconds: float = 0.0
     # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
     occlusion: Literal["", "line_of_sight", "disc"] = ""
-    # whether a track is weighted by its probability of existence, where the tracker gives one (`tracking.management =
-    # "existence"`); else each as one
+    # True: a track is weighted by its probability of existence, if the tracker gives one (`tracking.management =
+    # "existence"`); False: each track has weight one
     existence: bool = True
-    # m²: a person without a track counts as a track whose position's covariance has this trace; 0: no search
+    # m²: a person without a track counts as a track with this trace of its position's covariance; 0: no search
     search: float = 0.0
-    separation: float = 0.0  # m: planned paths stay so far from the paths that others are expected to fly; 0: no limit
-    # growth of a target's belief over a planning step: `scans`: as trackers let it, whose acceleration is drawn anew at
-    # each scan; `step`: one acceleration holds for the whole step, so that hidden people are expected farther away than
+    separation: float = 0.0  # m: distance of planned paths from the paths that others are expected to fly; 0: no limit
+    # growth of a target's belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at
+    # each scan; `step`: one acceleration holds for the whole step, so hidden people are expected farther away than
     # the tracker will have them
     prediction: Prediction = "scans"
     # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
     # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
     actions: Actions = "all"
     # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
-    # paths and measurements [nats], which has no cost-to-go (`beta=0`) and with which `search` is in nats
+    # paths and measurements [nats], which has no cost-to-go (`beta=0`) and measures `search` in nats
     uncertainty: Uncertainty = "trace"
-    # m: in place of the trace of a covariance, the expected squared error up to this cut-off c, as GOSPA counts it: a
-    # lost person costs at most c² a step, however large the trace; `search` is not cut off; 0: the trace
+    # m: replaces the trace of a covariance by the expected squared error up to this cut-off c, as GOSPA counts it: a
+    # lost person costs at most c² per step, however large the trace; `search` is not cut off; 0: the trace
     cutoff: float = 0.0
 
     def __post_init__(self) -> None:

@@ -55,20 +55,18 @@ PLANNERS = {
         evaluations=10_240,
     ),
     "dec-pomdp": _composed(
-        "each UAV plans for all, sends nothing, flies its share", coordination="decentralised", beta=0.0
+        "each UAV plans for all, flies its share, sends nothing", coordination="decentralised", beta=0.0
     ),
     "centralized": _composed("one joint plan for all UAVs", coordination="centralised"),
     "greedy-mi": _composed("each UAV in turn adds the most mutual information", **_INFORMATIVE),
-    "rsp": _composed("the same in two rounds: UAVs draw theirs (RSP)", rounds=2, **_INFORMATIVE),
-    "dec-mcts": PlannerSpec(
-        "planning.rivals.dec_mcts:DecMCTS", {}, "tree search of each UAV, which tells what it may fly"
-    ),
-    "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV looks where it pays in a drawn world"),
-    "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
-    "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
-    "random": PlannerSpec("planning.baselines:Random", {}, "each UAV at a random velocity"),
+    "rsp": _composed("as greedy-mi, in two rounds that UAVs draw (RSP)", rounds=2, **_INFORMATIVE),
+    "dec-mcts": PlannerSpec("planning.rivals.dec_mcts:DecMCTS", {}, "each UAV searches a tree, sends likely sequences"),
+    "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV draws a world and flies to its errors"),
+    "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV sweeps a strip, whatever it sees"),
+    "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV flies to its most uncertain track within 40 m"),
+    "random": PlannerSpec("planning.baselines:Random", {}, "each UAV flies at a random velocity"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
-    "oracle": PlannerSpec("planning.oracle:Oracle", _GOSPA, "sees where people are and will be", upper_bound=True),
+    "oracle": PlannerSpec("planning.oracle:Oracle", _GOSPA, "knows where people are and will be", upper_bound=True),
 }
 DEFAULT_PLANNER = "sma-nbo-gospa"
 COMPARED = ("sma-nbo-gospa", "sma-nbo", "greedy", "hover")  # by default in a comparison

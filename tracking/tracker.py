@@ -38,15 +38,15 @@ _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0,
 
 
 class Tracker:
-    """Tracker of people from one UAV's scans; `consensus.fuse` ends each scan, alone or with other UAVs.
+    """Tracker of people from one UAV's scans. Each scan ends with `consensus.fuse`, alone or with other UAVs.
 
     Tracks are Bernoulli components: a label, a probability of existence, and a belief; people without a track are a
     Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
-    `initial` tracks hold at the time of the first scan. Their ids are below one million.
+    `initial` tracks are of the time of the first scan, and have ids below one million.
 
-    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. Added are
-    `negative_information`, re-acquisition (`reacquire_after`), and, as in the paper's code, deletion at very
-    large covariance (`max_variance`). Always, tracks of one person become one, and detection depends on the view.
+    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. This tracker
+    adds `negative_information`, re-acquisition (`reacquire_after`), and, as the paper's code, deletion at very
+    large covariance (`max_variance`). It always merges tracks of one person, and detection always depends on the view.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Tracker:
             self._table += TrackTable.of(begun, 1.0, self._link.time)
 
     def coast(self, time: float) -> None:
-        """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
+        """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
         self._predict(time, None)
 
     def _predict(self, time: float, frame: Lens | None) -> Flags:
@@ -144,7 +144,7 @@ class Tracker:
         return views
 
     def message(self, degree: int) -> Message:
-        """Message for the first round, to so many neighbours."""
+        """Message for the first round, to `degree` neighbours."""
         table = self._table
         seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= SEEN)
         beliefs = table.means, table.covariances, table.weights

@@ -24,12 +24,12 @@ _RATE = 0.1  # of gradient steps
 class DecMCTS:
     """Each UAV searches a tree of its own sequences of controls, and tells the others which are likely.
 
-    Over `rounds`, it grows its tree with others' sequences drawn from the distributions that it has received, shares
-    the gain in mutual information out among a few promising sequences, and sends these with their probabilities. The
+    In each of `rounds` rounds it grows its tree, with the others' sequences drawn from the distributions that it has
+    received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The
     distributions become sharper from round to round. In the end it flies its most probable sequence, or its policy of
-    intent if no sequence gains anything. Of UAVs not heard it takes the policy of intent for sure. Within a round UAVs
-    take turns, as those that send whenever they are ready: if all answered the last round at once, they would all go
-    to one place, or all leave it.
+    intent if no sequence gains anything. UAVs that are not heard are assumed to fly their policy of intent. Within a
+    round UAVs take turns, like UAVs that send whenever they are ready: if all answered the last round at once, they
+    would all go to one place, or all leave it.
     Source: [Best19], with D-UCT and Algorithm 3.
 
     Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not. A node of
@@ -38,15 +38,15 @@ class DecMCTS:
     """
 
     horizon: int = 5  # steps of a plan
-    directions: int = 8  # of a control, at top speed, besides hovering
+    directions: int = 8  # directions of a control at top speed; hovering is one control more
     evaluations: int = 500  # sequences that each tree tries
-    rounds: int = 5  # in which UAVs tell what they may fly
-    sequences: int = 10  # of a distribution
-    exploration: float = 0.3  # weight of the confidence bounds, of the greatest reward found
-    discount: float = 0.995  # of rewards, for each later iteration
-    samples: int = 6  # draws of the others' sequences behind a distribution
-    temperature: float = 0.1  # of the first distribution, of the greatest mean gain
-    cooling: float = 0.5  # of the temperature, a round
+    rounds: int = 5  # rounds in which UAVs send their distributions
+    sequences: int = 10  # sequences of a distribution
+    exploration: float = 0.3  # weight of the confidence bounds, as a share of the greatest reward found
+    discount: float = 0.995  # factor of earlier rewards for each later iteration
+    samples: int = 6  # draws of the others' sequences for a distribution
+    temperature: float = 0.1  # temperature of the first distribution, as a share of the greatest mean gain
+    cooling: float = 0.5  # factor of the temperature from round to round
     updates: int = 100  # gradient steps of a distribution
     decentralised: ClassVar[bool] = True
 

@@ -40,8 +40,8 @@ class Thompson:
     people keep their velocities, whatever the motion model.
     """
 
-    horizon: int = 3  # steps after which a flight ends, there or not
-    cutoff: float = 10.0  # m: cost of a person without a track, and the most of one with a track
+    horizon: int = 3  # steps after which a flight ends, whether or not it has arrived
+    cutoff: float = 10.0  # m: cost of a person without a track, and largest cost of a person with one
     exchange = Exchange(0)
     decentralised: ClassVar[bool] = True
 

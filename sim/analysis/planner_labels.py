@@ -99,8 +99,8 @@ def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[st
     if len(named) == 1:
         return named[0]
     if named:
-        raise InputError(f"{option}: {asked!r} is several of the study's planners: {', '.join(named)}")
-    raise InputError(f"{option}: {asked!r} is none of the study's planners; {did_you_mean(asked, shown)}")
+        raise InputError(f"{option}: {asked!r} stands for several of the study's planners: {', '.join(named)}")
+    raise InputError(f"{option}: {asked!r} is not one of the study's planners; {did_you_mean(asked, shown)}")
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:

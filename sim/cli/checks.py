@@ -17,10 +17,10 @@ from tracking.plugins.findings import Finding
 
 def check_planner(
     planner: Annotated[
-        str, typer.Argument(metavar="PLANNER", help="Name, with options or not, or yours, module:Class.")
+        str, typer.Argument(metavar="PLANNER", help="Its name, or yours as module:Class; with or without options.")
     ],
 ) -> None:
-    """Check a planner against the rules for planners, on test situations; exit code 1 if it breaks one."""
+    """Check a planner against the rules for planners, on test situations; exit code 1 if a check fails."""
     load_planner(planner)
     from planning.conformance.checks import check
 
@@ -28,9 +28,9 @@ def check_planner(
 
 
 def check_detector(
-    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="Name, or yours, module:Class.")],
+    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="Its name, or yours as module:Class.")],
 ) -> None:
-    """Check a detector against the rules for detectors, on test frames; exit code 1 if it breaks one."""
+    """Check a detector against the rules for detectors, on test frames; exit code 1 if a check fails."""
     DETECTORS.make(detector)
     from sim.conformance.detector import check
 
@@ -38,9 +38,9 @@ def check_detector(
 
 
 def check_tracker(
-    tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Name, or yours, module:Class.")],
+    tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Its name, or yours as module:Class.")],
 ) -> None:
-    """Check a tracker against the rules for trackers, on test scans; exit code 1 if it breaks one."""
+    """Check a tracker against the rules for trackers, on test scans; exit code 1 if a check fails."""
     TRACKERS.find(tracker)
     from sim.conformance.tracker import check
 

@@ -20,7 +20,7 @@ from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError, check_known
 
 _Entered = Annotated[
-    str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
+    str, typer.Argument(metavar="STUDY", help="A packaged study (see `understory studies`), study file, or scenario.")
 ]
 _Planners = Annotated[
     list[str] | None,
@@ -38,15 +38,17 @@ _Seeds = Annotated[
     str | None,
     typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. Default: the study's, or 0-9."),
 ]
-_Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
+_Maps = Annotated[str | None, typer.Option(metavar="N", help="Fly the seeds 0 to N - 1; the paper has 50 maps.")]
 _Repeats = Annotated[
     str | None,
-    typer.Option(metavar="K", help="Flights on each map, each with other noise. Default: the study's, or 1."),
+    typer.Option(metavar="K", help="Number of flights on each map, with other noise. Default: the study's, or 1."),
 ]
-_Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
+_Sensing = Annotated[
+    str | None, typer.Option(metavar="MODE", help="camera: rendered frames; ideal: no images, which is faster.")
+]
 _Out = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."),
+    typer.Option(metavar="DIR", help="Folder of results; trials in it are not flown again. Default: one under runs/."),
 ]
 _Baseline = Annotated[
     str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
@@ -58,10 +60,10 @@ _Labels = Annotated[
 _Metrics = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
 ]
-_Workers = Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")]
-_Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")]
-_Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")]
-_Redo = Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")]
+_Workers = Annotated[str | None, typer.Option(metavar="N", help="Number of processes that fly. Default: one per core.")]
+_Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster, such as tcp://host:8786.")]
+_Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each trial's mission.npz.")]
+_Redo = Annotated[bool, typer.Option("--redo", help="Fly trials that have results again, and replace these.")]
 
 
 def compare(
@@ -85,7 +87,7 @@ def compare(
     keep: _Keep = None,
     redo: _Redo = False,
 ) -> None:
-    """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
+    """Compare planners or trackers on the same forests, people and seeds. Started again, it flies what is missing."""
     changes = with_options(overrides, duration, _checked_mode(sensing))
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, planner or (), tracker or (), scenario or ())

@@ -27,23 +27,23 @@ _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
 def explain(
     recorded: Recorded,
-    time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T. Default: all scans.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="T", help="With --target: the scan nearest to T seconds.")] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="N", help="The person, from 0. Default, without --time: all losses.")
+        str | None, typer.Option(metavar="N", help="Number of the person, from 0. Default: the losses of all people.")
     ] = None,
-    track: Annotated[str | None, typer.Option(metavar="N", help="The story of one track, by its number.")] = None,
+    track: Annotated[str | None, typer.Option(metavar="N", help="Number of a track whose story to tell.")] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")
     ] = None,
 ) -> None:
-    """Say when and why people were lost, or all about one person: over the mission, or at one time with a picture.
+    """Say when and why people were lost. With --target, tell of one person: over the mission, or at one --time.
 
-    With --track: say how a track was born, which measurements fed it, why it was kept, and how it ended.
+    With --track, say how a track was born, which measurements fed it, why it was kept, and how it ended.
     """
     if track is not None:
         for name, value in {"--time": time, "--target": target, "--out": out}.items():
             if value is not None:
-                text = f"{str(value)!r} is not allowed with --track, which tells a whole story in words"
+                text = f"{str(value)!r} is not allowed with --track, which tells the whole story of a track"
                 raise InputError(f"{name}: {text}")
     moment = None if time is None else _moment(time)
     if moment is not None and target is None:

@@ -24,17 +24,19 @@ _SPEEDS = (0.05, 20.0)  # slowest and fastest
 _Video = Annotated[bool, typer.Option("--video", help="Make the film again; this is the default.")]
 _Gui = Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")]
 _Rerun = Annotated[
-    str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
+    str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or spawn the viewer.")
 ]
 _Page = Annotated[bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")]
 _Layout = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
+    str | None, typer.Option(metavar="NAME", help="Layout of the film: map+cameras (as flown), map, cameras, or uav1.")
 ]
-_Speed = Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")]
-_Window = Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")]
+_Speed = Annotated[
+    str | None, typer.Option(metavar="X", help="Factor of speed: 2 is twice as fast, 0.25 is slow motion.")
+]
+_Window = Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2 seconds.")]
 _File = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
+    typer.Option(metavar="FILE", help="New .mp4, or .html with --page. Default: replay.mp4 or mission.html in DIR."),
 ]
 _Folder = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")]
 
@@ -78,10 +80,10 @@ def replay(
 
 def frames(
     recorded: Recorded,
-    uav: Annotated[str, typer.Option(metavar="I", help="The UAV of the camera, from 0.")],
-    time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T, or all from T to T2.")],
+    uav: Annotated[str, typer.Option(metavar="I", help="Number of the UAV, from 0.")],
+    time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T seconds, or all from T to T2.")],
     out: _Folder = None,
-    size: Annotated[str, typer.Option(metavar="PX", help="Edge of the camera's image, at most.")] = "896",
+    size: Annotated[str, typer.Option(metavar="PX", help="Largest edge of the enlarged image.")] = "896",
 ) -> None:
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
     start, end = interval(time, "--time")

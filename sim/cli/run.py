@@ -26,15 +26,21 @@ from sim.terminal.progress import mission_progress
 _SHOWN = 3  # faults of different kinds
 _LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
 
-_Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
-_Planner = Annotated[str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")]
+_Scenario = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A packaged scenario (see `understory scenarios`) or a .toml file.")
+]
+_Planner = Annotated[
+    str, typer.Option(metavar="NAME", help="A planner (see `understory planners`), or yours as module:Class.")
+]
 _Seed = Annotated[
-    str, typer.Option(metavar="N", help="Seed of forest and people and, with --repeat, of all other chance.")
+    str, typer.Option(metavar="N", help="Seed of forest and people; with --repeat, of all other randomness, too.")
 ]
 _Repeat = Annotated[
-    str, typer.Option(metavar="N", help="Another draw of noise, network, wind and planner on the seed's map.")
+    str, typer.Option(metavar="N", help="Another draw of noise, network losses, wind and planner on the same map.")
 ]
-_Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Another metric or module:NAME; repeatable.")]
+_Metrics = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="A further metric, or yours as module:NAME; repeatable.")
+]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
 
@@ -51,7 +57,7 @@ def run(
     video: _Video = True,
     timeout: Timeout = None,
 ) -> None:
-    """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
+    """Fly one mission. A new folder gets its recording, summary, film, page, OSPA curve and timeline."""
     changes = with_options(overrides, duration)
     setting = load(scenario, changes)
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))

@@ -15,7 +15,7 @@ from sim.terminal.console import console
 
 _START = """[bold]Understory[/bold]: UAVs that track walking people under trees, on rendered frames.
 
-Fly the default mission; it leaves a folder under runs/:
+Fly the default mission; its results go into a new folder under runs/:
   [bold]understory run[/bold]
 
 Fly another one:
@@ -28,17 +28,19 @@ Compare planners on the same forests, people and seeds:
 See what a camera saw in a run, annotated:
   [bold]understory frames runs/forest-sma-nbo-gospa-seed0 --uav 1 --time 12:14[/bold]
 
-See a run again, slowed down, or in a window to look round in:
+See a run again, as a slowed-down film or in a 3-D window:
   [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --time 12:20 --speed 0.5[/bold]
   [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --gui[/bold]
 
-See when and why people were lost, and all about one person at one time:
+See when and why people were lost, then everything about one person at one time:
   [bold]understory explain runs/forest-sma-nbo-gospa-seed0[/bold]
   [bold]understory explain runs/forest-sma-nbo-gospa-seed0 --target 2 --time 21[/bold]
 
-See what there is; yours are --planner module:Class and a file.toml:
+List planners and scenarios; yours are named module:Class and file.toml:
   [bold]understory planners[/bold]
   [bold]understory scenarios[/bold]
+
+Check a planner, detector or tracker of your own:
   [bold]understory check-planner module:Class[/bold]
   [bold]understory check-detector module:Class[/bold]
   [bold]understory check-tracker module:Class[/bold]
@@ -65,7 +67,7 @@ def start(
 
 
 def planners() -> None:
-    """List the planners: what each is, which package brings it, and its options."""
+    """List the planners with their meanings, packages and options."""
     groups = catalogue()
     width = max(len(name) for items in groups.values() for name in items)
     for heading, items in groups.items():

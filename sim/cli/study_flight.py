@@ -74,7 +74,7 @@ def fly_study(
     except (KeyboardInterrupt, StoreError) as error:
         reason = str(error) or "interrupted"
     if kept is None:
-        fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
+        fail(f"{reason}; no trial was flown, {folder} is unchanged", code=1)
     table = f"; for a table of them: python -m sim.report.wide_table {shlex.quote(str(folder))}" if kept else ""
     if options.redo:
         rest = f"{kept} are there; without --redo, the same command flies what is missing{table}"

@@ -46,7 +46,7 @@ class Course:
         given = _observed(observe)
         self.image: bool = given["image"]
         if self.image and not self.scenario.sensing.renders:
-            raise InputError(f"observe: image is not there with sensing.mode {self.scenario.sensing.mode!r}")
+            raise InputError(f"observe: there is no image with sensing.mode {self.scenario.sensing.mode!r}")
         self.uavs = range(len(self.scenario.uavs))
         self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
         self.spaces = [self._space(uav) for uav in self.uavs]  # of observations
@@ -103,7 +103,7 @@ class Course:
         return found
 
     def rewarded(self, uav: int) -> float:
-        """Reward of a UAV now, 0 if it has broken down; InputError where the function gives no finite number."""
+        """Reward of a UAV now, 0 if it has broken down; InputError if the function gives no finite number."""
         situation = self.rollout.team.get(uav)
         if situation is None:
             return 0.0
@@ -117,7 +117,7 @@ class Course:
         return reward
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them; None, and a warning, without a `render_mode`."""
+        """A frame (720, 1280, 3) RGB as in films; without a `render_mode` None, and a warning."""
         rollout = self.rollout
         if self.render_mode is None:
             logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
@@ -162,12 +162,12 @@ class Course:
 
 
 class Episodes:
-    """Calls that the environments of both standards have in common."""
+    """Methods that the environments of both standards share."""
 
     _course: Course
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them, true people included."""
+        """A frame (720, 1280, 3) RGB as in films, true people included."""
         return self._course.render()
 
     def close(self) -> None:
@@ -175,7 +175,7 @@ class Episodes:
         self._course.close()
 
     def flight(self) -> Flight:
-        """Recording since the last reset, to look into; ValueError before the first step."""
+        """Recording since the last reset, with tables and figures; ValueError before the first step."""
         return self._course.rollout.flight()
 
 

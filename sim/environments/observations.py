@@ -1,4 +1,4 @@
-"""Observations: what a UAV knows, as arrays of fixed shape, in training and in a planner that was learned."""
+"""Observations: what a UAV knows, as arrays of fixed shape, for training and for planners that fly a trained policy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,17 +21,16 @@ Observed = dict[str, Any]  # arrays by name
 
 @dataclass(frozen=True)
 class Observations:
-    """Arrays of fixed shape of what a UAV knows; nothing in them is ground truth.
+    """Knowledge of one UAV, as arrays of fixed shape; nothing in them is ground truth.
 
-    The nearest come first, each list is padded with zeros, and a mask of ones and zeros `*_mask` says which rows count:
+    Rows are sorted by distance, the nearest first, and padded with zeros; masks `*_mask` have ones for rows that count:
 
     - `own` (6,): x, y, z [m], velocity east and north [m/s], edge of its field of view [m];
     - `tracks` (T, 9): offset [m] and velocity [m/s] east and north, covariance xx, xy and yy of the position [m²],
-      probability of existence, time since the last sure detection that it knows of, at most since the start [s];
-    - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; not
-      there for a fleet of one;
+      probability of existence, time since its last known sure detection or, without one, since the start [s];
+    - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; missing in a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
-    - `undetected` (rows, columns): expected number of undetected people in each cell of the area, from south to north.
+    - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north.
     """
 
     neighbours: int  # rows of neighbours, such as the size of the fleet less one

@@ -1,4 +1,4 @@
-"""PettingZoo environment: an agent a UAV."""
+"""PettingZoo environment in which each UAV is an agent."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -35,13 +35,13 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
-        """Velocities east and north, in shares of the UAV's limit."""
+        """Space of an agent's actions: velocities east and north, as shares of the UAV's speed limit."""
         return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observed], dict[str, dict[str, Any]]]:
-        """Start the mission of a seed, or of one drawn by the generator that the last seed began."""
+        """Start the mission of a seed; without one, draw a seed from the generator that the last seed started."""
         if seed is not None or self._rng is None:
             self._rng, _ = seeding.np_random(seed)
         self._course.begin(seed, options, self._rng)
@@ -58,7 +58,7 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
             raise error.InvalidAction(f"actions: {type(actions).__name__} is not allowed; expected a dict by agent")
         for agent in actions:
             if agent not in flying and flying:
-                raise error.InvalidAction(f"actions: {agent!r} is no agent now; {did_you_mean(str(agent), flying)}")
+                raise error.InvalidAction(f"actions: {agent!r} is not an agent now; {did_you_mean(str(agent), flying)}")
         for agent in flying:
             if agent not in actions:
                 raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")

@@ -1,4 +1,4 @@
-"""Rewards of one UAV at a decision, from what it believes or, for training alone, from the truth."""
+"""Rewards of one UAV at a decision, from what it believes or, for training only, from the truth."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -36,7 +36,7 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 
 def true_gospa(situation: Situation, people: Array) -> float:
-    """Negative GOSPA [m] of the tracks that the UAV reports to the true people, cut-off 10 m: for training alone."""
+    """Negative GOSPA [m] between the UAV's reported tracks and the true people, cut-off 10 m: for training only."""
     return -gospa(reported_positions(situation.tracks), people, FAR).distance
 
 

@@ -17,10 +17,10 @@ from tracking.plugins.registry import InputError
 
 
 class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
-    """Mission with the team as one agent: actions (n, 2) and observations of all n UAVs, one above the other.
+    """Mission with the team as one agent: actions (n, 2) and observations have a row for each of the n UAVs.
 
-    Rows of UAVs that have broken down are zeros, and so is their place in the mask `working` (n,). The reward is the
-    mean over the UAVs that work.
+    Observations of UAVs that have broken down are zeros, and so are their entries of the mask `working` (n,). The
+    reward is the mean over the UAVs that work.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - Gymnasium's
@@ -37,7 +37,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         """As `understory.parallel_env`."""
         self._course = course = Course(scenario, settings, reward, observe, render_mode)
         if course.image and len({uav.pixels for uav in course.scenario.uavs}) > 1:
-            raise InputError("observe: images of several sizes are not one array; set uavs.N.pixels alike")
+            raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
         self.render_mode = render_mode
         self.metadata = course.metadata
         one = course.spaces[0]
@@ -52,13 +52,13 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Start the mission of a seed, or of one drawn by the generator that the last seed began."""
+        """Start the mission of a seed; without one, draw a seed from the generator that the last seed started."""
         super().reset(seed=seed)
         self._course.begin(seed, options, self.np_random)
         return self._observed(), self._info()
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
-        """Fly to the next decision by actions (n, 2), of which those of UAVs that have broken down do not count."""
+        """Fly to the next decision by actions (n, 2); actions of UAVs that have broken down are ignored."""
         course = self._course
         if np.shape(action) != self.action_space.shape:
             raise error.InvalidAction(f"action: of shape {np.shape(action)}, not {self.action_space.shape}")

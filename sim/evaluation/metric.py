@@ -114,7 +114,7 @@ def metric(name: str) -> Metric:
     except ImportError as error:
         raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
     if not isinstance(found, Metric):
-        raise InputError(f"--metric: {name!r} is no metric; expected a sim.evaluation.metric.Metric")
+        raise InputError(f"--metric: {name!r} is not a metric; expected a sim.evaluation.metric.Metric")
     check_known(f"--metric: {name}: better", found.better, get_args(Better))
     return replace(found, name=name)
 

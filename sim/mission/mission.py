@@ -32,9 +32,9 @@ from tracking.track import Track
 
 
 class Mission:
-    """A mission, scan by scan. The seed gives forest and people, seed and repeat all other chance.
+    """A mission, scan by scan. The seed decides forest and people; seed and repeat decide all other randomness.
 
-    `fly` flies it with its planner. Without a planner, or with plans from elsewhere, `step` flies it from scan to scan:
+    `fly` flies it with its planner. `step` flies it from scan to scan, with plans of yours or with the planner's:
 
         mission = Mission(scenario, seed=3)
         while not mission.over:
@@ -42,7 +42,7 @@ class Mission:
     """
 
     def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
-        """Grow the forest, let the people walk and build the world; ValueError where the scenario cannot be built."""
+        """Grow the forest, let the people walk and build the world; ValueError if the scenario cannot be built."""
         self.scenario, self.seed, self.repeat = scenario, seed, repeat
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
@@ -83,12 +83,12 @@ class Mission:
 
     @property
     def time(self) -> float:
-        """Time of the present scan; of the scenario's last one when the mission is over, closed early or not [s]."""
+        """Time of the present scan; once the mission is over or closed, that of the scenario's last scan [s]."""
         return self._times[min(self._k, len(self._times) - 1)]
 
     @property
     def team(self) -> list[Situation]:
-        """Knowledge of each UAV that works and has to decide now, to do anything with; empty between decisions."""
+        """Knowledge of each UAV that works and has to decide now, as copies; empty between decisions."""
         return [] if self.over else [handed(situation) for situation in self._situations()]
 
     @property
@@ -98,22 +98,21 @@ class Mission:
         return self._sense().snapshot
 
     def fly(self) -> Iterator[Snapshot]:
-        """The rest of the mission by its planner, one snapshot per scan. Ends cleanly when no more are asked for."""
+        """Fly the rest of the mission by its planner, one snapshot per scan; the world is freed at the end."""
         with self:
             while not self.over:
                 yield self.step()
 
     def step(self, plans: Sequence[Plan | Array] | Array | None = None) -> Snapshot:
-        """Decide at the present scan, and go on to the next one; returns the scan that was decided at.
+        """Decide at the present scan, and go on to the next one; return the scan at which was decided.
 
         Args:
-            plans: For each situation of `team` a plan, or a velocity (2,) m/s east and north; as `team`, empty between
-                decisions. Without any the planner is asked. A velocity above the UAV's limit is shortened to it, which
-                is a fault.
+            plans: For each situation of `team` a plan, or a velocity (2,) m/s east and north; empty between decisions,
+                like `team`. Without plans the planner is asked. A velocity above the UAV's speed limit is shortened to
+                it, and recorded as a fault.
 
         Raises:
-            InputError: Where plans cannot be used, or are missing; the mission is as before, and the step can be
-                taken again.
+            InputError: If plans are missing or cannot be used; the mission is unchanged, and the step can be repeated.
             RuntimeError: If the mission is over.
         """
         self._check_not_over()

@@ -48,7 +48,7 @@ def new_folder(out: Path) -> Iterator[Path]:
     If another program has made a folder of that name meanwhile, it takes the next free one, and a PlaceTaken says so.
     """
     if not out.name:
-        raise InputError(f"--out: {str(out)!r} is no name for a new folder")
+        raise InputError(f"--out: {str(out)!r} cannot be the name of a new folder")
     place = Path(os.path.realpath(out))  # a link cannot be replaced by a folder
     part = unfinished(place)
     made: list[Path] = []

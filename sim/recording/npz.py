@@ -88,7 +88,7 @@ class Npz:
 def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
     """The archive at `path`; ValueError if it is none or not one to be trusted, OSError if it cannot be opened."""
     if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for
-        raise ValueError("not a recording: is no file")
+        raise ValueError("not a recording: is not a file")
     with open(path, "rb") as file:
         try:
             archive = Npz(file)
@@ -109,7 +109,7 @@ def _check_end(file: BinaryIO, size: int) -> None:
     tail = file.read(42)
     end = tail[-22:]
     if len(end) < 22 or end[:4] != b"PK\x05\x06" or end[20:] != b"\0\0":
-        raise ValueError("is no npz archive, or only the beginning of one")
+        raise ValueError("is not an npz archive, or only the beginning of one")
     (length,) = struct.unpack("<I", end[12:16])
     if length > _MOST_DIRECTORY or tail[:4] == b"PK\x06\x07":
         raise ValueError("is an archive of too many members")

@@ -214,6 +214,6 @@ def _check_setting(recording: Recording, scenario: Scenario) -> None:
     if not scenario.people.trajectories and scenario.people.count != people:
         raise InputError(f"recording: {people} people walked, but its scenario has {scenario.people.count}")
     if len(times) > planned + 1e-6:
-        raise InputError(f"recording: has {len(times)} scans, its scenario {planned:g}; no more can be")
+        raise InputError(f"recording: has {len(times)} scans, but its scenario allows at most {planned:g}")
     if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
         raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")

@@ -43,7 +43,7 @@ def load(run: str | Path) -> "Flight":
 
 
 class Flight:
-    """One recorded mission, to look into: `recording` is what was recorded, `scenario` what it was flown in."""
+    """One recorded mission with its tables and figures: `recording` holds the arrays, `scenario` the settings."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -96,7 +96,7 @@ class Flight:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
         uavs = len(self.scenario.uavs)
         if not 0 <= uav < uavs:
-            raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
+            raise InputError(f"uav: there is no UAV {uav}; allowed are 0 to {uavs - 1}")
         (k,) = scans_between(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
             return _picture(draw(again, k, uav, size=640))

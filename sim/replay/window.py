@@ -46,7 +46,7 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
     with _world(recording) as world:
         cones = [_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(setting.uavs)]
         _set_scene(world.engine, setting.area)
-        say("Q or Esc ends it, the space bar stops and goes on; the mouse turns the view with Ctrl held, or zooms.")
+        say("Q or Esc closes it, the space bar pauses; turn the view with Ctrl and the mouse, zoom with the wheel.")
         try:
             for moment in _moments(world.engine, recording.times[list(scans)], speed):
                 _place(world, cones, recording, moment)

@@ -35,9 +35,9 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
     density: Expected = 45.0  # expected number in the area, the paper's λ; the number itself is Poisson
-    per_hectare: Expected | None = None  # 1/ha, expected number of a hectare; if given, `density` is not used
+    per_hectare: Expected | None = None  # 1/ha, expected number per hectare; if given, `density` is not used
     canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, people walk under them
-    # m, upper bound of radii that are uniform from `canopy_radius` on; if not given, all have that radius
+    # m; if given, radii are uniform between `canopy_radius` and this; otherwise all are `canopy_radius`
     largest_radius: Length | None = None
     canopy_base: Length = 3.0  # m, above ground
     canopy_top: Length = 6.0  # m, above ground, below every UAV; 1 m or more below where images are rendered
@@ -69,17 +69,18 @@ DEFAULT_PATHS: Paths = (
 class People(Struct, frozen=True, forbid_unknown_fields=True):
     """Walking people, by one or several ways of walking, or recorded trajectories."""
 
-    count: Count = 4  # number of walkers, those included that appear late or leave early
-    # ways of walking, among which people are shared out evenly, in their order: `"levy"`: along `paths`, the others
+    count: Count = 4  # number of walkers, including those who appear late or leave early
+    # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, the others
     # wander; `"waypoints"`: to one place after another; `"stop-and-go"`: the same, standing still at times; `"groups"`:
     # to one place after another together, until the group parts; `"module:Class"`: yours
     # ([how](../how-to/plugins.md#a-way-of-walking))
     walks: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)] = ("levy",)
-    # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, moved a little by the seed; the others wander
+    # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, which the seed shifts a little; the others wander
     paths: Paths = DEFAULT_PATHS
     group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
-    # s, mean time for which people are there, from half of it to one and a half; they appear and leave anywhere, evenly
-    # over the mission, some before its start or after its end. If not given, all are there throughout
+    # s, mean time for which people are present; each stays between half and one and a half times as long. They appear
+    # and leave anywhere, evenly over the mission, some before its start or after its end. If not given, all are present
+    # throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
@@ -101,7 +102,7 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
 class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     """Strengths of random variations of images; a strength left open is zero, or full with `randomise`."""
 
-    randomise: bool = False  # vary all that follows
+    randomise: bool = False  # vary everything below
     light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # deg, largest angle of the sun from the zenith
     ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share of diffuse light, 0.75 plus or minus this
     ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # change of each of red, green and blue, relative

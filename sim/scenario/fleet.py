@@ -24,9 +24,9 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     mount: Literal["gimbal", "body"] = "gimbal"
     # Hz, of the camera, a divisor of `rates.sensing`; 0: `rates.sensing` itself
     rate: Annotated[int, Meta(ge=0, le=1000)] = 0
-    # deg, mounting angle off nadir, towards the body's front, which is east at yaw 0; a gimbal keeps the camera so,
-    # looking east. The image must end below the horizon. `footprint` and the covariance that planners expect with
-    # `sensing.noise = "camera"` stay those of the camera looking down; the covariance of detections does not
+    # deg, mounting angle off nadir, towards the body's front, which is east at yaw 0; a gimbal keeps this angle,
+    # looking east. The image must end below the horizon. `footprint`, and the covariance that planners expect with
+    # `sensing.noise = "camera"`, stay those of a camera looking down; the covariance of detections does not
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
     fails_at: Time | None = None  # s, time of its breakdown; never if not given
 
@@ -68,8 +68,8 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
     links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down: pairs of UAVs
-    start: Time = 0.0  # s, from then on they are down
-    end: Annotated[float, Meta(le=DAY)] | None = None  # s, when they are up again; for good without it
+    start: Time = 0.0  # s, time from which they are down
+    end: Annotated[float, Meta(le=DAY)] | None = None  # s, time from which they are up again; never if not given
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end <= self.start:
@@ -88,11 +88,11 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     fusion: str = "hcmci"
     # probability that a message is lost, per round and direction, drawn by seed and repeat
     loss: Probability = 0.0
-    links: tuple[Link, ...] = ()  # the only links there are, as pairs of UAVs: `[[0, 1], [1, 2]]`; without any, all
+    links: tuple[Link, ...] = ()  # the links, as pairs of UAVs: `[[0, 1], [1, 2]]`; empty: all UAVs are linked
     # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
-    # s, from a decision until the first control of its plan is flown; until then UAVs go on as before, and hover at the
-    # start; a multiple of the time between scans
+    # s, time from a decision until the first control of its plan is flown; until then UAVs fly on as before, or hover
+    # at the start; a multiple of the time between scans
     plan_delay: Time = 0.0
 
     def check(self, uavs: int) -> None:

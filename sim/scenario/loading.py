@@ -124,7 +124,7 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
     for key, value in data.items():
         if key not in fields:
             if not where and key in _ELSEWHERE:
-                raise InputError(f"{key}: unknown key; no part of a scenario, but {_ELSEWHERE[key]}")
+                raise InputError(f"{key}: unknown key; it is not part of a scenario, but {_ELSEWHERE[key]}")
             elsewhere = _whole(key)
             hint = did_you_mean(key, fields)
             if elsewhere:

@@ -35,19 +35,19 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # assumption of tracker and planner, and truth of ideal sensing: `"line_of_sight"` past cylinders, or the paper's
     # `"disc"`
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
-    # `"tiny"`: PyBullet's own, on the CPU; `"egl"`: OpenGL without a display, images up to 768 pixels, refused where it
+    # `"tiny"`: PyBullet's own, on the CPU; `"egl"`: OpenGL without a display, images up to 768 pixels, refused if it
     # cannot start
     renderer: Literal["tiny", "egl"] = "tiny"
     # `"blob"`: people by their colour; `"segmentation"`: the renderer's own mask, every person that a pixel shows;
     # or yours, `"package.module:Class"`, with a method `detect(frame)`
     detector: str = "blob"
-    # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to it over
-    # the field of view in m²; with `tracking.management = "m_of_n"` two of three false alarms that happen to fit make a
-    # track
+    # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to this
+    # number divided by the field of view in m²; with `tracking.management = "m_of_n"` two of three false alarms that
+    # happen to fit make a track
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     # probability that a detection is lost; set `tracking.detection_probability` to its complement
     miss_probability: Probability = 0.0
-    # limit of what is seen, trees aside: `"camera"`, or nothing with `"unlimited"`, which needs `sensing.mode =
+    # what a UAV can see past the trees: `"camera"`: its image; `"unlimited"`: everything, which needs `sensing.mode =
     # "ideal"`
     field_of_view: Literal["camera", "unlimited"] = "camera"
 
@@ -76,42 +76,42 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     clutter_density: Density = 1e-6  # 1/m², false detections per scan
     # probability that a person's own measurement falls into the gate
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
-    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans: a new track needs so many detections
-    # m of n scans: a track ends after so many misses where the person should have been seen; n is at most 62, as of
-    # `confirm`
+    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans: a new track needs m detections; n is at most 62
+    # m of n scans: a track ends after m misses in scans in which the person should have been seen; n is at most 62
     delete: tuple[Scans, Scans] = (5, 5)
     # exponent of the likelihood of negative information; 0: none
     negative_information: Annotated[float, Meta(ge=0, le=100)] = 1.0
-    # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
+    # s, time unseen after which a detection within a person's reach may re-acquire their track
     reacquire_after: Time = 0.2
-    # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
+    # m², trace of the position's covariance beyond which a track ends; by default the square of GOSPA's cut-off
     max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
-    # m/s, largest speed of people: reach of lost ones, velocities of new tracks, spread of undetected people
+    # m/s, largest speed of people: limits the reach of lost people, the velocities of new tracks and the spread of
+    # undetected people
     max_speed: Speed = 3.0
-    # m/s, expected of people while few have been seen, for `motion = "mean-reverting"`
+    # m/s, walking speed that is expected while few people have been seen, for `motion = "mean-reverting"`
     walking_speed: Speed = 1.75
     # track management, initiation and deletion of tracks: `"existence"`: each track has a probability of existence,
     # `confirmation_threshold` and `deletion_threshold`; `"m_of_n"` counts scans, `confirm` and `delete`, as the paper
     # does
     management: Literal["m_of_n", "existence"] = "existence"
-    # with `"existence"`: probability of a person to be there still a second later
+    # with `"existence"`: probability that a person is still there a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
-    # 1/m², with `"existence"`: people detected for the first time per scan; against `clutter_density`, how far a first
-    # detection is believed
+    # 1/m², with `"existence"`: people detected for the first time per scan; its ratio to `clutter_density` decides how
+    # far a first detection is believed
     birth_density: Density = 1e-5
     # with `"existence"`: probability of existence that confirms a new track
     confirmation_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.99
     # with `"existence"`: probability of existence below which a track is deleted
     deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
-    # motion model of the trackers: `"mean-reverting"`: speeds return to that at which people were seen to walk;
+    # motion model of the trackers: `"mean-reverting"`: speeds return to the walking speed of the people seen;
     # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
-    # trackers do, but by `"ncv"` where it is yours, and `thompson` always by constant velocity
+    # trackers do, but by `"ncv"` if the model is yours; `thompson` always predicts by constant velocity
     motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
-    # ([how](../how-to/trackers.md)), which takes of these keys what it can use
+    # ([how](../how-to/trackers.md)), which uses those of these keys that it can
     tracker: str = "jpda"
-    # people expected undetected anywhere in the area at the start, where `initial_tracks` is `"none"`; UAVs then search
+    # expected number of undetected people in the area at the start, if `initial_tracks` is `"none"`; UAVs then search
     # for them
     undetected: Expected = 4.0
 

@@ -90,6 +90,6 @@ def integers(text: str, field: str) -> list[int]:
             raise InputError(f"{field}: {part!r} is not allowed; expected {forms}")
         listed = range(int(match[1]), int(match[2] or match[1]) + 1)
         if listed[-1] - listed[0] + len(found) >= MOST_LISTED:
-            raise InputError(f"{field}: {part!r} makes them too many; at most {MOST_LISTED} are allowed")
+            raise InputError(f"{field}: {part!r} makes the list too long; at most {MOST_LISTED} are allowed")
         found += listed
     return list(dict.fromkeys(found))

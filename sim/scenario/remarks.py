@@ -23,7 +23,7 @@ def remarks(scenario: Scenario) -> list[str]:
     if not math.isclose(last, scenario.duration):
         scans = f"the last scan is at {last:g} s"
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
-        found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
+        found.append(f"duration: {scenario.duration:g} s is not a multiple of the {interval}; {scans}")
     if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
         found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:

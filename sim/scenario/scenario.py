@@ -38,7 +38,7 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
             rate, step = getattr(self, name), getattr(self, divisor)
             if rate % step:
                 near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
-                raise ValueError(f"{name} {rate} Hz is no multiple of {divisor} {step} Hz, as {near} would be")
+                raise ValueError(f"{name} {rate} Hz is not a multiple of {divisor} {step} Hz, as {near} would be")
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
@@ -67,11 +67,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         for registry, name in self.plugins:
             registry.check(name)
         if self.dynamics == "kinematic" and not self.wind.calm:
-            raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
+            raise ValueError('wind: has no effect on UAVs of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
             self._check_uav(i, uav)
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
-            raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
+            raise ValueError("uavs: all have fails_at 0; at least one has to work at the start")
         self.network.check(len(self.uavs))
         check_workload(self)
         self._check_times()
@@ -148,12 +148,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
-    """ValueError if a time [s] is no multiple of the period of a rate [Hz]."""
+    """ValueError if a time [s] is not a multiple of the period of a rate [Hz]."""
     count = value * rate
     if not math.isclose(count, round(count), abs_tol=1e-9):
         near = " and ".join(f"{k / rate:g}" for k in (math.floor(count), math.ceil(count)))
         raise ValueError(
-            f"{key}: {value:g} s is no multiple of the {1 / rate:g} s between {what}; the nearest are {near}"
+            f"{key}: {value:g} s is not a multiple of the {1 / rate:g} s between {what}; the nearest are {near}"
         )
 
 

@@ -30,7 +30,7 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
     """The bytes of a file, which is no pipe or device and has at most so many; InputError begins with `where`."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # before it is opened: a pipe would be waited for
-            raise OSError("is no file")
+            raise OSError("is not a file")
         with path.open("rb") as file:
             # What the system makes up as it is read, as in /proc, tells no size; to read `most` would allocate as much.
             read = b"".join(islice(iter(lambda: file.read(_BLOCK), b""), most // _BLOCK + 1))

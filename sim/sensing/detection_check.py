@@ -21,7 +21,7 @@ _MOST = 200  # detections of a plug-in in one frame: trackers take seconds over 
 def usable_detections(found: Detections) -> Detections:
     """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
     if not all(hasattr(found, name) for name in _SHAPES):
-        raise Unusable(f"it is no Detections but of type {type(found).__name__}")
+        raise Unusable(f"it is not Detections but of type {type(found).__name__}")
     arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
     if not any(array.size for array in arrays.values()):
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -55,7 +55,7 @@ def usable_matches(matched: object, people: Array) -> Flags:
     """Mask (M,) of people (M, 2) m, NaN where absent, that a mode detected; `Unusable` says what is wrong with it."""
     found = np.array(matched)
     if found.shape != (len(people),) or found.dtype != np.bool_:
-        raise Unusable(f"matched are no table ({len(people)},) of True and False")
+        raise Unusable(f"matched is not an array ({len(people)},) of True and False")
     _check_present("matched", found, people)
     return found
 

@@ -117,7 +117,7 @@ def _check_levels(study: Study) -> None:
     for factor, levels in study.factors.items():
         where = study.at(f"factors.{factor}")
         if factor in ("planner", "scenario"):  # by which trials are left out, too
-            raise InputError(f"{where}: is no name for a factor; list them as {factor}s of [study]")
+            raise InputError(f"{where}: cannot be the name of a factor; list them as {factor}s of [study]")
         for level, values in levels.items():
             options = values.get("planner", {})
             if not isinstance(options, Mapping):
@@ -127,4 +127,4 @@ def _check_levels(study: Study) -> None:
                 raise InputError(f"{where}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
     if study.score and VIEW in study.factors:
         where = study.at(f"factors.{VIEW}")
-        raise InputError(f"{where}: is no name for a factor beside [score], whose bound has an unlimited view")
+        raise InputError(f"{where}: cannot be the name of a factor beside [score], whose bound has an unlimited view")

@@ -82,7 +82,7 @@ class Store:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
-                raise InputError(f"--out: {path}: cannot be used: is no file")  # a pipe would be waited for
+                raise InputError(f"--out: {path}: cannot be used: is not a file")  # a pipe would be waited for
             if (folder / "mission.npz").exists():
                 raise InputError(f"--out: {folder} holds a mission; allowed is a new folder, or that of a study")
         except OSError as error:

@@ -24,10 +24,10 @@ _NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR
 
 
 Duration = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")
+    str | None, typer.Option(metavar="TIME", help="Simulated time, such as 40, 40s or 1.5min. Default: the scenario's.")
 ]
 Timeout = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a mission has failed: 90, 5min.")
+    str | None, typer.Option(metavar="TIME", help="Wall time after which a mission fails, such as 90 or 5min.")
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -35,7 +35,7 @@ Overrides = Annotated[
         "--set", metavar="KEY=VALUE", help="Change a key of the scenario, such as trees.density=75; repeatable."
     ),
 ]
-Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")]
+Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, or its mission.npz.")]
 
 
 class Command(TyperCommand):

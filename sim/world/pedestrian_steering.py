@@ -60,7 +60,7 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
 
 @compiled
 def _surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
-    """What each person may meet while all walk at these paces (K, M) m/s: no more than that need be looked at."""
+    """Obstacles that each person may meet while all walk at these paces (K, M) m/s; no others need be looked at."""
     fastest = thickest = 0.0
     for pace in paces.flat:
         fastest = max(fastest, pace)

@@ -90,7 +90,7 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
         for row in table:
             where = f"{path}, line {table.line_num}"
             if None in row:
-                raise InputError(f"{where}: {row[None][0]!r} stands in a column without a name")
+                raise InputError(f"{where}: {row[None][0]!r} is in a column without a name")
             person, time, position = _row(where, row, area)
             if time in people.setdefault(person, {}):
                 raise InputError(f"{where}, column time: id {person} has a second row at {time:g} s")

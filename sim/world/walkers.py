@@ -76,12 +76,12 @@ def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
         raise ValueError(f"it made {len(made)} itineraries for {paces.shape[1]} people")
     for waypoints, pace, room in made:
         if not math.isfinite(room):
-            raise ValueError(f"room {room!r} is no finite number")
+            raise ValueError(f"room {room!r} is not a finite number")
         if np.shape(pace) != paces.shape[:1] or not np.all((np.asarray(pace) > 0) & np.isfinite(pace)):
-            raise ValueError(f"a pace is no {len(paces)} finite numbers above zero")
+            raise ValueError(f"a pace is not {len(paces)} finite numbers above zero")
         points = np.asarray(waypoints, dtype=float)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) == 1 or not np.all(np.abs(points) <= half):
-            raise ValueError(f"waypoints are no n x 2 finite numbers within {half.tolist()} m, n = 0 or n > 1")
+            raise ValueError(f"waypoints are not n x 2 finite numbers within {half.tolist()} m, n = 0 or n > 1")
 
 
 def _present(count: int, samples: int, stay: float, rng: np.random.Generator) -> Flags:

@@ -76,9 +76,9 @@ def _weighted(averaged: Array, odds: Array, weights: Array, leader: int, ids: In
 
 
 class TrackExchange:
-    """Tracks of one UAV in its fleet: their ids, which all UAVs share, and messages from and to tracks.
+    """Exchange of one UAV's tracks with its fleet: messages from tracks, tracks from messages, and ids that all share.
 
-    The rest is the fleet's: association of tracks between UAVs, fusion, and ids that stay the same.
+    It associates the tracks of different UAVs, fuses them, and keeps their ids.
     Note: all information is averaged. Novel information, which `network.fusion` = "hcmci" adds up, needs the
     measurements behind it.
     """
@@ -100,11 +100,11 @@ class TrackExchange:
         return id
 
     def message(self, degree: int, time: float, tracks: Sequence[Track], detected: Mapping[int, float]) -> Message:
-        """Message about the tracks after the scan at `time` [s], to so many neighbours; call it once a scan.
+        """Message about the tracks after the scan at `time` [s], to `degree` neighbours; call it once per scan.
 
         detected: by id, the probability that this UAV detected the person in this scan, which is the weight of its
-        belief in the fleet's average; tracks that are not in it were not detected. A track that is left out ends, on
-        all UAVs but for those that detect it in this scan.
+        belief in the fleet's average; tracks that are not in it were not detected. A track that is left out of `tracks`
+        ends on all UAVs except those that detect it in this scan.
         """
         held = sorted(tracks, key=lambda track: track.id)
         ids = [track.id for track in held]
@@ -124,7 +124,7 @@ class TrackExchange:
         return self._link.message(degree, table, local)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
-        """The fleet's tracks by ascending id, in place of the own: some have new ids, some are new, some have ended."""
+        """The fleet's tracks by ascending id, to replace the own: ids may change, tracks may be new or have ended."""
         means, covariances = message.beliefs
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0

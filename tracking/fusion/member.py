@@ -24,22 +24,22 @@ TRACKERS = Registry(
 
 
 class Member(Protocol):
-    """Tracker of one UAV in a fleet; a scan is `step` or `coast`, then `message`, then `accept`.
+    """Tracker of one UAV in a fleet. Each scan calls `step` or `coast`, then `message`, then `accept`.
 
-    `tracking.fusion.exchange.TrackExchange` makes messages of tracks, and tracks of messages.
+    `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
     """
 
     @property
     def uav(self) -> int:
-        """The UAV; the testbed knows it of trackers from outside."""
+        """The UAV's number; trackers from outside need not have it."""
 
     @property
     def max_speed(self) -> float:
-        """Largest speed of people, m/s; the testbed knows it of trackers from outside."""
+        """Largest speed of people, m/s; trackers from outside need not have it."""
 
     @property
     def tracks(self) -> tuple[Track, ...]:
-        """Tracks after the last call, each of another id; of trackers from outside any sequence of tracks."""
+        """Tracks after the last call, with different ids; trackers from outside may give any sequence of tracks."""
 
     def step(self, scan: Scan) -> None:
         """Predict to the time of a scan, and update; an empty scan is a frame without a detection."""
@@ -48,10 +48,10 @@ class Member(Protocol):
         """Predict to the time of a scan for which this UAV's camera took no frame."""
 
     def message(self, degree: int) -> Message:
-        """Message for the first round of consensus, to so many neighbours."""
+        """Message for the first round of consensus, to `degree` neighbours."""
 
     def accept(self, message: Message) -> None:
-        """Take over the tracks of the fleet, the result of the last round; without neighbours the own message."""
+        """Take over the fleet's tracks from the message of the last round; without neighbours, from the own message."""
 
 
 def tracker(

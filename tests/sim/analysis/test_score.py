@@ -109,5 +109,5 @@ def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
     labels = set(planner_labels(rows).values())
     assert labels == {"hover", "sma-nbo", "sma-nbo(view=unlimited), upper bound"}
     assert {group.cell for group in grouped(rows)} == {()}
-    with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is none of the study's planners"):
+    with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is not one of the study's planners"):
         ends_of(rows[:6], SCORED)

@@ -145,7 +145,7 @@ def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch)
 
     monkeypatch.setattr("sim.study.store._prepare", failing)
     code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s")
-    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, what s holds stays\n"
+    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, s is unchanged\n"
     assert (code, err) == (1, told)
 
 
@@ -200,7 +200,7 @@ def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path)
     ("study", "words"),
     [
         (SCORED.replace("ospa.mean_m", "opsa.mean_m"), "score.metric: 'opsa.mean_m' is unknown; allowed are"),
-        (SCORED + 'exclude = [{ planner = "hover" }]', "score.floor: 'hover' is none of the study's planners; allowed"),
+        (SCORED + 'exclude = [{ planner = "hover" }]', "score.floor: 'hover' is not one of the study's planners"),
     ],
     ids=["metric", "floor"],
 )

@@ -49,7 +49,7 @@ def test_labels_of_planners_and_trackers_say_what_differs():
     labels = {g.planner for g in grouped(every)}
     assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
     assert short_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
-    with pytest.raises(InputError, match="--baseline: 'jpda' is several of the study's planners: greedy"):
+    with pytest.raises(InputError, match="--baseline: 'jpda' stands for several of the study's planners: greedy"):
         baseline_of(every, "jpda")
     assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
     levels = [(("H", h), ("tracker", t)) for h in "13" for t in ("jpda", MINE)]

@@ -200,7 +200,7 @@ REFUSED = [
     ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
     ("observe: image 'no' is not allowed; expected True or False", TEAM, {"observe": {"image": "no"}}),
     ("observe: image 1 is not allowed; expected True or False", TEAM, {"observe": {"image": 1}}),
-    ("observe: image is not there with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
+    ("observe: there is no image with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
     ("observe: images of several sizes are not one array", TEAM, SIZES),
     ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
     ("settings: 'duration=3' is not allowed; expected a mapping", TEAM, {"settings": "duration=3"}),
@@ -265,7 +265,7 @@ ACTIONS = {
     "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
     "action of UAV 1: [nan, 0.0] is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.array([np.nan, 0.0])},
     "action of UAV 1: 'north' is not two numbers in [-1, 1]": {"uav_1": "north"},
-    "actions: 'uav_7' is no agent now; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
+    "actions: 'uav_7' is not an agent now; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
         "uav_1": FINE,
         "uav_7": FINE,
     },
@@ -285,7 +285,7 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
         assert str(refused.value).startswith(message)
     with pytest.raises(InvalidAction, match="actions: ndarray is not allowed; expected a dict by agent"):
         env.step(np.zeros((3, 2)))
-    with pytest.raises(InvalidAction, match="actions: 0 is no agent now; allowed are uav_0, uav_1, uav_2"):
+    with pytest.raises(InvalidAction, match="actions: 0 is not an agent now; allowed are uav_0, uav_1, uav_2"):
         env.step({0: FINE})
     while env.agents:
         given = dict.fromkeys(env.agents, FINE)

@@ -265,8 +265,8 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("sense", "return replace(given, faults=('hot',))", "faults: str is no sim.sensing.fault.Fault"),
         ("sense", "return replace(given, matched=None)", "cannot sense: 'NoneType' object is not callable"),
         ("sense", "return replace(given, matched=lambda kept: 1 / 0)", "cannot sense: ZeroDivisionError: "),
-        ("sense", "return replace(given, matched=lambda kept: kept)", "matched are no table (4,) of True and False"),
-        ("sense", "return replace(given, matched=lambda kept: people[:, 0])", "matched are no table (4,) of True and"),
+        ("sense", "return replace(given, matched=lambda kept: kept)", "matched is not an array (4,) of True and False"),
+        ("sense", "return replace(given, matched=lambda kept: people[:, 0])", "matched is not an array (4,) of True"),
     ],
 )
 def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, line, complaint):

@@ -116,7 +116,7 @@ def test_the_start_of_a_mission_can_be_left_out():
     [
         ({"columns": "lamda"}, "--columns: 'lamda' is unknown; allowed are lambda, planner; did you mean lambda?"),
         ({"less": "right"}, "--less: 'right' is unknown; allowed are left, above"),
-        ({"columns": "planner", "baseline": "c"}, "--baseline: 'c' is none of the study's planners"),
+        ({"columns": "planner", "baseline": "c"}, "--baseline: 'c' is not one of the study's planners"),
         ({"first": 10, "metric": "ospa.mean_m"}, "--from-scan: counts ospa.share_under_1m alone, not ospa.mean_m"),
         ({}, "there is no store of a study"),
     ],

@@ -111,10 +111,10 @@ def sparse(path):
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (os.mkfifo, "is no file"),
-        (lambda path: path.mkdir(), "is no file"),
-        (lambda path: path.symlink_to("/dev/zero"), "is no file"),
-        (lambda path: path.symlink_to("/dev/random"), "is no file"),
+        (os.mkfifo, "is not a file"),
+        (lambda path: path.mkdir(), "is not a file"),
+        (lambda path: path.symlink_to("/dev/zero"), "is not a file"),
+        (lambda path: path.symlink_to("/dev/random"), "is not a file"),
         (lambda path: path.symlink_to(path.name), "symbolic links"),
         (lambda path: None, "No such file"),
         (sparse, f"more than the {MOST_BYTES} bytes that are allowed"),

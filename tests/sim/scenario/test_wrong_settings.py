@@ -43,7 +43,7 @@ WRONG = {
     "tracking.confirm.0=4": ["confirm 4 of 3"],
     "alpha=1": ["alpha: unknown key; did you mean uavs.0.alpha?"],
     "trees.count=1": ["trees.count: unknown key; allowed are density", "did you mean people.count?"],
-    "factors.H=1": ["factors: unknown key; no part of a scenario, but one of a study", "`understory compare`"],
+    "factors.H=1": ["factors: unknown key; it is not part of a scenario, but one of a study", "`understory compare`"],
     "duration=3\nseed=3": ["duration: '3\\nseed=3' is not allowed"],
     "uavs.²=1": ["'²' is not an index", "0 to 2"],
     "uavs={start=[0,0]}": ["uavs: expected a list, got a table; each of several is [[uavs]]"],
@@ -128,11 +128,11 @@ LINES = {
     "network.loss=1.5": "network.loss: 1.5 is not allowed; expected a number <= 1.0",
     "network.fusion=hcmi": "network.fusion: 'hcmi' is unknown; allowed are kla, hcmci; did you mean hcmci? "
     "(or package.module:Class)",
-    "network.plan_delay=0.3": "network.plan_delay: 0.3 s is no multiple of the 0.2 s between scans; "
+    "network.plan_delay=0.3": "network.plan_delay: 0.3 s is not a multiple of the 0.2 s between scans; "
     "the nearest are 0.2 and 0.4",
     "network.plan_delay=-1": "network.plan_delay: -1 is not allowed; expected a number >= 0.0",
     "uavs.1.fails_at=-1": "uavs.1.fails_at: -1 is not allowed; expected a number >= 0.0",
-    "uavs=[{start=[0,0],fails_at=0}]": "uavs: all have fails_at 0; one or more have to work at the start",
+    "uavs=[{start=[0,0],fails_at=0}]": "uavs: all have fails_at 0; at least one has to work at the start",
     "sensing.field_of_view=unlimited": 'sensing: field_of_view "unlimited" has no image; allowed with mode "ideal"',
     f"{ALL_ROUND} sensing.false_alarms=1": "sensing: false_alarms are spread over an image; "
     'allowed with field_of_view "camera"',

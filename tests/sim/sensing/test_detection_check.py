@@ -20,7 +20,7 @@ def test_detections_beyond_all_measure_are_faults(ground, variance, words):
 
 
 def test_what_has_no_detections_is_told_by_its_type():
-    with pytest.raises(ValueError, match=r"^it is no Detections but of type NoneType$"):
+    with pytest.raises(ValueError, match=r"^it is not Detections but of type NoneType$"):
         usable_detections(None)
 
 

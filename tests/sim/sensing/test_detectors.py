@@ -124,7 +124,7 @@ def test_anyones_detector_measures_and_leaves_the_frame_alone(noise):
 def test_a_detector_that_fails_is_a_fault_and_a_scan_without_detections():
     mission, flown = fly(scenario(f"{__name__}:Wrong"))
     assert [(f.time, f.uav) for f in mission.faults] == [(k / 5, 0) for k in range(5)]
-    words = ("RuntimeError: no network", "it is no Detections but", "not finite", "positive definite", "not (2, 2)")
+    words = ("RuntimeError: no network", "it is not Detections but", "not finite", "positive definite", "not (2, 2)")
     assert all(w in fault.message for w, fault in zip(words, mission.faults, strict=True))
     assert all(snapshot.scans[0].measurements.shape == (0, 2) for snapshot, _ in flown)
 

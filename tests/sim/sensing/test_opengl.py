@@ -130,7 +130,7 @@ def test_settings_that_a_mission_does_not_follow_are_remarked_on(call, tmp_path)
     code, _, err = call("run", *quick, "--duration", "0.5", SET, "people.trajectories=one.csv", SET, "people.count=7")
     assert code == 0
     assert err.splitlines() == [
-        "understory: duration: 0.5 s is no multiple of the 0.2 s between scans; the last scan is at 0.4 s",
+        "understory: duration: 0.5 s is not a multiple of the 0.2 s between scans; the last scan is at 0.4 s",
         "understory: people.count: not used, as people.trajectories gives all paths",
     ]
 

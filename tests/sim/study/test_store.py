@@ -121,7 +121,7 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
             f"is a store of version {SCHEMA - 1}, but this program reads {SCHEMA}",
         ),
         (lambda path: sql(path.parent, "CREATE TABLE mine (x)"), "is a database, but no store of a study"),
-        (Path.mkdir, "cannot be used: is no file"),
+        (Path.mkdir, "cannot be used: is not a file"),
     ],
     ids=["text", "newer", "older", "other", "folder"],
 )

@@ -269,7 +269,7 @@ WRONG = {
         "[study]\nplanners = ['hover']\n[factors.p]\nx.planner = 'hover'",
         "p.x.planner: 'hover' is not allowed; expected {option",
     ),
-    "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "no name for a factor"),
+    "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "the name of a factor"),
     "same level twice": ("[study]\nplanners = ['hover']\n[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
     "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
     "unknown level in exclude": (
@@ -306,7 +306,7 @@ WRONG = {
     ),
     "factor of the bound's name": (
         "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
-        "factors.view: is no name for a factor",
+        "factors.view: cannot be the name of a factor",
     ),
     "table as value": ("study = 3", "expected a table"),
     "table within another": ("[study]\nplanners = []\nexclude = []", "study.exclude: is no key of .study. but a table"),

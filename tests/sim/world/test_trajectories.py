@@ -108,7 +108,7 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
         (table([*GOOD, ("inf", 1, 0, 0)]), "line 4, column time: 'inf' is not a finite number"),
         (table([*GOOD, (2, 1, 0)]), "line 4, column y: is empty"),
         (table([*GOOD, (2, "", 0, 0)]), "line 4, column id: is empty"),
-        (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: '5' stands in a column without a name"),
+        (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: '5' is in a column without a name"),
         (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column time: id 1 has a second row at 1 s"),
         (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),

@@ -164,10 +164,10 @@ def test_a_way_of_walking_from_outside_says_where_people_go():
     "name, said",
     [
         ("Fewer", "made 2 itineraries for 3 people"),
-        ("Outside", r"waypoints are no n x 2 finite numbers within \[74.0, 49.0\] m"),
-        ("Backwards", "a pace is no 61 finite numbers above zero"),
+        ("Outside", r"waypoints are not n x 2 finite numbers within \[74.0, 49.0\] m"),
+        ("Backwards", "a pace is not 61 finite numbers above zero"),
         ("Roomless", "must be real number, not str"),
-        ("Endless", "room nan is no finite number"),
+        ("Endless", "room nan is not a finite number"),
         ("Broken", "KeyError: 'no way'"),
         ("Missing", "cannot be imported"),
     ],
