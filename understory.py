@@ -9,7 +9,7 @@ Example:
     print(flight.columns("losses"))
     ```
 
-`run`, `mission`, `compare` and `parallel_env` are defined here; other names are imported from packages at first use.
+`run`, `mission`, `compare` and `parallel_env` are defined here; all other names are imported when first used.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from tracking.plugins.registry import InputError
     from tracking.track import Scan, Track
 
-# Import string of each name that stands for one of the packages.
+# Import string of each name that is defined in one of the packages.
 _HOMES = {
     "check_detector": "sim.conformance.detector:check",
     "check_tracker": "sim.conformance.tracker:check",
@@ -125,9 +125,9 @@ def run(
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
         planner: Name with or without options, "module:Class", or an object with a method `plan(team, rng)`.
         seed: Decides the forest and the people.
-        repeat: Decides, with the seed, all other randomness: noise, network, wind and planner.
+        repeat: Decides, together with the seed, all other randomness: noise, network, wind and planner.
         settings: Keys of the scenario to change, as {"trees.density": 75}.
-        out: New folder for the files of `understory run`; the planner has to be text then. Default: write nothing.
+        out: New folder for the files of `understory run`; the planner must then be text. By default no file is written.
 
     Raises:
         InputError: If scenario, settings, planner or folder cannot be used.
@@ -160,13 +160,13 @@ def mission(
     repeat: int = 0,
     settings: Mapping[str, Any] | None = None,
 ) -> Mission:
-    """A mission to fly scan by scan with `Mission.step`, by plans of yours or by a planner.
+    """A mission to fly scan by scan with `Mission.step`, with your own plans or with those of a planner.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
-        planner: Decides in steps without plans; given as for `run`.
+        planner: Plans each step for which you give no plans; the same values as for `run`.
         seed: Decides the forest and the people.
-        repeat: Decides, with the seed, all other randomness.
+        repeat: Decides, together with the seed, all other randomness.
         settings: Keys of the scenario to change, as {"trees.density": 75}.
 
     Raises:
@@ -196,19 +196,20 @@ def compare(
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
-    A script has to call this under `if __name__ == "__main__":`, as the processes that fly import it. Nothing is kept.
+    Missions fly in other processes, which import the calling script: call this under `if __name__ == "__main__":`.
+    No file is kept.
 
     Args:
-        planners: One or several names, with or without options, or "module:Class": other processes make the planners.
+        planners: One or several names, with or without options, or "module:Class". Objects cannot be given.
         scenarios: One or several names of packaged scenarios or .toml files.
-        seeds: Maps to fly: each seed gives one forest and its people, the same for all planners.
-        repeats: Number of flights on each map, each with other noise.
+        seeds: Maps to fly. Each seed gives one forest and its people, the same for all planners.
+        repeats: Number of flights on each map, each with different noise.
         settings: Keys of the scenarios to change, as {"trees.density": 75}.
-        workers: Number of processes; one per core if not given.
+        workers: Number of processes; by default one per core.
 
     Returns:
-        A frame of pandas, or of polars if there is no pandas: planner, scenario, seed, repeat, status, and a column
-        for each metric, such as `ospa.mean_m`. A failed mission has its status and its error, and no metrics.
+        A pandas data frame, or a polars one if pandas is not installed. Its columns are planner, scenario, seed,
+        repeat, status, and one per metric, such as `ospa.mean_m`. A failed mission has an error in place of metrics.
 
     Raises:
         InputError: If an argument cannot be used, or neither pandas nor polars is installed.
@@ -220,7 +221,7 @@ def compare(
     from sim.study.study import study_of
     from sim.study.tasks import tasks
 
-    frame_of([])  # complains of a missing library now rather than after the flights
+    frame_of([])  # raises the error for a missing library now rather than after the flights
     processes = None if workers is None else integer(workers, "workers", least=1, most=WORKERS)
     listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
     with Pool(processes) as pool:
@@ -235,25 +236,25 @@ def parallel_env(
     observe: Mapping[str, Any] | None = None,
     render_mode: str | None = None,
 ) -> Any:  # noqa: ANN401 - PettingZoo's class, which is not needed otherwise
-    """PettingZoo environment of a mission: each UAV is an agent, each step flies from one decision to the next.
+    """PettingZoo environment of a mission: each UAV is an agent, and each step flies from one decision to the next.
 
     With Gymnasium the team is one agent: `gymnasium.make("understory/Forest-v0")` takes the same arguments.
-    Actions are velocities east and north, as shares of the UAV's speed limit; faster ones are shortened to the limit.
-    Observations hold what a UAV knows, and no ground truth; see `understory.Observations`. An agent is terminated when
-    its UAV breaks down, and truncated at the last decision. Infos hold the time and the true OSPA and GOSPA.
+    Actions are velocities east and north as fractions of the UAV's speed limit; faster ones are shortened to the limit.
+    Observations hold the knowledge of a UAV and no ground truth; see `understory.Observations`. An agent is terminated
+    when its UAV breaks down, and truncated at the last decision. Infos hold the time and the true OSPA and GOSPA.
     The environment's `flight()` returns the recording so far.
 
-    `reset(seed=3)` flies the map of `understory run --seed 3`. A reset without a seed draws one of 2**32 or more, so
-    that a policy trained on drawn maps has not seen those of reports. The option `{"repeat": 1}` gives other noise.
+    `reset(seed=3)` flies the map of `understory run --seed 3`. A reset without a seed draws a seed of 2**32 or more, so
+    that a policy is not trained on the maps of reports. The option `{"repeat": 1}` of `reset` gives different noise.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
         settings: Keys of the scenario to change, as {"trees.density": 75}.
-        reward: `"gospa"`: negative GOSPA expected by the UAV's own belief; `"trace"`: negative sum of its tracks'
+        reward: `"gospa"`: negative GOSPA expected under the UAV's own belief; `"trace"`: negative sum of its tracks'
             variances; `"true_gospa"`: negative true GOSPA; or a function of a `Situation` and of the true positions
-            (M, 2) m. The last two see the truth, and are for training only.
-        observe: Numbers of rows of `tracks` and `trees`, 10 each by default, and whether there is an `image`.
-        render_mode: With `"rgb_array"`, `render()` returns frames as in films, true people included.
+            (M, 2) m. The last two use ground truth and are for training only.
+        observe: Numbers of rows of `tracks` and `trees`, 10 each by default, and True for `image` to add the frame.
+        render_mode: With `"rgb_array"`, `render()` returns frames like those of films, which show the true people.
 
     Raises:
         InputError: If an argument cannot be used, or PettingZoo is not installed.
@@ -269,16 +270,16 @@ def parallel_env(
     return TeamParallelEnv(Course(scenario, settings, reward, observe, render_mode))
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
-    """A class or function of the packages; importing them all takes a second or two."""
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - any class or function
+    """Import a class or function at its first use, because importing all of them takes a second or two."""
     if name in _HOMES:
         module, _, target = _HOMES[name].partition(":")
         return getattr(import_module(module), target or name)
     raise AttributeError(f"module 'understory' has no attribute {name!r}")
 
 
-if find_spec("gymnasium"):  # a tenth of a second, for which gymnasium.make finds the scenarios in any order of imports
-    with suppress(ImportError):  # of a Gymnasium that is broken, which matters to environments alone
+if find_spec("gymnasium"):  # costs 0.1 s, but gymnasium.make then finds the scenarios in any order of imports
+    with suppress(ImportError):  # a broken Gymnasium matters to environments only
         import_module("sim.environments.registration")
 
 

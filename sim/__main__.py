@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from sim.installation import ROOT
 
-# Our packages before those of the current folder, so that `python -m sim` imports nothing of the user's instead.
+# Our packages come before those of the current folder, so that `python -m sim` never imports the user's by mistake.
 sys.path.append(str(ROOT))
 sys.path.sort(key=lambda place: os.path.abspath(place) == os.getcwd())
 

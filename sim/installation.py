@@ -3,4 +3,4 @@
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-ASSETS = ROOT / "assets"  # found by path: a folder of the user's may have the name of a package
+ASSETS = ROOT / "assets"  # found by path, not by import: the user's folder may contain a package of the same name

@@ -1,4 +1,4 @@
-"""Knowledge of each UAV: its tracks, where undetected people may be, and what others have told of themselves."""
+"""Knowledge of each UAV: its tracks, its intensity of undetected people, and the plans that it has received."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -22,7 +22,7 @@ from tracking.undetected import UndetectedIntensity
 
 
 class Knowledge:
-    """Knowledge of each UAV of a fleet, without ground truth but for the initial tracks."""
+    """Knowledge of each UAV of a fleet. The initial tracks are the only ground truth in it."""
 
     def __init__(
         self,
@@ -33,12 +33,12 @@ class Knowledge:
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """`exchange` is that of the planner's plans; `rng` loses messages of it."""
+        """Set up trackers; `exchange` says how the planner's plans are sent, and `rng` decides which are lost."""
         self._scenario, self._forest = scenario, forest
-        # Planners get their own copy of the map, so that changes have no effect on sensing.
+        # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
         self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
-        self._trackers = [  # each with parameters and tracks of its own, as one from outside may change them
+        self._trackers = [  # each gets its own parameters and tracks, because a plug-in may change them
             tracker(settings.tracker, i, camera, forest, tracker_parameters(scenario), deepcopy(initial))
             for i, camera in enumerate(self._cameras)
         ]
@@ -53,7 +53,7 @@ class Knowledge:
     def track(
         self, time: float, looks: Sequence[Observation], links: Links, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
-        """Tracks of each UAV that works after its observation and fusion, and the bytes (n,) that each sends."""
+        """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         for i in working:
             if looks[i].taken:
                 self._trackers[i].step(looks[i].scan)
@@ -69,7 +69,7 @@ class Knowledge:
     def situations(
         self, k: int, bodies: Sequence[tuple[Pose, Array]], links: Links, working: Sequence[int]
     ) -> list[Situation]:
-        """One situation per working UAV at a decision at scan k: itself, its own tracks, and the others.
+        """One situation per working UAV at the decision of scan k: itself, its own tracks, and the other UAVs.
 
         bodies: the pose and the velocity (2,) m/s of each UAV.
         """

@@ -34,7 +34,7 @@ from tracking.track import Track
 class Mission:
     """A mission, scan by scan. The seed decides forest and people; seed and repeat decide all other randomness.
 
-    `fly` flies it with its planner. `step` flies it from scan to scan, with plans of yours or with the planner's:
+    `fly` flies it with its planner. `step` flies it from scan to scan, with your own plans or with the planner's:
 
         mission = Mission(scenario, seed=3)
         while not mission.over:
@@ -42,33 +42,33 @@ class Mission:
     """
 
     def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
-        """Grow the forest, let the people walk and build the world; ValueError if the scenario cannot be built."""
+        """Grow the forest, compute the people's paths and build the world; ValueError if that is impossible."""
         self.scenario, self.seed, self.repeat = scenario, seed, repeat
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
-        self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
+        self.frames: list[NDArray[np.uint8] | None] = []  # images of the last scan, one per UAV; None if not rendered
         self.forest, self.people = forest_and_people(scenario, seed)
-        # The planner to fly; an oracle is given the truth here.
+        # An oracle gets access to the true positions here.
         self.planner, self.sees_truth = with_truth(planner, partial(_places, self.people))
         exchange = exchange_of(self.planner)
         chance = partial(stream, seed, repeat=repeat)
-        self.rng = chance("planner")  # the planner's only source of chance, but for what it is reset with
-        self._reset = is_stateful(self.planner)  # is due before the first decision
+        self.rng = chance("planner")  # the planner's only source of chance, apart from the seed of its reset
+        self._reset = is_stateful(self.planner)  # True while the reset before the first decision is due
         starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
-        self._coming: dict[int, list[Plan]] = {}  # plans that are not flown yet, by scan
-        self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
+        self._coming: dict[int, list[Plan]] = {}  # plans not yet flown, by the scan at which they are due
+        self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the last scan
         self._radio = chance("network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
         self._times = scenario.scan_times
         self._k = 0  # the present scan
-        self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, in force
-        self._sensed: _Sensed | None = None  # at the present scan
-        self._team: list[Situation] | None = None  # as of the present scan
+        self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
+        self._sensed: _Sensed | None = None  # None until the present scan is sensed
+        self._team: list[Situation] | None = None  # None until the present scan's situations are made
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
             self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
@@ -78,38 +78,38 @@ class Mission:
 
     @property
     def over(self) -> bool:
-        """True after the last scan, and once closed."""
+        """True after the last scan and after `close`."""
         return self._k >= len(self._times)
 
     @property
     def time(self) -> float:
-        """Time of the present scan; once the mission is over or closed, that of the scenario's last scan [s]."""
+        """Time of the present scan [s]; time of the scenario's last scan if the mission is over or closed."""
         return self._times[min(self._k, len(self._times) - 1)]
 
     @property
     def team(self) -> list[Situation]:
-        """Knowledge of each UAV that works and has to decide now, as copies; empty between decisions."""
+        """Copies of the situations of the working UAVs, which have to decide now; empty between decisions."""
         return [] if self.over else [handed(situation) for situation in self._situations()]
 
     @property
     def present(self) -> Snapshot:
-        """Present scan before its decision, ground truth included; RuntimeError if the mission is over."""
+        """Snapshot of the present scan before its decision, with ground truth; RuntimeError if the mission is over."""
         self._check_not_over()
         return self._sense().snapshot
 
     def fly(self) -> Iterator[Snapshot]:
-        """Fly the rest of the mission by its planner, one snapshot per scan; the world is freed at the end."""
+        """Fly the rest of the mission with its planner, yield a snapshot per scan, and free the world at the end."""
         with self:
             while not self.over:
                 yield self.step()
 
     def step(self, plans: Sequence[Plan | Array] | Array | None = None) -> Snapshot:
-        """Decide at the present scan, and go on to the next one; return the scan at which was decided.
+        """Decide at the present scan and go on to the next one; return the snapshot of the scan of the decision.
 
         Args:
-            plans: For each situation of `team` a plan, or a velocity (2,) m/s east and north; empty between decisions,
-                like `team`. Without plans the planner is asked. A velocity above the UAV's speed limit is shortened to
-                it, and recorded as a fault.
+            plans: One plan or one velocity (2,) m/s, east and north, for each situation of `team`; like `team` empty
+                between decisions. If not given, the planner plans. A velocity above the UAV's speed limit is shortened
+                to the limit and recorded as a fault.
 
         Raises:
             InputError: If plans are missing or cannot be used; the mission is unchanged, and the step can be repeated.
@@ -147,9 +147,9 @@ class Mission:
             raise RuntimeError("the mission is over, or was closed")
 
     def _next_commands(self, plans: list[Plan] | None) -> Array:
-        """Commands (n, 2) m/s from now on: the first of the plans due now, else as before.
+        """Commands (n, 2) m/s from now on: the first controls of the plans due now, or the commands so far.
 
-        Plans are due `network.plan_delay` after their decision. UAVs that broke down hover.
+        Plans are due `network.plan_delay` after their decision. UAVs that have broken down hover.
         """
         if plans is not None:
             self._coming[self._k + self._delay] = plans
@@ -160,7 +160,7 @@ class Mission:
         return commands
 
     def _move(self) -> None:
-        """Fly from the scan before the present one to it."""
+        """Fly from the previous scan to the present one."""
         rates = self.scenario.rates
         with self.clock.measure("physics"):
             steps = rates.physics // rates.sensing
@@ -174,7 +174,7 @@ class Mission:
         self._working = [i for i in self._working if self.scenario.works(i, time)]
 
     def _sense(self) -> "_Sensed":
-        """Fly to the present scan, sense and track, unless that is done."""
+        """Fly to the present scan, sense and track, unless this has already been done."""
         if self._sensed is None:
             if self._k:
                 self._move()
@@ -222,21 +222,24 @@ class Mission:
         return _Sensed(snapshot, links, known)
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
-        """OSPA and its parts (n, 3) m of each UAV's reported tracks against people (P, 2) m; NaN for broken UAVs."""
+        """OSPA and its two parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m.
+
+        NaN for UAVs that have broken down.
+        """
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
             errors[i] = ospa(reported_positions(tracks[i]), present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:
-        """Plans of a decision and the bytes (n,) that each UAV sends; a UAV that broke down has an empty plan.
+        """Plans of a decision and the bytes (n,) that each UAV sends; a UAV that has broken down has an empty plan.
 
-        None between decisions, before the first, and if all UAVs have broken down.
+        The plans are None if no decision is due at this scan, and if all UAVs have broken down.
         """
         count = len(self.scenario.uavs)
         if not self._decides():
             if given is not None:
-                usable_plans(given, [])  # none are due
+                usable_plans(given, [])  # an error unless empty
             return None, np.zeros(count, dtype=np.int64)
         with self.clock.planning():
             team = self._situations()
@@ -255,10 +258,10 @@ class Mission:
         return bool(self._working) and self.scenario.decides(self._k)
 
     def _situations(self) -> list[Situation]:
-        """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
+        """One situation per working UAV if a decision is due at this scan; otherwise none."""
         if self._team is None:
             sensed, due = self._sense(), self._decides()
-            if due and self._reset:  # here, as the planner may be asked from outside, too; first, as it may fail
+            if due and self._reset:  # here, because the caller may ask the planner; first, because a reset may fail
                 reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
                 self._reset = False
             bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
@@ -267,7 +270,7 @@ class Mission:
 
 
 def _places(people: Trajectories, time: float) -> Array:
-    """True positions (M, 2) m of people at a time [s], after the end as at the end: nobody leaves then."""
+    """True positions (M, 2) m of people at a time [s]; after the mission's end they stay as they are at the end."""
     return people.at(min(time, float(people.times[-1])))[0]
 
 
@@ -276,4 +279,4 @@ class _Sensed(NamedTuple):
 
     snapshot: Snapshot
     links: Links
-    faults: int  # number of those before it
+    faults: int  # number of faults before this scan

@@ -1,4 +1,4 @@
-"""Plan check: valid plans whatever the planner returns, with intents in place of faulty ones."""
+"""Plan check: turns whatever a planner returns into valid plans, with earlier intents in place of faulty plans."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -20,10 +20,10 @@ from tracking.track import Track
 def checked_plans(
     planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
 ) -> tuple[list[Plan], list[Fault]]:
-    """One valid plan per situation, and the faults of the planner, which gets copies of the situations.
+    """Call the planner with copies of the situations; return one valid plan per situation and the planner's faults.
 
-    A UAV without a valid plan flies the rest of its `last` plan, then hovers. Commands beyond the speed limit are
-    shortened to it, which is a fault, too.
+    A UAV without a valid plan flies the rest of its `last` plan and then hovers. Commands above the speed limit are
+    shortened to the limit, which also counts as a fault.
     """
     time = team[0].time
     try:
@@ -45,9 +45,9 @@ def checked_plans(
 
 
 def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tuple[list[Plan], list[Fault]]:
-    """One valid plan per situation from plans, or velocities (2,) m/s, from outside; and faults of speed.
+    """One valid plan per situation from a caller's plans or velocities (2,) m/s, and a fault for each excess speed.
 
-    InputError says what cannot be used.
+    InputError names what cannot be used.
     """
     plans: list[Plan] = []
     faults: list[Fault] = []
@@ -68,7 +68,7 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
 
 
 def _velocity(given: object) -> Array:
-    """One control (1, 2) m/s."""
+    """A velocity as the controls (1, 2) m/s of a plan."""
     velocity = numbers("velocities", given, 2 * LONGEST_PLAN)
     if velocity.shape != (2,):
         raise Unusable(f"velocity of shape {velocity.shape}, not (2,)")
@@ -76,9 +76,9 @@ def _velocity(given: object) -> Array:
 
 
 def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
-    """The plan within the UAV's speed limit; what is beyond that adds a fault."""
+    """The plan, shortened to the UAV's speed limit; a speed above the limit adds a fault."""
     own, controls = situation.own, plan.controls
-    with np.errstate(over="ignore"):  # of huge, though finite, speeds
+    with np.errstate(over="ignore"):  # squares of huge, though finite, speeds overflow
         fastest = length(controls).max()
         limited = Plan(speed_limited(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
@@ -88,10 +88,10 @@ def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
 
 
 def handed(situation: Situation) -> Situation:
-    """A copy that a planner may do anything to; map, cameras and motion model are planners' own already."""
+    """A copy that a planner may change. Map, cameras and motion model are not copied: only planners use them."""
     cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
     copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion, *cameras)}
-    for track in situation.tracks:  # which are many, and take `deepcopy` ten times as long
+    for track in situation.tracks:  # tracks are many, and `deepcopy` would take ten times as long
         belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
         copies[id(track)] = Track(track.id, belief, track.existence, track.sighting.copy())
     return deepcopy(situation, copies)

@@ -1,4 +1,4 @@
-"""Radio links between UAVs, and the exchange of plans over them: what each UAV knows of the others."""
+"""Radio links between UAVs, the exchange of plans over them, and the knowledge of each UAV about the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,8 +17,8 @@ from tracking.numerics.distances import length
 class Links(NamedTuple):
     """Links between UAVs in one scan."""
 
-    up: Flags  # (n, n) True where a row's UAV receives from a column's, unless lost
-    lost: Flags | None  # (L, n, n) lost messages of consensus; None: none
+    up: Flags  # (n, n) True where the row's UAV receives from the column's, unless the message is lost
+    lost: Flags | None  # (L, n, n) lost messages of consensus per round; None if the network loses none
 
     @property
     def contact(self) -> Flags:
@@ -41,9 +41,9 @@ def open_links(network: Network, time: float, positions: Array) -> Flags:
 
 
 def lost_messages(network: Network, uavs: int, rng: np.random.Generator) -> Flags | None:
-    """Lost messages of one scan (L, n, n), per round, receiver and sender; None if the network loses none.
+    """Mask (L, n, n) of one scan's lost messages, by round, receiver and sender; None if the network loses none.
 
-    The random numbers do not depend on the probability, so a higher one loses the same messages and more.
+    The random numbers do not depend on the probability: with a higher one the same messages are lost, and more.
     """
     if network.loss == 0.0:
         return None
@@ -64,16 +64,16 @@ class _Known(NamedTuple):
     """Knowledge of one UAV about another."""
 
     vehicle: Vehicle
-    plan: Plan  # as made at the last instant of planning
+    plan: Plan  # as of the last decision
 
 
 class PlanExchange:
-    """Last known position, velocity and plan of every UAV, for each other one; plans are shifted as time goes by.
+    """Knowledge of each UAV about each other one: position, velocity and last known plan.
 
     Plans are sent over the links at the time of the decision and are not forwarded; each message is lost with the
-    network's probability. Positions and velocities of UAVs in contact (`Links.contact`) are known; those of others are
-    what their last known plan makes of them, with their lag. A UAV out of contact is forgotten after its last known
-    plan has ended.
+    network's probability. Positions and velocities of UAVs in contact (`Links.contact`) are known. A UAV out of contact
+    is predicted by its last known plan and its lag, and forgotten once that plan has ended. A plan that is not renewed
+    is shifted by one control per decision.
     """
 
     def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:
@@ -91,7 +91,7 @@ class PlanExchange:
         self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
         self.own = {i: plan for i, plan in self.own.items() if works[i]}
         before = self._known
-        self._known = {  # those out of contact are taken to have flown as planned
+        self._known = {  # UAVs out of contact are assumed to have flown as planned
             pair: _Known(vehicle_after(known.vehicle, known.plan.controls[0], step), known.plan)
             for pair, known in before.items()
             if both[pair] and not self._contact[pair] and len(known.plan.controls) > 1
@@ -107,7 +107,7 @@ class PlanExchange:
         return [self._up & (draw >= self._loss) for draw in self._rng.random((rounds, n, n))]
 
     def informed(self, situation: Situation) -> Situation:
-        """A UAV's situation with its knowledge of the others."""
+        """A UAV's situation, completed with its knowledge of the other UAVs."""
         own = situation.own.id
         known = {j: self._known[i, j] for i, j in sorted(self._known) if i == own}
         plans = {j: k.plan for j, k in known.items() if len(k.plan.controls)}
@@ -121,7 +121,7 @@ class PlanExchange:
         )
 
     def end(self, plans: Mapping[int, Plan]) -> Indices:
-        """Take the plan of each working UAV, known from now on to those that it reaches; bytes (n,) that each sent."""
+        """Send the plan of each working UAV to the UAVs that it reaches; return the bytes (n,) that each UAV sent."""
         self.own = dict(plans)
         reached = np.zeros_like(self._up) if self._exchange.centre or not self._received else self._received[-1]
         for i, j in permutations(plans, 2):

@@ -1,4 +1,4 @@
-"""The mission at one scan, ground truth included."""
+"""The mission at one scan, with ground truth."""
 
 import math
 from collections.abc import Sequence
@@ -16,30 +16,30 @@ from tracking.track import Scan, Track, beliefs_of
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Snapshot:
-    """Truth, measurements, tracks, plans and commands at one scan: for recording, video and metrics alone."""
+    """Truth, measurements, tracks, plans and commands at one scan, for recording, video and metrics only."""
 
     time: float  # s
     people: Array  # (M, 2) m, NaN where absent
     headings: Array  # (M,) rad
-    poses: list[Pose]  # of the n UAVs' bodies
+    poses: list[Pose]  # of the bodies of the n UAVs
     cameras: list[Pose]
-    commands: Array  # (n, 2) m/s, in force
+    commands: Array  # (n, 2) m/s, with which the UAVs flew to this scan
     scans: list[Scan]
-    pixels: list[Array]  # (N_i, 2) detections in each image, one per measurement; empty in ideal sensing
+    pixels: list[Array]  # (N_i, 2) positions of the measurements in each image; empty in ideal sensing
     tracks: list[tuple[Track, ...]]
-    plans: list[Plan] | None  # those made at this instant
+    plans: list[Plan] | None  # made at this scan
     ospa: Array  # (n, 3) m: distance, localisation, cardinality
-    visible: Indices  # (n, M) pixels that the renderer shows of each person
+    visible: Indices  # (n, M) number of pixels that show each person in the image
     matched: Flags  # (n, M) True if the person was detected in that camera
-    contacts: tuple[Contact, ...] = ()  # since the scan before
-    bytes_sent: Indices  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
-    plan_bytes: Indices  # (n,) to neighbours, of plans made at this instant; -1 if unknown
-    plan_rounds: int  # in which these were sent
-    faults: tuple[Fault, ...] = ()  # of planner and detectors at this instant, and breakdowns since the scan before
+    contacts: tuple[Contact, ...] = ()  # since the previous scan
+    bytes_sent: Indices  # (n,) sent to neighbours in all rounds of consensus; -1 if unknown
+    plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan; -1 if unknown
+    plan_rounds: int  # number of rounds in which these plans were sent
+    faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
 
     @property
     def working(self) -> list[int]:
-        """UAVs that have not broken down; the others have neither tracks nor an error."""
+        """UAVs that have not broken down; a UAV that has broken down has neither tracks nor an error."""
         return np.flatnonzero(~np.isnan(self.ospa[:, 0])).tolist()
 
     @property
@@ -49,5 +49,5 @@ class Snapshot:
 
 
 def reported_positions(tracks: Sequence[Track]) -> Array:
-    """Positions (N, 2) m of the tracks that are reported, which metrics compare with those of people."""
+    """Positions (N, 2) m of the reported tracks, which metrics compare with the positions of people."""
     return beliefs_of([track for track in tracks if track.reported])[0][:, :2]

@@ -27,11 +27,11 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
 
 
 def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
-    """Motion model of people over a planning step, as planners use it: the trackers' prediction, scan by scan.
+    """Motion model of people with which planners predict over a planning step, scan by scan as the trackers do.
 
-    `learned` is that of a UAV's tracker after its scans, if there is one.
+    learned: the present motion model of a UAV's tracker, if it has one.
 
-    Note: planners know built-in models only, and assume NCV in the place of others.
+    Note: planners know only the built-in models; in place of any other they assume nearly constant velocity.
     """
     rates, name = scenario.rates, scenario.tracking.motion
     if isinstance(learned, NearlyConstantVelocity):
@@ -42,15 +42,15 @@ def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstant
 
 
 def _motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
-    """The motion model of that name over a scan."""
+    """The motion model with this name, over the time between two scans."""
     s = scenario.tracking
     return motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
 
 
 def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:
-    """Initial tracks of a scenario's trackers, of people at (M, 2) m at the first scan and the second.
+    """Initial tracks of a scenario's trackers; here and there (M, 2) m: people at the first and the second scan.
 
-    With `initial_tracks = "known"`: all people present at both, with position and velocity.
+    With `initial_tracks = "known"` these are all people present at both scans, with position and velocity.
     """
     if scenario.tracking.initial_tracks == "none":
         return []

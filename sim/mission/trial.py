@@ -1,4 +1,4 @@
-"""A mission to fly and its progress, as values that can be sent to any process."""
+"""A mission to fly and its progress, as values that can be sent to other processes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,15 +14,15 @@ class Trial:
     """Everything that determines a mission."""
 
     scenario: Scenario
-    planner: str  # as `planning.loading.load_planner` takes it
+    planner: str  # in the form that `planning.loading.load_planner` takes
     seed: int
-    repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
-    place: str = ""  # of the scenario, with which errors about its world begin: as from `place_of`
+    repeat: int = 0  # decides, with the seed, the randomness of sensors, network, wind and planner
+    place: str = ""  # beginning of errors about the scenario, from `place_of`
 
 
 @contextmanager
 def naming(place: str, *passing: type[InputError]) -> Iterator[None]:
-    """InputErrors that are raised in the block begin with a place, such as `Trial.place`, but for those `passing`."""
+    """Prefix InputErrors raised in the block with a place, such as `Trial.place`, except those of types `passing`."""
     try:
         yield
     except passing:

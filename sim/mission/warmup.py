@@ -1,4 +1,4 @@
-"""Compiles the numerical kernels before the clock starts."""
+"""Compilation of the numerical kernels before the clock starts."""
 
 import time
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ _LOST = "no folder for it can be written to, so it is compiled anew each time; N
 
 
 class _Watch(event.Listener):
-    """Says that code is compiled as soon as some is; what is loaded from the cache goes unsaid."""
+    """Reports the start of the first compilation; code that is loaded from the cache is not reported."""
 
     def __init__(self, say: Say) -> None:
         self._say, self._depth, self._began, self.seconds = say, 0, 0.0, 0.0
@@ -47,7 +47,7 @@ class _Watch(event.Listener):
 
 @contextmanager
 def announced(say: Say) -> Iterator[None]:
-    """Says, if the block compiles code, that it does, how long that may take and how long it took."""
+    """Report compilation within the block: when it starts how long it may take, and at the end how long it took."""
     watch = _Watch(say)
     with event.install_listener("numba:compile", watch):
         yield
@@ -57,13 +57,13 @@ def announced(say: Say) -> Iterator[None]:
 
 @cache
 def warm_up() -> None:
-    """Fly a second in an open forest, once in each process: all compiled code is then loaded, or made and cached."""
+    """Fly two missions of a second, once per process, so that all kernels are loaded, or compiled and cached."""
     windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
-    rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
+    rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))
     for scenario in (windy, rendered):
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
-    # Negative information, which not every forest gives within a second.
+    # Negative information does not occur within a second in every forest.
     negative_information_update((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge

@@ -11,11 +11,11 @@ from tracking.numerics.normal import standard_normal
 
 
 class Air:
-    """The velocity of the air, step by step: first-order Gauss-Markov gusts round the mean.
+    """The velocity of the air at each physics step: first-order Gauss-Markov gusts around the mean.
 
-    Both components are independent, of the scenario's standard deviation and correlation time; the process starts in
-    its steady state and is discretised exactly, so that its statistics do not depend on the rate. All UAVs meet the
-    same gust at the same time: eddies that last for seconds are larger than a fleet.
+    The two components are independent, with the scenario's standard deviation and correlation time. The process starts
+    in its steady state and is discretised exactly, so that its statistics do not depend on the rate. All UAVs meet the
+    same gust at the same time, because eddies that last for seconds are larger than a fleet.
     """
 
     def __init__(self, wind: Wind, rate: int, rng: np.random.Generator) -> None:
@@ -25,7 +25,7 @@ class Air:
         self._gust = wind.gust * standard_normal(rng, 2)
 
     def steps(self, count: int) -> Array:
-        """Velocities (count, 2) m/s, east and north, of the air in the next physics steps."""
+        """Velocities (count, 2) m/s of the air, east and north, in the next physics steps."""
         drawn = self._wind.gust * math.sqrt(1.0 - self._kept * self._kept) * standard_normal(self._rng, (count, 2))
         gusts = np.empty((count, 2))
         for k in range(count):

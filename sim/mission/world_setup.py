@@ -11,10 +11,10 @@ from tracking.geometry.visibility import Forest
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
-    """The trees of a scenario and seed, and its people, walking or from the scenario's file.
+    """The trees of a scenario and seed, and the people: simulated walkers or the recorded ones of the scenario's file.
 
-    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are present for two scans at
-    least, which a velocity needs.
+    Walkers go round trunks. Recorded people do not, so no trunk stands on their paths. Trajectories cover at least two
+    scans, because a velocity needs two positions.
     """
     people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
     file = people.trajectory_file
