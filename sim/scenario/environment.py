@@ -34,14 +34,14 @@ class Area(Struct, frozen=True, forbid_unknown_fields=True):
 class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
-    density: Expected = 45.0  # expected number in the area, the paper's λ; the number itself is Poisson
-    per_hectare: Expected | None = None  # 1/ha, expected number per hectare; if given, `density` is not used
-    canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, people walk under them
-    # m; if given, radii are uniform between `canopy_radius` and this; otherwise all are `canopy_radius`
+    density: Expected = 45.0  # expected number of trees in the area, the paper's λ; the number drawn is Poisson
+    per_hectare: Expected | None = None  # 1/ha, expected number of trees per hectare; if given, `density` is not used
+    canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, and people walk under them
+    # m, largest canopy radius; if given, radii are uniform between `canopy_radius` and this; by default all are equal
     largest_radius: Length | None = None
-    canopy_base: Length = 3.0  # m, above ground
-    canopy_top: Length = 6.0  # m, above ground, below every UAV; 1 m or more below where images are rendered
-    trunk_radius: Length = 0.2  # m, people walk round trunks
+    canopy_base: Length = 3.0  # m, height above ground
+    canopy_top: Length = 6.0  # m, height above ground; below every UAV, by more than 1 m if images are rendered
+    trunk_radius: Length = 0.2  # m; people walk round trunks
 
     def __post_init__(self) -> None:
         if self.canopy_base >= self.canopy_top:
@@ -57,7 +57,7 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
         return self.density if self.per_hectare is None else self.per_hectare * area.width * area.height / 1e4
 
 
-# Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
+# Waypoints [m] of the four default people, who come in from the west, cross near the centre, bend and part.
 DEFAULT_PATHS: Paths = (
     ((-30.0, -18.0), (-8.0, -4.0), (10.0, 9.0), (38.0, 12.0), (65.0, 14.0)),
     ((-30.0, -6.0), (-8.0, -9.0), (12.0, -6.0), (36.0, 2.0), (65.0, 4.0)),
@@ -67,24 +67,25 @@ DEFAULT_PATHS: Paths = (
 
 
 class People(Struct, frozen=True, forbid_unknown_fields=True):
-    """Walking people, by one or several ways of walking, or recorded trajectories."""
+    """People: simulated walkers with one or several ways of walking, or recorded trajectories."""
 
     count: Count = 4  # number of walkers, including those who appear late or leave early
-    # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, the others
-    # wander; `"waypoints"`: to one place after another; `"stop-and-go"`: the same, standing still at times; `"groups"`:
-    # to one place after another together, until the group parts; `"module:Class"`: yours
+    # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, or wandering if
+    # there is no path left; `"waypoints"`: to one place after another; `"stop-and-go"`: the same, with stops;
+    # `"groups"`: together to one place after another, until the group parts; `"module:Class"`: your own
     # ([how](../how-to/plugins.md#a-way-of-walking))
     walks: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)] = ("levy",)
-    # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, which the seed shifts a little; the others wander
+    # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, shifted a little at random by the seed; the others
+    # wander
     paths: Paths = DEFAULT_PATHS
     group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
-    # s, mean time for which people are present; each stays between half and one and a half times as long. They appear
-    # and leave anywhere, evenly over the mission, some before its start or after its end. If not given, all are present
-    # throughout
+    # s, mean time for which a person is present; each stays between 0.5 and 1.5 times as long. People appear and leave
+    # anywhere in the area and evenly over the mission, some before its start or after its end. By default all people
+    # are present throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
-    # step lengths have a density proportional to length^-exponent, cut off at the two speeds
+    # exponent of the step lengths, whose density is proportional to length^-exponent between the two speeds
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
     # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""
@@ -100,28 +101,28 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
-    """Strengths of random variations of images; a strength left open is zero, or full with `randomise`."""
+    """Strengths of random variations of images; a strength that is not given is zero, or full with `randomise`."""
 
     randomise: bool = False  # vary everything below
     light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # deg, largest angle of the sun from the zenith
-    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share of diffuse light, 0.75 plus or minus this
-    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # change of each of red, green and blue, relative
-    ground_moved: bool | None = None  # whether the ground's texture is shifted and turned
-    # change of the forest's colour, and again of each tree's brightness, relative
+    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share of diffuse light: 0.75 plus or minus this
+    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # largest relative change of red, green and blue
+    ground_moved: bool | None = None  # true if the ground's texture is shifted and turned
+    # largest relative change of the forest's colour, and of each tree's brightness
     canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None
-    # deg, hue of each person's clothes, 16 plus or minus this
+    # deg, hue of each person's clothes: 16 plus or minus this
     clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None
-    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share by which some clothes are darker
-    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # gain of each camera from 1 / (1 + x) to 1 + x
-    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation of a Gaussian
-    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation of a Gaussian
+    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # largest share by which clothes are darker
+    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # x: each camera's gain lies in 1 / (1 + x) to 1 + x
+    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation of Gaussian blur
+    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation of Gaussian noise
 
 
 class Wind(Struct, frozen=True, forbid_unknown_fields=True):
-    """Air that moves quadrotors: a mean and first-order Gauss-Markov gusts, the same for the whole fleet."""
+    """Wind: a mean velocity and first-order Gauss-Markov gusts, the same for the whole fleet."""
 
-    velocity: Point = (0.0, 0.0)  # m/s, mean, to the east and to the north, at most 12 m/s; only quadrotors feel it
-    # m/s, standard deviation of each component; the gusts of seed and repeat are the same for the whole fleet
+    velocity: Point = (0.0, 0.0)  # m/s, mean velocity to the east and north, at most 12 m/s; affects quadrotors only
+    # m/s, standard deviation of each component of the gusts, which seed and repeat decide and the whole fleet shares
     gust: Annotated[float, Meta(ge=0, le=5)] = 0.0
     # s, correlation time of the gusts (first-order Gauss-Markov)
     gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0
@@ -134,8 +135,8 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def calm(self) -> bool:
-        """True without any wind; then air resistance is neglected too."""
+        """True without any wind; air resistance is then neglected, too."""
         return self.velocity == (0.0, 0.0) and self.gust == 0.0
 
 
-_STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
+_STRONGEST_WIND = 12.0  # m/s; against it a quadrotor still flies at 5 m/s

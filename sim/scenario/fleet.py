@@ -12,23 +12,24 @@ from sim.scenario.quantities import DAY, Point, Probability, Speed, Time
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
 
-    start: Point  # m, place above which it hovers at the start, `[x, y]`
-    # m, edge of the square field of view on the ground; with `fov_deg` it gives the altitude
+    start: Point  # m, `[x, y]`, the place above which the UAV hovers at the start
+    # m, edge of the square field of view on the ground; together with `fov_deg` it determines the altitude
     footprint: Annotated[float, Meta(ge=0.01, le=10_000)] = 20.0
-    # quality factor of its measurements, [Li22] eq. (4); smaller is better
+    # quality factor of the UAV's measurements, [Li22] eq. (4); smaller is better
     alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
     fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # deg, full angle of the field of view
     pixels: Annotated[int, Meta(ge=16, le=4096)] = 128  # pixels along each edge of the image
     max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
     # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
     mount: Literal["gimbal", "body"] = "gimbal"
-    # Hz, of the camera, a divisor of `rates.sensing`; 0: `rates.sensing` itself
+    # Hz, frame rate of the camera, a divisor of `rates.sensing`; 0 means `rates.sensing` itself
     rate: Annotated[int, Meta(ge=0, le=1000)] = 0
-    # deg, mounting angle off nadir, towards the body's front, which is east at yaw 0; a gimbal keeps this angle,
-    # looking east. The image must end below the horizon. `footprint`, and the covariance that planners expect with
-    # `sensing.noise = "camera"`, stay those of a camera looking down; the covariance of detections does not
+    # deg, mounting angle from nadir towards the front of the body, which points east at yaw 0; on a gimbal the camera
+    # always looks east at this angle. The image must end below the horizon. The covariance of detections takes the
+    # angle into account; `footprint`, and the covariance that planners expect with `sensing.noise = "camera"`, are
+    # those of a camera that looks straight down
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
-    fails_at: Time | None = None  # s, time of its breakdown; never if not given
+    fails_at: Time | None = None  # s, time at which the UAV breaks down; by default never
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:
@@ -37,7 +38,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def altitude(self) -> float:
-        """Height of the camera above ground at which the footprint has its edge [m]."""
+        """Height of the camera above ground [m], at which the field of view has the edge `footprint`."""
         return self.footprint / (2 * _tangent(math.radians(self.fov_deg) / 2))
 
 
@@ -51,8 +52,8 @@ DEFAULT_FLEET = (
 def _tangent(angle: float) -> float:
     """Tangent of an angle in (0, π / 2) [rad], by Lambert's continued fraction.
 
-    That of `tracking.numerics.trigonometry` would have every command wait for the compiler, and the C library's depends
-    on the processor.
+    The function of `tracking.numerics.trigonometry` would make every command wait for the compiler, and the result of
+    the C library's depends on the processor.
     """
     fraction = 0.0
     for k in range(59, 0, -2):
@@ -67,9 +68,9 @@ Link = tuple[Index, Index]
 class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
-    links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down: pairs of UAVs
-    start: Time = 0.0  # s, time from which they are down
-    end: Annotated[float, Meta(le=DAY)] | None = None  # s, time from which they are up again; never if not given
+    links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down, as pairs of UAVs
+    start: Time = 0.0  # s, time from which the links are down
+    end: Annotated[float, Meta(le=DAY)] | None = None  # s, time from which the links are up again; by default never
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end <= self.start:
@@ -80,23 +81,23 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Radio network: links, rounds of consensus per scan, fusion rule and losses."""
 
     rounds: Annotated[int, Meta(ge=0, le=1000)] = 5  # rounds of consensus per scan
-    # m, distance beyond which no message arrives, whatever the links
+    # m, distance beyond which no message arrives, with or without a link
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
-    # `"hcmci"`: hybrid consensus on measurements and information, which adds up what the UAVs see, as planners expect;
-    # `"kla"`: weighted average of information, as in the paper; `"module:Class"`: yours
+    # fusion rule: `"hcmci"`: hybrid consensus on measurements and information, which adds up the information of all
+    # UAVs, as planners expect; `"kla"`: weighted average of information, as in the paper; `"module:Class"`: your own
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
     fusion: str = "hcmci"
-    # probability that a message is lost, per round and direction, drawn by seed and repeat
+    # probability that a message is lost, drawn by seed and repeat for each round and direction
     loss: Probability = 0.0
-    links: tuple[Link, ...] = ()  # the links, as pairs of UAVs: `[[0, 1], [1, 2]]`; empty: all UAVs are linked
+    links: tuple[Link, ...] = ()  # the links as pairs of UAVs: `[[0, 1], [1, 2]]`; if empty, all UAVs are linked
     # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
-    # s, time from a decision until the first control of its plan is flown; until then UAVs fly on as before, or hover
-    # at the start; a multiple of the time between scans
+    # s, time from a decision until the first control of its plan is flown, a multiple of the time between scans; until
+    # then UAVs fly on as before, or hover at the start
     plan_delay: Time = 0.0
 
     def check(self, uavs: int) -> None:
-        """ValueError if links are not between two UAVs of a fleet of so many, each named once."""
+        """ValueError if a link does not join two different UAVs of a fleet of this size, or is listed twice."""
         _check_links("network.links", self.links, uavs)
         known = {tuple(sorted(link)) for link in self.links}
         for i, cut in enumerate(self.cuts):

@@ -1,4 +1,4 @@
-"""Loading of scenario files: TOML in, a valid `Scenario` or an error of one line out."""
+"""Loading of scenario files: from TOML to a valid `Scenario` or an error of one line."""
 
 import math
 import os
@@ -19,8 +19,8 @@ from sim.scenario.text_files import located, toml_file
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
-STUDY_TABLES = ("study", "set", "factors", "exclude", "score")  # of a study file
-# Keys that do not belong into a scenario, and what they are.
+STUDY_TABLES = ("study", "set", "factors", "exclude", "score")  # tables of a study file
+# Keys that are not part of a scenario, and their meaning elsewhere.
 _ELSEWHERE = {
     **{name: f"an option: --{name}" for name in ("seed", "seeds", "planner", "out", "workers")},
     "video": "an option: --no-video",
@@ -29,16 +29,16 @@ _ELSEWHERE = {
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 _Kind = TypeVar("_Kind")
-# Types in the words of TOML.
+# Names of types in error messages, by msgspec's names.
 _KINDS = {"object": "a table", "array": "a list", "str": "text", "float": "a number", "int": "an integer"}
 _KINDS["bool"] = "true or false"
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
-    """The packaged scenario or TOML file `name`, with `key=value` overrides; InputError says what is wrong.
+    """Load the packaged scenario or TOML file `name` with `key=value` overrides; InputError says what is wrong.
 
-    The path of a trajectory file starts at the scenario file's folder, in an override at the current one. An error
-    about a key begins with `place_of`; where it is one of the file by itself, no override is blamed.
+    The path of a trajectory file is relative to the scenario file's folder; in an override, to the current folder. An
+    error about a key begins with `place_of`, which mentions overrides only if the file alone is without that error.
     """
     path = located(name, SCENARIOS, "scenario")
     data = toml_file(path, "scenario")
@@ -53,7 +53,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
 
 
 def _error_of(name: str) -> str:
-    """The error of a scenario without overrides; empty if it has none."""
+    """Error message of a scenario without overrides; empty if there is no error."""
     try:
         load(name)
     except InputError as error:
@@ -62,28 +62,28 @@ def _error_of(name: str) -> str:
 
 
 def place_of(scenario: object, settings: Collection[str] | None) -> str:
-    """The beginning of an error about a scenario: its file, and a remark if settings differ; empty if it has none."""
+    """Beginning of an error about a scenario: its file, and a remark if settings are changed; empty without a file."""
     if not isinstance(scenario, str | os.PathLike) or os.fspath(scenario) in SCENARIOS:
         return ""
     return f"{os.fspath(scenario)}{' with other settings' if settings else ''}: "
 
 
 def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
-    """A packaged scenario or .toml file with settings that differ, or a scenario, checked; InputError if neither."""
+    """A checked scenario: a packaged one or a .toml file, with changed settings, or a `Scenario`; else InputError."""
     if isinstance(scenario, str | os.PathLike):
         return load(os.fspath(scenario), overrides_of(settings))
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
-    try:  # constructors check neither types nor bounds, as reading a file does
+    try:  # unlike the reading of a file, constructors check neither types nor bounds
         return decode(msgspec.to_builtins(scenario, enc_hook=_plain))
     except TypeError as error:
         raise InputError(f"scenario: {error}") from error
 
 
 def decode(data: Mapping[str, Any]) -> Scenario:
-    """A scenario from plain data, strictly: every key known, every value of its type and range."""
+    """A scenario from plain data; InputError unless every key is known and every value of its type and range."""
     _check_keys(data, Scenario, "")
     _check_finite(data, "")
     return converted(data, Scenario)
@@ -97,15 +97,15 @@ def converted(data: Mapping[str, Any], kind: type[_Kind]) -> _Kind:
         raise InputError(_readable(str(error), data)) from error
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - an array or number of NumPy's, or anything that may stand in a scenario
-    """NumPy's arrays and numbers as Python's; TypeError for anything else."""
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's field
+    """A NumPy array or number as Python's; TypeError for anything else."""
     if not hasattr(value, "tolist"):
         raise TypeError(f"{value!r} is not allowed; expected plain values")
     return value.tolist()
 
 
 def _anchored(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its trajectory file, unless that is packaged, found relative to the scenario file."""
+    """The scenario with the absolute path of its trajectory file, given relative to `folder`; a packaged one stays."""
     name = scenario.people.trajectories
     if not name or name in TRAJECTORIES:
         return scenario
@@ -137,7 +137,7 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
 
 
 def _whole(key: str) -> str:
-    """The whole names of a key that stands in tables of a scenario, joined by "or"; empty if there are none."""
+    """Dotted names of all keys of a scenario's tables with the name `key`, joined by "or"; empty if there are none."""
     tables = {f.name: f.type for f in msgspec.structs.fields(Scenario) if hasattr(f.type, "__struct_fields__")}
     tables["uavs.0"] = Uav
     return " or ".join(f"{table}.{key}" for table, kind in tables.items() if key in kind.__struct_fields__)
@@ -155,7 +155,7 @@ def _check_finite(data: object, where: str) -> None:
 
 
 def _choices(parts: Sequence[str]) -> tuple[object, ...]:
-    """The allowed values of the field that the parts of a path lead to."""
+    """Allowed values of the field at a path, given by its parts."""
     kind: Any = Scenario
     for part in parts:
         if not part.isdigit():
@@ -164,7 +164,7 @@ def _choices(parts: Sequence[str]) -> tuple[object, ...]:
 
 
 def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
-    """The message of msgspec with the field first and the offending value in it."""
+    """A message of msgspec, rewritten so that it begins with the field and contains the offending value."""
     text, _, path = message.partition(" - at `$")
     parts = re.findall(r"[^.\[\]`]+", path)
     value = data

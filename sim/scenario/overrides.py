@@ -1,4 +1,4 @@
-"""Overrides of single keys of a scenario, `key=value`."""
+"""Overrides `key=value` of single keys of a scenario."""
 
 import re
 from typing import Any
@@ -9,11 +9,11 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml
 from tracking.plugins.registry import InputError
 
-_DEEPEST = 10  # parts of a key that are looked at
+_DEEPEST = 10  # number of dots at which a key is split; the rest is one part
 
 
 def key_and_value(override: str) -> tuple[str, str]:
-    """Key and value of an override, as text; InputError unless it is of the form key=value."""
+    """Key and value of an override as text; InputError if it does not have the form key=value."""
     key, equals, text = (part.strip() for part in override.partition("="))
     if not equals or not key:
         raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
@@ -21,7 +21,7 @@ def key_and_value(override: str) -> tuple[str, str]:
 
 
 def override_in(data: dict[str, Any], override: str) -> None:
-    """Change a key of plain data as an override `key=value` says."""
+    """Apply an override `key=value` to plain data, in place."""
     key, text = key_and_value(override)
     *path, last = key.split(".", _DEEPEST)
     node: Any = data
@@ -29,7 +29,8 @@ def override_in(data: dict[str, Any], override: str) -> None:
     for i, part in enumerate(path):
         if isinstance(node, dict):
             default = default.get(part) if isinstance(default, dict) else None
-            node.setdefault(part, default if isinstance(default, list) else {})  # an override changes one of a list
+            # An override of one row of a list keeps the other rows of the default.
+            node.setdefault(part, default if isinstance(default, list) else {})
         node = node[_place(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
@@ -50,4 +51,4 @@ def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
         found = toml(f"value = {text}", "--set")
     except InputError:
         return text.strip()
-    return found["value"] if len(found) == 1 else text  # more than one of several lines
+    return found["value"] if len(found) == 1 else text  # a text of several lines may define further keys

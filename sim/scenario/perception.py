@@ -24,31 +24,31 @@ DETECTORS = Registry(
 
 
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
-    """From world to measurements."""
+    """Settings of sensing, which turns the world into measurements."""
 
-    # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, nothing is
-    # rendered; `"module:Class"`: yours ([how](../how-to/plugins.md#a-sensor-mode))
+    # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, without
+    # rendering; `"module:Class"`: your own ([how](../how-to/plugins.md#a-sensor-mode))
     mode: str = "camera"
-    # `"range_bearing"`: noise of [Li22] eq. (4) is added, and its covariance to the detection's; `"camera"`: none is
-    # added
+    # `"range_bearing"`: noise of [Li22] eq. (4) is added to each detection, and its covariance to the detection's own;
+    # `"camera"`: no noise is added
     noise: Literal["range_bearing", "camera"] = "range_bearing"
-    # assumption of tracker and planner, and truth of ideal sensing: `"line_of_sight"` past cylinders, or the paper's
-    # `"disc"`
+    # model of occlusion that trackers and planners assume, and that ideal sensing obeys: `"line_of_sight"`: canopies
+    # are cylinders that block the view; `"disc"`: the paper's
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
-    # `"tiny"`: PyBullet's own, on the CPU; `"egl"`: OpenGL without a display, images up to 768 pixels, refused if it
-    # cannot start
+    # `"tiny"`: PyBullet's own renderer, on the CPU; `"egl"`: OpenGL without a display, for images of up to 768 pixels;
+    # an error if it cannot start
     renderer: Literal["tiny", "egl"] = "tiny"
-    # `"blob"`: people by their colour; `"segmentation"`: the renderer's own mask, every person that a pixel shows;
-    # or yours, `"package.module:Class"`, with a method `detect(frame)`
+    # `"blob"`: finds people by their colour; `"segmentation"`: uses the renderer's mask and finds every person with a
+    # visible pixel; `"package.module:Class"`: your own, with a method `detect(frame)`
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to this
-    # number divided by the field of view in m²; with `tracking.management = "m_of_n"` two of three false alarms that
-    # happen to fit make a track
+    # number divided by the field of view in m². With `tracking.management = "m_of_n"` a track is made of two false
+    # alarms in three scans if they happen to fit
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     # probability that a detection is lost; set `tracking.detection_probability` to its complement
     miss_probability: Probability = 0.0
-    # what a UAV can see past the trees: `"camera"`: its image; `"unlimited"`: everything, which needs `sensing.mode =
-    # "ideal"`
+    # field of view of a UAV: `"camera"`: that of its image; `"unlimited"`: everywhere that trees do not hide, which
+    # needs `sensing.mode = "ideal"`
     field_of_view: Literal["camera", "unlimited"] = "camera"
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def renders(self) -> bool:
-        """True if frames are rendered, which films, pages and explanations then show."""
+        """True if frames are rendered; films, pages and explanations then show them."""
         return self.mode == "camera"
 
 
@@ -69,50 +69,50 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
 
     # m/s², standard deviation of the acceleration in the motion model, [Li22] eq. (1)
     sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.75
-    # `"known"`: the track of every person is given at the start; `"none"`: people have to be found
+    # `"known"`: UAVs have the tracks of all people at the start; `"none"`: people have to be found
     initial_tracks: Literal["known", "none"] = "known"
     # probability of detection of a person in plain view
     detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99
-    clutter_density: Density = 1e-6  # 1/m², false detections per scan
+    clutter_density: Density = 1e-6  # 1/m², expected false detections per scan and area
     # probability that a person's own measurement falls into the gate
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
-    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans: a new track needs m detections; n is at most 62
-    # m of n scans: a track ends after m misses in scans in which the person should have been seen; n is at most 62
+    confirm: tuple[Scans, Scans] = (2, 3)  # m and n: a new track needs m detections in n scans; n is at most 62
+    # m and n: a track ends after m misses in n scans in which the person should have been seen; n is at most 62
     delete: tuple[Scans, Scans] = (5, 5)
-    # exponent of the likelihood of negative information; 0: none
+    # exponent of the likelihood of negative information; 0 means that it is not used
     negative_information: Annotated[float, Meta(ge=0, le=100)] = 1.0
-    # s, time unseen after which a detection within a person's reach may re-acquire their track
+    # s, time without a detection after which a detection within the person's reach may re-acquire the track
     reacquire_after: Time = 0.2
-    # m², trace of the position's covariance beyond which a track ends; by default the square of GOSPA's cut-off
+    # m², trace of the position covariance above which a track ends; the default is the square of GOSPA's cut-off
     max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
-    # m/s, largest speed of people: limits the reach of lost people, the velocities of new tracks and the spread of
+    # m/s, largest speed of people; it limits the reach of lost people, the velocities of new tracks and the spread of
     # undetected people
     max_speed: Speed = 3.0
-    # m/s, walking speed that is expected while few people have been seen, for `motion = "mean-reverting"`
+    # m/s, walking speed that `motion = "mean-reverting"` expects while few people have been seen
     walking_speed: Speed = 1.75
-    # track management, initiation and deletion of tracks: `"existence"`: each track has a probability of existence,
-    # `confirmation_threshold` and `deletion_threshold`; `"m_of_n"` counts scans, `confirm` and `delete`, as the paper
-    # does
+    # track management, which initiates and deletes tracks: `"existence"`: by each track's probability of existence,
+    # with `confirmation_threshold` and `deletion_threshold`; `"m_of_n"`: by counting scans, as in the paper, with
+    # `confirm` and `delete`
     management: Literal["m_of_n", "existence"] = "existence"
-    # with `"existence"`: probability that a person is still there a second later
+    # with `"existence"`: probability that a person is still in the area a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
-    # 1/m², with `"existence"`: people detected for the first time per scan; its ratio to `clutter_density` decides how
-    # far a first detection is believed
+    # 1/m², with `"existence"`: expected first detections of people per scan and area; the ratio to `clutter_density`
+    # decides the existence probability of a new track
     birth_density: Density = 1e-5
     # with `"existence"`: probability of existence that confirms a new track
     confirmation_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.99
     # with `"existence"`: probability of existence below which a track is deleted
     deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
     # motion model of the trackers: `"mean-reverting"`: speeds return to the walking speed of the people seen;
-    # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
-    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
-    # trackers do, but by `"ncv"` if the model is yours; `thompson` always predicts by constant velocity
+    # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: your own
+    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict with the same model, scan by scan as
+    # trackers do, but with `"ncv"` if the model is your own; `thompson` always predicts constant velocity
     motion: str = "mean-reverting"
-    # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
-    # ([how](../how-to/trackers.md)), which uses those of these keys that it can
+    # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: your own
+    # ([how](../how-to/trackers.md)), which may use any of these keys
     tracker: str = "jpda"
-    # expected number of undetected people in the area at the start, if `initial_tracks` is `"none"`; UAVs then search
-    # for them
+    # expected number of undetected people in the area at the start, for whom UAVs search if `initial_tracks` is
+    # `"none"`
     undetected: Expected = 4.0
 
     def __post_init__(self) -> None:
@@ -126,5 +126,5 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"deletion_threshold {self.deletion_threshold:g} must be {allowed}")
 
 
-# Bounds are far beyond any mission, and short of what overflows or ends no more.
-_MOST_SCANS = 62  # as in the tracker; importing its module takes a second
+# Bounds are far beyond any mission, but below the values that overflow or take forever.
+_MOST_SCANS = 62  # the tracker's own limit, repeated because importing its module takes a second

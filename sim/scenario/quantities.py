@@ -1,4 +1,4 @@
-"""Quantities: types of numbers in a scenario, with their bounds; durations, intervals and numbers as typed."""
+"""Quantities: bounded types of the numbers in a scenario, and parsing of durations, intervals and integers."""
 
 import math
 import re
@@ -26,8 +26,8 @@ Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 
 MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
-REPEATS = 10_000  # of one map at most
-WORKERS = 1024  # at most, processes of one study
+REPEATS = 10_000  # largest number of repeats of one map
+WORKERS = 1024  # largest number of processes of one study
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
@@ -40,7 +40,7 @@ def seconds(text: str, field: str, most: float = 366 * DAY) -> float:
 
 
 def interval(text: str, field: str) -> tuple[float, float | None]:
-    """A time such as 12, or first and last of several such as 12:14.5 [s]; InputError names the field."""
+    """Start and end [s] of an interval such as 12:14.5; of a time such as 12 the end is None. Errors name the field."""
     first, colon, last = text.partition(":")
     start = _seconds(first, field)
     end = _seconds(last, field) if colon else None
@@ -63,7 +63,7 @@ def _seconds(text: str, field: str) -> float:
 
 
 def integer(given: object, field: str, *, least: int, most: int) -> int:
-    """One integer or its text, `least` or more and `most` or less; InputError names the field."""
+    """An integer from `least` to `most`, given as such or as text; InputError names the field."""
     text = str(given)
     if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
         raise InputError(f"{field}: {given!r} is not allowed; expected an integer, {least} to {most}")
@@ -71,7 +71,7 @@ def integer(given: object, field: str, *, least: int, most: int) -> int:
 
 
 def seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
-    """Seed and repeat of a mission, as text of options with dashes, else integers; InputError names what is wrong."""
+    """Seed and repeat of a mission, as text only if they are options with `dashes`; InputError names what is wrong."""
     numbers = []
     for name, given, most in (("seed", seed, MOST_SEED), ("repeat", repeat, REPEATS - 1)):
         if isinstance(given, str) and not dashes:

@@ -1,4 +1,4 @@
-"""Remarks on settings of a scenario that are allowed but do not do what they suggest."""
+"""Remarks on settings of a scenario that are allowed but have no effect, or not the effect that one expects."""
 
 import math
 
@@ -7,7 +7,7 @@ import msgspec
 from sim.scenario.environment import People, Wind
 from sim.scenario.scenario import Scenario
 
-# Keys that are not used where another one, a part of the same table, has this value.
+# Keys that are not used if another key of the same table has this value.
 _UNUSED = {
     ("tracking.management", "existence"): ("confirm", "delete"),
     ("tracking.management", "m_of_n"): ("survival", "birth_density", "confirmation_threshold", "deletion_threshold"),
@@ -18,7 +18,7 @@ _UNUSED = {
 
 
 def remarks(scenario: Scenario) -> list[str]:
-    """Remarks on settings without the effect that they suggest, one line each."""
+    """Remarks on settings without the effect that one expects, one line each."""
     found, last = [], scenario.scan_times[-1]
     if not math.isclose(last, scenario.duration):
         scans = f"the last scan is at {last:g} s"
@@ -38,13 +38,13 @@ def remarks(scenario: Scenario) -> list[str]:
 
 
 def _about_people(people: People) -> list[str]:
-    """Remarks on keys of people without effect beside trajectories, or without the way of walking that they are for."""
+    """Remarks on keys of people that trajectories, or the lack of a way of walking, leave without effect."""
     default = People()
     if people.trajectories:
         given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
         return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
-    if any(":" in walk for walk in people.walks):  # a way of the user's is given all keys
+    if any(":" in walk for walk in people.walks):  # the user's own way of walking may use all keys
         return []
     spare = len(people.paths) - people.count
     if spare > 0 and people.paths != default.paths and people.walks == ("levy",):
@@ -57,7 +57,7 @@ def _about_people(people: People) -> list[str]:
 
 
 def _unused(scenario: Scenario) -> list[str]:
-    """Remarks on keys that are set and that the value of another key leaves without effect."""
+    """Remarks on changed keys that the value of another key leaves without effect."""
     given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     found = []
     for (key, value), others in _UNUSED.items():
@@ -69,7 +69,7 @@ def _unused(scenario: Scenario) -> list[str]:
 
 
 def _about_misses(scenario: Scenario) -> list[str]:
-    """A remark where the tracker expects to miss people less than half as often as they are missed."""
+    """Remark if the tracker expects less than half of the misses that the sensing has."""
     missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
     if missed <= 2 * (1.0 - expected):
         return []

@@ -17,16 +17,17 @@ from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
 from tracking.plugins.registry import Registry
 
-# m, between UAVs at the start: rotors reach 0.3 m out; and of cameras from canopies: images leave out the nearest 0.5 m
+# m: least distance of UAVs at the start, as rotors reach 0.3 m out, and of cameras from canopies, as images leave out
+# the nearest 0.5 m.
 _CLEARANCE = 1.0
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
-MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
-_MOST_PATHS = 2e7  # m, of which each is a point to walk to
+MOST_WALKED = 3.6e5  # s, sum over all people, which takes about a gigabyte
+_MOST_PATHS = 2e7  # m, sum of the lengths of all paths; each metre is a point to walk to
 
 
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
-    """Rates [Hz] of physics, sensing and planning; each divides the one before."""
+    """Rates [Hz] of physics, sensing and planning; each divides the previous one."""
 
     # Hz, steps of the engine; a multiple of `rates.sensing`; 25 or more for quadrotors
     physics: Annotated[int, Meta(ge=1, le=10_000)] = 240
@@ -42,15 +43,16 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
-    """A whole mission, planner and seed aside."""
+    """Everything that defines a mission except planner, seed and repeat."""
 
-    version: Literal[1] = 1  # version of this format; results compare only within one
-    # s, simulated time; scans are taken at its start and its end, and what is left over after the last one is not flown
+    version: Literal[1] = 1  # version of this format; results are comparable only within one version
+    # s, simulated time; the first scan is at its start and the last at its end, or before it if the time between scans
+    # does not divide it; the mission ends with the last scan
     duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0
-    # s, time of the first decision, until which UAVs hover; a multiple of the time between decisions
+    # s, time of the first decision, a multiple of the time between decisions; UAVs hover until then
     first_decision: Time = 0.0
-    # `"quadrotor"`: thrust and attitude control by forces in the engine; `"kinematic"`: velocity is obeyed at once
-    # ([Li22] eq. (5))
+    # `"quadrotor"`: thrust and attitude control, with forces in the engine; `"kinematic"`: UAVs have the commanded
+    # velocity at once ([Li22] eq. (5))
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
@@ -111,7 +113,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
-        """Registries, and the name or import string that the scenario takes from each."""
+        """Pairs of a registry and the name or import string that the scenario takes from it."""
         sensing = ((SENSOR_MODES, self.sensing.mode), (DETECTORS, self.sensing.detector))
         tracking = ((TRACKERS, self.tracking.tracker), (MOTION_MODELS, self.tracking.motion))
         walks = ((WALKS, name) for name in self.people.walks)
@@ -119,7 +121,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def scan_times(self) -> list[float]:
-        """Times of the scans, the first at zero [s]."""
+        """Times of the scans [s]; the first is at zero."""
         return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
 
     @property
@@ -128,7 +130,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         return [time for k, time in enumerate(self.scan_times) if self.decides(k)]
 
     def has_frame(self, uav: int, k: int) -> bool:
-        """True if a UAV's camera takes a frame at scan k; all do at the first."""
+        """True if a UAV's camera takes a frame at scan k; every camera takes one at the first scan."""
         rate = self.uavs[uav].rate or self.rates.sensing
         return k % (self.rates.sensing // rate) == 0
 
@@ -138,7 +140,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         return k >= round(self.first_decision * rates.sensing) and k % (rates.sensing // rates.planning) == 0
 
     def due(self, decided: float) -> float:
-        """Time [s] from which plans are flown that were decided at a time [s]."""
+        """Time [s] from which the plans of a decision are flown, given the time of the decision [s]."""
         return decided + self.network.plan_delay
 
     def works(self, uav: int, time: float) -> bool:
@@ -157,12 +159,12 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
         )
 
 
-# Keys that scenarios did not always have. Without them a mission is what it was, and its recording has the same bytes.
+# Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
 _LATER = (("trees", ("per_hectare", "largest_radius")), ("people", ("walks", "group", "stay")))
 
 
 def resolved(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out, those of later keys aside."""
+    """The scenario as JSON with every default written out, except those of `_LATER`."""
     written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     for table, keys in _LATER:
         for key in keys:
@@ -172,14 +174,14 @@ def resolved(scenario: Scenario) -> str:
 
 
 def check_workload(scenario: Scenario) -> None:
-    """ValueError if the product of some settings is too large; it names them."""
+    """ValueError if a product of settings is too large; the message names them."""
     for settings, amount, things, most in _loads(scenario):
         if amount > most:
             raise ValueError(f"{settings} come to {amount:.6g} {things}; at most {most:g} are allowed")
 
 
 def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
-    """Products of settings that no machine could fly beyond a limit: settings, product, unit and limit."""
+    """Products of settings beyond whose limits no machine could fly: settings, product, unit and limit."""
     uavs, rates, people = len(scenario.uavs), scenario.rates, scenario.people
     scans = scenario.duration * rates.sensing
     yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9

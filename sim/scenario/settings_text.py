@@ -1,4 +1,4 @@
-"""Settings as text: what `--set` and `--planner` take."""
+"""Settings as text, in the form that `--set` and `--planner` take."""
 
 import json
 import re
@@ -14,7 +14,7 @@ _PLAIN = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z_][\w.:/-]*")
 
 
 def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one of dotted keys; lists stay whole."""
+    """Nested tables as one table with dotted keys; lists are not flattened."""
     found: dict[str, Any] = {}
     for key, value in data.items():
         found |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
@@ -22,30 +22,30 @@ def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
-    """A value as `--set key=value` reads it: TOML, a plain word without quotes."""
+    """A value in the form that `--set key=value` reads: TOML, but a plain word has no quotes."""
     return value if isinstance(value, str) and _PLAIN.fullmatch(value) else _toml(value)
 
 
 def texts(settings: Mapping[str, Any]) -> dict[str, str]:
-    """Settings by dotted key, their values as `--set` reads them."""
+    """Settings by dotted key, with values in the form that `--set` reads."""
     return {key: toml(value) for key, value in flat(settings).items()}
 
 
 def overrides(settings: Mapping[str, Any] | None) -> list[str]:
-    """Settings as `--set` takes them, each `key=value`; InputError if they are no mapping."""
+    """Settings as a list of `key=value`, as `--set` takes them; InputError if they are not a mapping."""
     if not isinstance(settings, Mapping | None):
         raise InputError(f"settings: {settings!r} is not allowed; expected a mapping, as {{'duration': 10}}")
     return [f"{key}={value}" for key, value in texts(settings or {}).items()]
 
 
 def changed(scenario: Scenario) -> list[str]:
-    """Settings other than the defaults, as `--set` takes them, each `key=value`."""
+    """Settings that differ from the defaults, as a list of `key=value`, as `--set` takes them."""
     given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     return [f"{key}={toml(value)}" for key, value in _changes(given, default, "")]
 
 
 def _changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Dotted keys with other values than by default; lists of tables, if equally long, table by table."""
+    """Dotted keys whose values differ from the default; lists of tables of equal length are compared by table."""
     for key, value in given.items():
         before = default[key]
         if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):
@@ -57,7 +57,7 @@ def _changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) 
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
-    if hasattr(value, "tolist"):  # an array or number of NumPy's
+    if hasattr(value, "tolist"):  # a NumPy array or number
         return _toml(value.tolist())
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)

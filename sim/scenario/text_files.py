@@ -1,4 +1,4 @@
-"""Reading of text files, which must be plain files of a limited size."""
+"""Reading of text files, which must be regular files of limited size."""
 
 import re
 import stat
@@ -16,25 +16,25 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-MOST_BYTES = 2**26  # of a table
+MOST_BYTES = 2**26  # largest size of a file
 _BLOCK = 2**20  # bytes read at once
-_MOST_TOML = 2**22  # bytes, read at about a megabyte a second
-_DEEPEST = 30  # tables and lists within one another
-# Runs of parts and dots as in keys, group 1 the hundredth part of one: a parser's time grows with the square of their
-# number. Each run is read once, from its start, so that no text takes long.
+_MOST_TOML = 2**22  # bytes, which are parsed at about a megabyte per second
+_DEEPEST = 30  # levels of nested tables and lists
+# A dotted key; group 1 is its hundredth part, because the time of a parser grows with the square of the number of
+# parts. The pattern reads each key once, from its start, so that its own time is linear.
 _PART = r"""(?:[\w-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*')[ \t]*\.[ \t]*"""
 _KEYS = re.compile(rf"(?<![\w\\-])(?:(?:{_PART}){{99}}({_PART})|(?:{_PART}){{1,99}})")
 
 
 def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
-    """The bytes of a file, which is no pipe or device and has at most so many; InputError begins with `where`."""
+    """The bytes of a regular file, no more than `most`; InputError (also for pipes and devices) begins with `where`."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # before it is opened: a pipe would be waited for
+        if not stat.S_ISREG(path.stat().st_mode):  # checked before opening, which would wait for a pipe
             raise OSError("is not a file")
         with path.open("rb") as file:
-            # What the system makes up as it is read, as in /proc, tells no size; to read `most` would allocate as much.
+            # Read in blocks: files such as those in /proc tell no size, and to read `most` at once would allocate it.
             read = b"".join(islice(iter(lambda: file.read(_BLOCK), b""), most // _BLOCK + 1))
-    except (OSError, ValueError) as error:  # the latter of a path with a zero byte
+    except (OSError, ValueError) as error:  # ValueError: the path contains a zero byte
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{where}: {path} cannot be read: {reason}") from error
     if len(read) > most:
@@ -43,7 +43,7 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
 
 
 def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
-    """The text of a file in UTF-8; as `content`."""
+    """The text of a file in UTF-8; limits and errors as in `content`."""
     try:
         return content(path, where, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -51,7 +51,7 @@ def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
 
 
 def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
-    """The packaged TOML file of that name, or the file of that path; InputError where there is none."""
+    """Path of the packaged TOML file with this name, or of the file with this path; InputError if there is none."""
     path = packaged.get(name, Path(name))
     if path.suffix != ".toml":
         raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
@@ -61,7 +61,7 @@ def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
 
 
 def _meant(path: Path, packaged: Mapping[str, Path]) -> str:
-    """The end of an error message: what may be meant by a path without a file; the ending of all is no likeness."""
+    """End of an error message that suggests similar files; the common ending .toml does not count as similar."""
     if path.stem in packaged:
         return f"; did you mean {path.stem}, which is packaged?"
     near = [str(file) for file in sorted(path.parent.glob("*.toml")) if nearest(path.stem, [file.stem])]
@@ -69,7 +69,7 @@ def _meant(path: Path, packaged: Mapping[str, Path]) -> str:
 
 
 def toml_file(path: Path, where: str) -> dict[str, Any]:
-    """The tables of a TOML file; as `content`."""
+    """The tables of a TOML file; errors as in `content`."""
     return toml(text(path, where, _MOST_TOML), f"{where}: {path}")
 
 
@@ -79,7 +79,7 @@ def toml(written: str, where: str) -> dict[str, Any]:
         raise _too_deep(where)
     try:
         found = tomllib.loads(written)
-    except ValueError as error:  # of the format, or an integer of thousands of digits
+    except ValueError as error:  # invalid TOML, or an integer of thousands of digits
         raise InputError(f"{where}: {error}") from error
     except RecursionError as error:
         raise _too_deep(where) from error
