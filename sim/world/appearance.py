@@ -15,7 +15,7 @@ from tracking.numerics.exponential import power_each
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
 
-# Strengths with `randomise = true`, where the scenario gives no other.
+# Strengths with `randomise = true`, for which the scenario gives no other value.
 FULL: dict[str, float | bool] = {
     "light_deg": 60.0,
     "ambient": 0.15,
@@ -28,9 +28,9 @@ FULL: dict[str, float | bool] = {
     "blur": 0.5,
     "noise": 4.0,
 }
-PERSON_HUE = 16.0  # degrees, of all tones of a person as modelled; the detector is made for 10 to 22
-LIGHT = (0.35, 0.25, 1.0)  # towards it
-AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light, on surfaces that face it
+PERSON_HUE = 16.0  # deg, hue of all tones of the model of a person; the detector is made for 10 to 22
+LIGHT = (0.35, 0.25, 1.0)  # direction towards the light
+AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light on a surface that faces it
 _TILE = 32.0  # m, edge of the ground's texture
 
 
@@ -38,15 +38,15 @@ _TILE = 32.0  # m, edge of the ground's texture
 class AppearanceSample:
     """Sampled appearance of a mission of T trees, M people and n UAVs.
 
-    Tints multiply red, green and blue. The engine wraps tones above 255: tints of people and canopies stay below 1.5,
-    which their textures bear.
+    Tints multiply red, green and blue. The engine wraps values above 255, so tints of people and canopies stay below
+    1.5, at which their textures do not yet reach it.
     """
 
     seed: int
-    repeat: int  # of the noise alone
-    light: tuple[float, float, float]  # towards it
+    repeat: int  # affects only the noise
+    light: tuple[float, float, float]  # direction towards the light
     ambient: float
-    ground_tint: Array  # (3,) with the light's share
+    ground_tint: Array  # (3,), includes the brightness that the light gives
     ground_place: Array  # (2, 3) maps (x, y, 1) [m] to the texture
     clothes: Array  # (M, 3) tints
     canopies: Array  # (T, 3) tints
@@ -55,9 +55,9 @@ class AppearanceSample:
     noise: float  # grey levels, standard deviation
 
     def develop(self, image: NDArray[np.uint8], uav: int, time: float) -> NDArray[np.uint8]:
-        """The image (P, P, 3) as a UAV's camera delivers it at a time [s]: blurred, exposed, with noise.
+        """The image (P, P, 3) as a UAV's camera delivers it at a time [s]: with blur, exposure and noise.
 
-        The noise depends on seed, repeat, UAV and time alone, so that a frame can be made again from a recording.
+        The noise depends only on seed, repeat, UAV and time, so that a frame can be made again from a recording.
         """
         gain = float(self.gains[uav])
         if self.blur > 0.0:
@@ -72,8 +72,8 @@ class AppearanceSample:
 
 
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
-    """Appearance of a map; every aspect has its own stream, so that none changes with another's strength."""
-    strength: dict[str, float] = {}  # the scenario's, else that of full randomisation or none
+    """Sample the appearance of a map, such that the strength of one variation does not change the others."""
+    strength: dict[str, float] = {}  # the scenario's value; by default full or zero
     for name, full in FULL.items():
         given = getattr(scenario.appearance, name)
         strength[name] = float(full * scenario.appearance.randomise if given is None else given)
@@ -105,5 +105,5 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
 
 
 def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
-    """Brightness of a level surface."""
+    """Brightness of a level surface under a light."""
     return ambient + DIFFUSE * light[2] / float(length(np.array(light)))

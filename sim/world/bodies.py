@@ -25,12 +25,12 @@ _GOLDEN = (math.sqrt(5.0) - 1) / 2
 
 @dataclass(frozen=True)
 class Body:
-    """A PyBullet body, as renderers need it."""
+    """A PyBullet body with the properties that renderers need."""
 
     id: int
     kind: Literal["canopy", "trunk", "person", "uav"]
     tint: tuple[float, float, float]  # multiplies the texture's red, green and blue
-    radius: float  # m, of a sphere round the body's centre that holds all of it
+    radius: float  # m, of a sphere around the body's centre that encloses it
 
 
 class Bodies:
@@ -39,7 +39,7 @@ class Bodies:
     def __init__(
         self, client: int, scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSample, *, opengl: bool
     ) -> None:
-        """Make all bodies: people are away, UAVs hover at their starts."""
+        """Make all bodies; people are absent at first, and UAVs are at their starts."""
         self.client, self.engine, self.style, self.opengl = client, Engine(client), style, opengl
         self.engine.setGravity(0.0, 0.0, -GRAVITY)
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
@@ -72,7 +72,7 @@ class Bodies:
 
     def _add_ground(self) -> int:
         plane = self.engine.createCollisionShape(pybullet.GEOM_PLANE)
-        # A plane without a visual shape is given a chequered one, which OpenGL fails at: there, a speck far below.
+        # PyBullet gives a plane without a visual shape a chequered one, at which OpenGL fails: so a speck far below.
         speck = {"radius": 1e-3, "visualFramePosition": AWAY}
         visual = self.engine.createVisualShape(pybullet.GEOM_SPHERE, **speck) if self.opengl else -1
         ground = self._fixed(plane, visual, (0.0, 0.0, 0.0))
@@ -80,7 +80,7 @@ class Bodies:
         return ground
 
     def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
-        """Canopies, then trunks; shapes are made once for all trees of equal size."""
+        """Canopies, then trunks; trees of equal size share their shapes."""
         shapes: dict[tuple[str, float, float], tuple[int, int]] = {}
         bodies = []
         for kind in ("canopy", "trunk"):
@@ -116,7 +116,7 @@ class Bodies:
 
 
 def _foliage(k: int) -> tuple[float, float, float]:
-    """Tint of the k-th tree: hues and shades spread evenly over the forest, without chance."""
+    """Tint of the k-th tree; hues and shades are spread evenly over the forest, not at random."""
     spread = (k * _GOLDEN) % 1.0
     return colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))
 
@@ -128,10 +128,10 @@ def _times(tint: tuple[float, float, float], factors: Array) -> tuple[float, flo
 
 @compiled
 def rotated(quaternion: Array, spin: Array, dt: float) -> Array:
-    """Quaternion xyzw (4,) after a turn from another at `spin` (3,) rad/s, in the world frame, for dt s.
+    """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
 
-    By the exponential map, as the engine does it. The engine's own quaternion depends on the processor in the last bit,
-    as it has the sine and the cosine of the C library.
+    Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
+    because its sine and cosine are those of the C library.
     """
     rate = math.sqrt(np.sum(spin * spin))
     scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt

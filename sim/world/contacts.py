@@ -11,7 +11,7 @@ _NAMES = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of t
 
 
 class Contact(NamedTuple):
-    """Contact of a UAV: the kind of the other body, one of `KINDS`, and its index in that kind."""
+    """Contact of a UAV with another body, given by its kind, one of `KINDS`, and its index among its kind."""
 
     uav: int
     kind: str
@@ -19,13 +19,13 @@ class Contact(NamedTuple):
 
 
 def touched(kind: str, other: int) -> str:
-    """The body that a UAV touched in words; as in `Contact`."""
+    """Description of the body that a UAV touched; arguments as in `Contact`."""
     return "the ground" if kind == "ground" else f"{_NAMES[kind]} {other}"
 
 
 @compiled
 def nearest(positions: Array, commands: Array, seconds: float) -> float:
-    """Lower bound [m] of the distance of any two of positions (n, 3) m that move at commands (n, 2) m/s for so long."""
+    """Lower bound [m] of distances between UAVs at positions (n, 3) m that fly commands (n, 2) m/s for some seconds."""
     least = math.inf
     for i in range(len(positions)):
         for j in range(i):

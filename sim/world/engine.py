@@ -1,4 +1,4 @@
-"""PyBullet, without the banner that its C code writes to standard error when it is imported."""
+"""PyBullet, imported without the banner that its C code writes to standard error."""
 
 import ctypes
 import os
@@ -12,7 +12,7 @@ from typing import Any
 
 @contextmanager
 def silenced(*descriptors: int) -> Iterator[None]:
-    """Send what is written to file descriptors nowhere within the block."""
+    """Discard whatever is written to these file descriptors within the block."""
     kept, nowhere = [os.dup(number) for number in descriptors], os.open(os.devnull, os.O_WRONLY)
     try:
         for number in descriptors:
@@ -27,7 +27,7 @@ def silenced(*descriptors: int) -> Iterator[None]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep off standard output and error what C code writes within the block, and that alone."""
+    """Discard what C code writes to standard output and error within the block, but not what it wrote before."""
     c = ctypes.CDLL(None)
     c.fflush(None)
     with silenced(1, 2):
@@ -42,9 +42,9 @@ __all__ = ["Engine", "pybullet", "quiet", "refusal_of", "silenced"]
 
 
 def refusal_of(what: str, trial: str, *arguments: str) -> str:
-    """The reason why a trial of the engine fails, a script with arguments; empty if it does not.
+    """Reason why a trial of the engine, a script with arguments, fails; empty if it succeeds.
 
-    It runs in a process of its own, because the engine may end that. what: the trial's name in messages.
+    The trial runs in a separate process, because the engine may end it. what: name of the trial in messages.
     """
     command = [sys.executable, "-c", trial, *arguments]
     try:
@@ -57,7 +57,7 @@ def refusal_of(what: str, trial: str, *arguments: str) -> str:
 
 
 class Engine:
-    """PyBullet's functions for one of its clients, whose number none of the calls then names."""
+    """PyBullet's functions, bound to one client, so that calls need not name it."""
 
     def __init__(self, client: int) -> None:
         self._client = client

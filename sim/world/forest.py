@@ -13,8 +13,8 @@ from tracking.numerics.poisson import poisson
 from tracking.plugins.registry import InputError
 
 MAX_TREES = 10_000
-CLEARANCE = 0.5  # m, between a trunk's bark and a point that is to be kept clear
-_ATTEMPTS = 200_000  # to place all trees; near jamming, more would add few
+CLEARANCE = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear
+_ATTEMPTS = 200_000  # draws for all trees together; near jamming, more would add few trees
 _BATCH = 1000
 _NOWHERE = np.zeros((0, 2))
 
@@ -22,10 +22,10 @@ _NOWHERE = np.zeros((0, 2))
 def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array = _NOWHERE) -> Forest:
     """A Poisson forest without overlap of canopies.
 
-    The count is Poisson with expectation `trees.density`, or that of `trees.per_hectare`. Centres are uniform in the
-    area by random sequential addition: each tree in turn is drawn again until its canopy touches no earlier one; where
-    radii differ, the largest come first. keep_clear (n, 2) m: points on which no trunk may stand. A forest that does
-    not fit is an InputError.
+    The number of trees is Poisson with the expectation `trees.density`, or that of `trees.per_hectare`. Centres are
+    uniform in the area by random sequential addition: each tree, the largest first, is drawn again until its canopy
+    touches no earlier one. keep_clear (n, 2) m: points on which no trunk may stand. InputError if the forest does not
+    fit into the area.
     Source: [Li22] IV-A.
     """
     expected = trees.expected(area)
@@ -43,7 +43,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
 
 
 def _most(trees: Trees, area: Area) -> float:
-    """Largest number of discs of the smallest radius, centres in the area, by the densest packing of the plane."""
+    """Upper bound of the number of trees of the smallest radius in the area, by the densest packing of discs."""
     reach = 2 * trees.canopy_radius
     packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
     return min(packed / (math.pi * trees.canopy_radius * trees.canopy_radius), MAX_TREES)
@@ -59,14 +59,14 @@ def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
 
 
 def _place(radii: Array, trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array) -> Array:
-    """Centres (n, 2) m of the first trees of these descending radii; fewer than all when the attempts are used up."""
+    """Centres (n, 2) m of trees with these descending radii; fewer than all if the attempts are used up."""
     half = np.array([area.width, area.height]) / 2
     count = len(radii)
     centres, n = np.empty((count, 2)), 0
     for _ in range(0, _ATTEMPTS, _BATCH):
-        # Candidates are judged in the order drawn, so this is the same as drawing them one by one.
+        # Candidates are checked in the order drawn, so the result is the same as if they were drawn one by one.
         candidates = rng.uniform(-half, half, (_BATCH, 2))
-        least = 2 * radii[-1] if count else 0.0  # beside which a later, smaller tree may still stand
+        least = 2 * radii[-1] if count else 0.0  # a distance at which a smaller, later tree may still fit
         free = _apart(candidates, centres[:n], least)
         free &= _apart(candidates, keep_clear, trees.trunk_radius + CLEARANCE)
         for candidate in candidates[free]:
@@ -79,5 +79,5 @@ def _place(radii: Array, trees: Trees, area: Area, rng: np.random.Generator, kee
 
 
 def _apart(points: Array, others: Array, distance: float) -> Flags:
-    """Mask (n,) of points (n, 2) that keep a distance [m] from all others (m, 2)."""
+    """Mask (n,) of the points (n, 2) m that are at least a distance [m] from all others (m, 2) m."""
     return np.asarray(cKDTree(others).query(points)[0] >= distance)

@@ -1,8 +1,8 @@
-"""PyBullet's OpenGL renderer without a display (EGL): a trial and the start.
+"""PyBullet's OpenGL renderer without a display (EGL): its trial and its start.
 
-Facts of pybullet 3.2.7. Where the plug-in cannot start it ends the process, hence the trial in another one. It prints
-to standard output. With two clients open, one shows the other's bodies. Images are no larger than its window.
-Bodies of one mesh share its transparency, so they cannot be hidden one by one, and the first one's scale.
+Facts about pybullet 3.2.7: if the plug-in cannot start, it ends the process; a trial therefore runs in another one. The
+plug-in prints to standard output. If two clients are open, one shows the other's bodies. Images are no larger than the
+plug-in's window. Bodies with the same mesh share its scale and transparency and so cannot be hidden one by one.
 """
 
 import functools
@@ -14,7 +14,7 @@ from sim.world.engine import pybullet, quiet, refusal_of
 from tracking.geometry.visibility import Tree
 from tracking.plugins.registry import InputError
 
-MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
+MOST_PIXELS = 768  # along each edge; the height of the plug-in's window
 _PLUGIN = "_eglRendererPlugin"
 _TRIAL = f"""
 import sys, pybullet as p
@@ -27,9 +27,9 @@ _open: set[int] = set()
 
 
 def connect(pixels: int, trees: Sequence[Tree]) -> int:
-    """A client with the OpenGL renderer, for images of up to so many pixels along an edge and trees of one size.
+    """A client with the OpenGL renderer, for images of up to `pixels` along an edge and trees of equal size.
 
-    InputError where that cannot be had.
+    InputError if the images are too large, the trees differ in size or the renderer cannot start.
     """
     if pixels > MOST_PIXELS:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
@@ -45,14 +45,14 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
     client = int(pybullet.connect(pybullet.DIRECT))
     with quiet():
         pybullet.loadPlugin(_plugin(), _PLUGIN, physicsClientId=client)
-        for _ in range(2):  # it prints at both
+        for _ in range(2):  # the plug-in prints at the first and the second image
             pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
     _open.add(client)
     return client
 
 
 def disconnect(client: int) -> None:
-    """Close such a client."""
+    """Close a client of `connect`."""
     _open.discard(client)
     with quiet():
         pybullet.disconnect(physicsClientId=client)

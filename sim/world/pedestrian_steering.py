@@ -1,4 +1,4 @@
-"""Pedestrian steering: to the goal, round trunks, borders and other people, by turning alone."""
+"""Pedestrian steering: people walk to their goals and avoid trunks, borders and one another, only by turning."""
 
 import math
 
@@ -13,28 +13,28 @@ from tracking.numerics.trigonometry import arctan2, cos, hypot, sin
 SEPARATION = 0.6  # m, between the axes of two people
 
 _STEP = 1 / SAMPLES_PER_SECOND  # s
-_LOOK_AHEAD = 6.0  # m, to the point of the route that a person walks to
+_LOOK_AHEAD = 6.0  # m, distance of the point of the route to which a person walks
 _PERIOD = 6  # steps from one decision to the next
 _HORIZON = 20  # rollout steps
 _ROLLOUT_STEP = 0.2  # s
-_RESPONSE = 2.0  # rad/s: heading follows the decision as a critically damped second-order system
-_LATERAL = 1.0  # m/s², the most that a turn takes
-_COMFORT = 0.5  # m, beyond the distance to be kept from trunks and people
+_RESPONSE = 2.0  # rad/s; the heading follows the decision as a critically damped second-order system
+_LATERAL = 1.0  # m/s², largest lateral acceleration in a turn
+_COMFORT = 0.5  # m, preferred distance beyond the least one from trunks and people
 _BORDER_COMFORT = 6.0  # m
 _CORNER = 10.0  # m, radius of a turn in a corner
-_SLACK = 0.02  # m, for what happens between two samples
+_SLACK = 0.02  # m, margin for the motion between two samples
 _HEADINGS = 25  # candidates of a decision
-_SPREAD = math.radians(9.0)  # between two of them
-_PERSISTENCE = 0.5  # weight of keeping to the last decision, that of the goal being 1
-_BLOCK = 120  # samples for which the trunks and people that one may meet are found at once
-_FORESIGHT = 2.0  # s, over which the weight of a conflict falls to 1/e; the border stays where it is
+_SPREAD = math.radians(9.0)  # between two candidates
+_PERSISTENCE = 0.5  # weight of the last decision; the weight of the goal is 1
+_BLOCK = 120  # samples for which nearby trunks and people are found at once
+_FORESIGHT = 2.0  # s, time over which the weight of a future conflict falls to 1/e; not used for the border
 
 _Near = tuple[Indices, Indices]  # ascending rows of the trunks and of the people that one person may meet
 
 
 @compiled
 def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: Array, half: Array) -> Array:
-    """Positions (K, M, 2) m of M people at given speeds, one sample each 1 / SAMPLES_PER_SECOND.
+    """Positions (K, M, 2) m of M people at given speeds, at intervals of 1 / SAMPLES_PER_SECOND.
 
     states (M, 4): position m, heading rad, turn rate rad/s at the start; overwritten. paces (K, M) m/s. drifts
     (K, M) rad/s: turn rates of people without a route. routes (M, P, 2): points 1 m apart, NaN after the last.
@@ -60,20 +60,20 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
 
 @compiled
 def _surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
-    """Obstacles that each person may meet while all walk at these paces (K, M) m/s; no others need be looked at."""
+    """Rows of all trunks and people that each person may meet while all walk at these paces (K, M) m/s."""
     fastest = thickest = 0.0
     for pace in paces.flat:
         fastest = max(fastest, pace)
     for trunk in trunks:
         thickest = max(thickest, trunk[2])
-    way = fastest * (len(paces) * _STEP + _HORIZON * _ROLLOUT_STEP)  # m, the farthest that one walks and looks ahead
+    way = fastest * (len(paces) * _STEP + _HORIZON * _ROLLOUT_STEP)  # m, longest way that a person walks and foresees
     bark, apart = thickest + 1 + _SLACK, SEPARATION + 1 + _SLACK
     return [(_within(state, trunks, way + bark), _within(state, states, 2 * way + apart)) for state in states]
 
 
 @compiled
 def _within(state: Array, places: Array, reach: float) -> Indices:
-    """Rows of the places (n, 2 or more) m less than `reach` m from a person, ascending."""
+    """Ascending rows of the places (n, 2 or more) m that are less than `reach` m from a person."""
     rows, count = np.empty(len(places), dtype=np.int64), 0
     for k in range(len(places)):
         dx, dy = places[k, 0] - state[0], places[k, 1] - state[1]
@@ -85,7 +85,7 @@ def _within(state: Array, places: Array, reach: float) -> Indices:
 
 @compiled
 def _advance(state: Array, route: Array, progress: int) -> int:
-    """Index of the first point of the route, from `progress` on, that is at least the look-ahead away."""
+    """Index of the first point of the route, from `progress` on, at least the look-ahead distance away."""
     while progress < len(route):
         dx, dy = route[progress, 0] - state[0], route[progress, 1] - state[1]
         if not hypot(dx, dy) < _LOOK_AHEAD:
@@ -96,7 +96,7 @@ def _advance(state: Array, route: Array, progress: int) -> int:
 
 @compiled
 def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
-    """Heading [rad] to the route, or, when it is over, the one that turns at the rate `drift`."""
+    """Heading [rad] to the next point of the route; after the last one, a heading that turns at the rate `drift`."""
     if progress == len(route) or math.isnan(route[progress, 0]):
         return float(state[2] + 2 * drift / _RESPONSE)
     return arctan2(route[progress, 1] - state[1], route[progress, 0] - state[0])
@@ -125,7 +125,7 @@ def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) ->
 
 @compiled
 def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Array, half: Array) -> float:
-    """Heading [rad] to turn to: near the goal's and the last decision, and free of conflicts."""
+    """Heading [rad] to turn to: close to the goal and to the last decision, and free of conflicts."""
     costs = np.empty(_HEADINGS)
     for n in range(_HEADINGS):
         heading = state[2] + (n - _HEADINGS // 2) * _SPREAD
@@ -135,7 +135,7 @@ def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Ar
     best = np.argmin(costs)
     offset = 0.0
     if 0 < best < _HEADINGS - 1:
-        # The vertex of the parabola through the best three: exact when nothing is in the way.
+        # The vertex of the parabola through the best candidate and its neighbours; exact if nothing is in the way.
         before, after = costs[best - 1] - costs[best], costs[best + 1] - costs[best]
         offset = 0.5 * (before - after) / max(before + after, 1e-12)
     return float(state[2] + (best - _HEADINGS // 2 + offset) * _SPREAD)
@@ -149,7 +149,7 @@ def _wrapped(angle: float) -> float:
 
 @compiled
 def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
-    """Cost of turning to `heading`: nearness to hazards, which keep their velocity, and to the border."""
+    """Cost of turning to `heading`, given by nearness to the border and to hazards, which keep their velocities."""
     ahead = state.copy()
     cost = 0.0
     for n in range(_HORIZON):
@@ -168,7 +168,7 @@ def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: A
 
 @compiled
 def _discomfort(gap: float, comfort: float) -> float:
-    """Cost per second [rad²/s] of being `gap` m beyond the distance to be kept."""
+    """Cost per second [rad²/s] of a distance that is `gap` m more than the least one."""
     if gap >= comfort:
         return 0.0
     lack = 1 - gap / comfort
@@ -177,7 +177,7 @@ def _discomfort(gap: float, comfort: float) -> float:
 
 @compiled
 def _to_border(state: Array, half: Array) -> float:
-    """Distance inside the rectangle of these half edges (2,) m, corners rounded so that one can turn in them."""
+    """Distance [m] to the border of the rectangle with half edges (2,) m, whose corners are rounded for turning."""
     radius = min(_CORNER, min(half[0], half[1]))
     x, y = abs(state[0]) - half[0] + radius, abs(state[1]) - half[1] + radius
     return float(radius - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))
@@ -185,7 +185,7 @@ def _to_border(state: Array, half: Array) -> float:
 
 @compiled
 def _nearest(x: float, y: float, dx: float, dy: float) -> float:
-    """Distance of the segment from (x, y) to (x + dx, y + dy) from the origin."""
+    """Distance from the origin to the segment from (x, y) to (x + dx, y + dy)."""
     length = dx * dx + dy * dy
     s = min(max(-(x * dx + y * dy) / length, 0.0), 1.0) if length > 0 else 0.0
     return hypot(x + s * dx, y + s * dy)
@@ -193,7 +193,7 @@ def _nearest(x: float, y: float, dx: float, dy: float) -> float:
 
 @compiled
 def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
-    """Turn towards `heading` for dt s, in place."""
+    """Turn a person's state towards `heading` for dt s, in place."""
     rate = state[3] + dt * _RESPONSE * (_RESPONSE * _wrapped(heading - state[2]) - 2 * state[3])
     limit = _LATERAL / pace
     state[3] = min(max(rate, -limit), limit)
@@ -202,9 +202,9 @@ def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
 
 @compiled
 def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: _Near) -> None:
-    """Move person i one step, in place; it may turn at once, as little as possible, to touch nothing.
+    """Move person i by one step, in place, with the smallest instantaneous turn that avoids touching anything.
 
-    Where each of the headings, 5° apart, touches something, it walks straight on all the same.
+    Turns are multiples of 5°. If every heading touches something, the person walks straight on.
     """
     heading, length = states[i, 2], pace * _STEP
     for n in range(73):

@@ -1,4 +1,4 @@
-"""Quadrotor: its constants, the controller that turns velocity commands into rotor thrusts, and kinematics."""
+"""Quadrotor: constants, the controller that turns velocity commands into rotor thrusts, and kinematic motion."""
 
 import math
 
@@ -14,7 +14,7 @@ GRAVITY = 9.81  # m/s²
 MASS = 1.2  # kg
 INERTIA = np.array([0.012, 0.012, 0.02])  # kg m², about the body axes
 ARM = 0.17  # m
-# Body frame, x forward, y left: front left, front right, rear right, rear left.
+# Rotors in the body frame, x forward and y left: front left, front right, rear right, rear left.
 ROTORS = ARM * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])  # (4, 3) m
 MAX_ROTOR_THRUST = 7.0  # N
 MAX_YAW_TORQUE = 0.3  # N m
@@ -22,32 +22,32 @@ MAX_TILT = math.radians(35.0)
 _STEEPEST = tan(MAX_TILT)
 MAX_ACCELERATION = 6.0  # m/s², horizontal
 MAX_CLIMB_ACCELERATION = 4.0  # m/s²
-# Rotors and body in moving air: to hover in a wind of 5 m/s takes a tilt of 9 degrees, in 12 m/s of 20 degrees.
+# Drag of rotors and body: hovering takes a tilt of 9 degrees in a wind of 5 m/s, and of 20 degrees in one of 12 m/s.
 DRAG = 0.36  # N s/m
 
-# s: of the first-order lag by which planners foresee how velocities follow commands. Limits of acceleration make it
-# longer than the control loops alone.
+# s, time constant of the first-order lag with which planners predict how velocities follow commands; longer than that
+# of the control loops, because accelerations are limited.
 COMMAND_LAG = 0.65
 _VELOCITY_GAIN = 5.0  # 1/s
 _ALTITUDE_GAINS = (9.0, 6.0)  # 1/s², 1/s: critically damped
 _ATTITUDE_GAINS = (400.0, 36.0)  # 1/s², 1/s: 20 rad/s, damping ratio 0.9
 _ATTITUDE_LAG = _ATTITUDE_GAINS[1] / _ATTITUDE_GAINS[0]  # s
-_DISTURBANCE_RATE = 5.0  # 1/s, at which the estimate of a disturbance follows it
+_DISTURBANCE_RATE = 5.0  # 1/s, rate at which the estimate of a disturbance converges
 
 
 @compiled
 def rotor_thrusts(state: Array, target: Array, disturbance: Array) -> Array:
-    """Thrusts of the four rotors [N] and the yaw torque about the body's z [N m] (5,).
+    """Thrusts of the four rotors [N] and the yaw torque about the body's z axis [N m], together (5,).
 
     state (13,): position m, quaternion xyzw, velocity m/s and angular velocity rad/s, all in the world frame.
-    target (3,): velocity east and north m/s, altitude m. disturbance (3,) m/s²: what else accelerates the body, zeros
-    where air resistance is negligible. A cascade, to be run at the physics rate: velocity to acceleration to attitude
-    (yaw 0) to torque to rotors.
+    target (3,): velocity east and north m/s, altitude m. disturbance (3,) m/s²: acceleration by other forces, such as
+    air resistance. The controller is a cascade from velocity to acceleration, attitude (yaw 0), torque and rotors; it
+    has to run at the physics rate.
     Source: attitude control of Lee, Leok and McClamroch, CDC 2010.
     """
     R = rotation(state[3:7])
     acceleration = _acceleration(state, target, R, disturbance)
-    # Lift is divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
+    # Divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
     lift = MASS * (GRAVITY + acceleration[2]) / max(R[2, 2], 0.5)
     return _mix(lift, _torque(R, state[10:13], acceleration))
 
@@ -56,9 +56,9 @@ def rotor_thrusts(state: Array, target: Array, disturbance: Array) -> Array:
 def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tuple[Array, Array]:
     """`rotor_thrusts` (5,) that hold velocity and altitude in wind, and the memory (3,) m/s² for the next step.
 
-    memory: zeros for a body at rest, then what the last call gave; dt: the time between two calls, s. The disturbance
-    is estimated from how the velocity changed beyond what the rotors did; this is integral action that commands, limits
-    and saturated rotors do not wind up, because it takes the thrusts that are applied, not those wished for.
+    memory: zeros for a body at rest, later the memory that the last call returned. dt: time between two calls, s. The
+    disturbance is estimated from the change of velocity that the applied thrusts do not explain. This is integral
+    action without wind-up: it uses the thrusts after all limits, not the commanded ones.
     Source: reduced-order disturbance observer, Chen et al., IEEE Trans. Industrial Electronics 63(2), 2016.
     """
     share = 1.0 - exp(-_DISTURBANCE_RATE * dt)
@@ -84,8 +84,8 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
     """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
     climb = _ALTITUDE_GAINS[0] * (target[2] - state[2]) - _ALTITUDE_GAINS[1] * state[9] - disturbance[2]
     climb = min(max(climb, -MAX_CLIMB_ACCELERATION), MAX_CLIMB_ACCELERATION)
-    # The present tilt goes on accelerating the body until the attitude has followed: count it as velocity
-    # already gained. Both poles of velocity are then real, so it does not overshoot.
+    # The present tilt accelerates the body until the attitude has followed. This gain of velocity counts as already
+    # made, which makes both poles of the velocity loop real, so that velocity does not overshoot.
     coasting = _ATTITUDE_LAG * GRAVITY / max(R[2, 2], 0.5)
     gained_east = coasting * R[0, 2] + _ATTITUDE_LAG * disturbance[0]
     gained_north = coasting * R[1, 2] + _ATTITUDE_LAG * disturbance[1]
@@ -98,7 +98,7 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
 
 @compiled
 def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
-    """Body torque (3,) N m that turns the body's z to the thrust for this acceleration, its x to the east."""
+    """Body torque (3,) N m that turns the body's z axis to the thrust for an acceleration, and its x axis east."""
     up = acceleration + np.array([0.0, 0.0, GRAVITY])
     up /= math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2])
     left = np.array([0.0, up[2], -up[1]])
@@ -117,14 +117,14 @@ def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
 
 @inlined
 def _cross(one: Array, other: Array, i: int) -> float:
-    """Component of the cross product of two vectors (3,)."""
+    """Component i of the cross product of two vectors (3,)."""
     j, k = (i + 1) % 3, (i + 2) % 3
     return float(one[j] * other[k] - one[k] * other[j])
 
 
 @compiled
 def _mix(lift: float, torque: Array) -> Array:
-    """Four thrusts and the yaw torque (5,); where rotors saturate, tilting torque yields and lift is kept."""
+    """Four thrusts and the yaw torque (5,); if rotors saturate, lift is kept and the tilting torque is reduced."""
     mean = min(max(lift / 4, 0.0), MAX_ROTOR_THRUST)
     room = min(mean, MAX_ROTOR_THRUST - mean)
     out, most = np.empty(5), 1e-9
@@ -140,10 +140,10 @@ def _mix(lift: float, torque: Array) -> Array:
 
 @compiled
 def glide(positions: Array, quaternions: Array, commands: Array, dt: float, steps: int) -> tuple[Array, Array]:
-    """Positions (n, 3) m and quaternions (n, 4) after steps of dt s by [Li22] eq. (5), facing where they fly.
+    """Positions (n, 3) m and quaternions (n, 4) after steps of dt s by [Li22] eq. (5).
 
-    At zero velocity the heading is kept. The engine turns a quaternion into a matrix and back, as `settled` does, at
-    each step; those returned are what it would be given at the last one.
+    UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine turns quaternions
+    into matrices and back, like `settled`. The returned ones are those given to the engine at the last step.
     """
     moved, put = positions.copy(), quaternions
     for _ in range(steps):
@@ -159,7 +159,7 @@ def glide(positions: Array, quaternions: Array, commands: Array, dt: float, step
 
 @compiled
 def settled(quaternions: Array) -> Array:
-    """Quaternions (n, 4) of turns about z as the engine gives them back: made from the matrix that each makes."""
+    """Quaternions (n, 4) of turns about z as the engine returns them, which converts them to matrices and back."""
     out = np.zeros_like(quaternions)
     for i in range(len(quaternions)):
         z, w = quaternions[i, 2], quaternions[i, 3]

@@ -1,4 +1,4 @@
-"""Trajectories of people: positions at any time, and recorded ones from a CSV file."""
+"""Trajectories of people: positions at any time, and the reader of recorded trajectories in CSV files."""
 
 import csv
 import math
@@ -19,23 +19,23 @@ from tracking.plugins.registry import InputError
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("time", "id", "x", "y")
-MOST_BYTES = 2**28  # of a file: rows at 10 Hz for as long as people may walk
-_MOST_LINES = 2**23  # which take a few gigabytes as they are read
-_LATEST = 1e12  # s, either way
-_SOONEST = 1e-4  # s, between two rows of one person: nearer ones mean speeds beyond counting
+MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
+_MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during reading
+_LATEST = 1e12  # s, largest absolute value of a time
+_SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
-_EXACT = 1e-6  # of a step: nearer than this to a sample is that sample
+_EXACT = 1e-6  # steps; a time that is nearer than this to a sample counts as the sample's
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """Positions of M people at K uniformly spaced times, straight in between."""
+    """Positions of M people at K uniformly spaced times, with linear interpolation in between."""
 
     times: Array  # (K,) s, K >= 2
     positions: Array  # (K, M, 2) m; NaN while a person is absent
 
     def at(self, time: float) -> tuple[Array, Array]:
-        """Positions (M, 2) m and headings (M,) rad from east, NaN for people absent at this time."""
+        """Positions (M, 2) m and headings (M,) rad from east at a time [s]; NaN for people who are absent then."""
         step = (time - self.times[0]) / (self.times[1] - self.times[0])
         between = abs(step - round(step)) > _EXACT
         k = math.floor(step) if between else round(step)
@@ -49,7 +49,7 @@ class Trajectories:
 
     @cached_property
     def _headings(self) -> Array:
-        """Direction of the step that follows each sample (K, M); a standing person keeps the last one."""
+        """Direction (K, M) of the step after each sample; a standing person keeps the last direction."""
         steps = np.diff(self.positions, axis=0)
         headings = arctan2_each(steps[..., 1], steps[..., 0])
         headings[length(steps) < 1e-4] = np.nan
@@ -61,10 +61,11 @@ class Trajectories:
 
 
 def read(path: Path, area: Area, *, duration: float) -> Trajectories:
-    """Recorded people from a CSV file with the columns time, or t, [s since start], id, x, y [m].
+    """Read recorded people from a CSV file with the columns time (or t) [s since start], id, x and y [m].
 
-    Rows come in any order. Each person is present from the first to the last of their rows, on a monotone cubic (PCHIP)
-    without overshoot. People absent throughout `duration` s are left out. InputError names file, line and value.
+    Rows may have any order. Each person is present from the first to the last of their rows; in between, positions are
+    interpolated by a monotone cubic (PCHIP), which does not overshoot. People who are absent throughout `duration` s
+    are left out. InputError names file, line and value.
     """
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
     people = _people(path, area)
@@ -79,7 +80,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 
 
 def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
-    """Position (2,) m by time [s], by person in order of appearance in the file."""
+    """Position (2,) m by person and time [s]; people are in the order in which the file first names them."""
     people: dict[str, dict[float, Array]] = {}
     table = csv.DictReader(_lines(path), restval="")
     try:
@@ -95,7 +96,7 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
             if time in people.setdefault(person, {}):
                 raise InputError(f"{where}, column time: id {person} has a second row at {time:g} s")
             people[person][time] = position
-    except csv.Error as error:  # a field longer than Python's reader allows
+    except csv.Error as error:  # a field is longer than Python's reader allows
         raise InputError(f"{path}, line {table.reader.line_num}: {error}") from error
     if not people:
         raise InputError(f"{path}: has no rows below the names of its columns; a path needs two or more")
@@ -145,7 +146,7 @@ def _finite(where: str, value: str) -> float:
 
 
 def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) -> Array:
-    """Positions (K, 2) m of one person at `times` (K,) s, NaN outside their own span."""
+    """Positions (K, 2) m of one person at `times` (K,) s; NaN before the first and after the last row."""
     if len(rows) < 2:
         raise InputError(f"{path}: column id: {person} has a single row; a path needs two or more")
     known = np.array(sorted(rows))
@@ -156,7 +157,7 @@ def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) 
             f"{path}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
         )
     curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
-    # The first and last of a person's times may differ by rounding from the sample they mean.
+    # A person's first and last time may differ by rounding from the time of the sample that is meant.
     first, last = np.searchsorted(times, [known[0] - 1e-9, known[-1] + 1e-9])
     positions = np.full((len(times), 2), np.nan)
     positions[first:last] = curve(np.clip(times[first:last], known[0], known[-1]))

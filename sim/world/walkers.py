@@ -1,4 +1,4 @@
-"""Walking people: Levy step lengths, ways of walking, and ways round trunks and one another."""
+"""Walking people: their speeds with Levy step lengths, their itineraries, starts and trajectories."""
 
 import math
 from collections.abc import Sequence
@@ -18,21 +18,21 @@ from tracking.numerics.normal import normal_cdf_each, standard_normal
 from tracking.numerics.trigonometry import arctan2
 from tracking.plugins.registry import InputError
 
-TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis
-MARGIN = 1.0  # m, from the border
+TRUNK_CLEARANCE = 0.4  # m, least distance from the bark of a trunk to a person's axis
+MARGIN = 1.0  # m, least distance from the border
 
-_PACE_TIME = 4.0  # s, after which the correlation of a person's pace has fallen to 1/e
+_PACE_TIME = 4.0  # s, time after which the correlation of a person's pace has fallen to 1/e
 _DRIFT_TIME = 4.0  # s, the same for the turn rate of people without a path
 _DRIFT = 0.1  # rad/s, standard deviation of that turn rate
-_LEAST_SIDE = 4.0  # m, of half the area within the margins
-_ATTEMPTS = 1000  # to find a free start
+_LEAST_SIDE = 4.0  # m, smallest half edge of the area within the margins
+_ATTEMPTS = 1000  # number of draws to find a free start
 
 
 def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np.random.Generator) -> Trajectories:
-    """Trajectories of `people.count` people for `duration` s, NaN while a person is not there.
+    """Trajectories of `people.count` people for `duration` s; NaN while a person is absent.
 
-    Their ways of walking say where they want to go; after the last waypoint, and without any, they wander. All
-    avoidance is by turning, never by stopping. Those not there yet, or no more, walk all the same.
+    Ways of walking decide where people want to go. After the last waypoint, or if they have none, people wander. They
+    avoid obstacles by turning, never by stopping. Absent people walk, too, and others avoid them.
     """
     count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN
@@ -54,7 +54,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
 
 
 def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Generator) -> list[Itinerary]:
-    """Itineraries of all people, an equal share of them by each way of walking."""
+    """Itineraries of all people, who are divided evenly among the ways of walking."""
     ends = [round(people.count * k / len(people.walks)) for k in range(len(people.walks) + 1)]
     found: list[Itinerary] = []
     for name, first, last in zip(people.walks, ends, ends[1:], strict=False):
@@ -71,7 +71,7 @@ def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Gene
 
 
 def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
-    """ValueError unless these are itineraries of so many people, in the area."""
+    """ValueError unless these are valid itineraries within the area, one per column of `paces`."""
     if len(made) != paces.shape[1]:
         raise ValueError(f"it made {len(made)} itineraries for {paces.shape[1]} people")
     for waypoints, pace, room in made:
@@ -85,7 +85,7 @@ def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
 
 
 def _present(count: int, samples: int, stay: float, rng: np.random.Generator) -> Flags:
-    """Mask (K, M) of the times at which people are there: each once, for some time."""
+    """Mask (K, M) of the samples at which people are present; each person comes and leaves once."""
     last = (samples - 1) / SAMPLES_PER_SECOND
     stays = stay * rng.uniform(0.5, 1.5, count)
     arrivals = rng.uniform(-stays, last, count)
@@ -94,10 +94,10 @@ def _present(count: int, samples: int, stay: float, rng: np.random.Generator) ->
 
 
 def paces(people: People, samples: int, rng: np.random.Generator) -> Array:
-    """Speeds (K, M) m/s, smooth in time; at any instant step lengths are truncated Levy.
+    """Speeds (K, M) m/s, smooth in time, whose distribution at any instant is truncated Levy.
 
-    The density of a step's length is proportional to length^-levy_exponent between the speed limits: a stationary
-    Gaussian process, mapped through its distribution to that law's quantiles.
+    A stationary Gaussian process is mapped through its distribution function to the quantiles of a density that is
+    proportional to length^-levy_exponent between the speed limits.
     """
     gaussian = _smooth_noise(people.count, samples, _PACE_TIME, rng)
     exponent = 1 - people.levy_exponent
@@ -112,13 +112,13 @@ def _smooth_noise(count: int, samples: int, time: float, rng: np.random.Generato
     reach = math.ceil(4 * width)
     kernel = exp_each(-0.5 * np.square(np.arange(-reach, reach + 1) / width))
     kernel /= length(kernel)
-    # Drawn instant by instant, so that a longer mission begins as a shorter one.
+    # Drawn sample by sample, so that a longer mission begins like a shorter one.
     return _smoothed(standard_normal(rng, (samples + 2 * reach, count)), kernel)
 
 
 @compiled
 def _smoothed(white: Array, kernel: Array) -> Array:
-    """Moving averages (K, M) of numbers (K + L - 1, M) along the first axis, weighted by a kernel (L,)."""
+    """Moving averages (K, M) of white noise (K + L - 1, M) along the first axis, weighted by a kernel (L,)."""
     smooth = np.zeros((len(white) - len(kernel) + 1, white.shape[1]))
     for k in range(len(smooth)):
         for n in range(len(kernel)):
@@ -130,16 +130,16 @@ def _smoothed(white: Array, kernel: Array) -> Array:
 def _starts(
     wanted: Sequence[Itinerary], trunks: Array, half: Array, rng: np.random.Generator
 ) -> tuple[Array, list[Array]]:
-    """Position m, heading rad and turn rate rad/s (M, 4) of all people at the start, clear of trunks and others.
+    """Initial states (M, 4), clear of trunks and of one another, and each person's path (n, 2) m from there.
 
-    Returns these and the paths (n, 2) m, which begin there.
+    A state is position m, heading rad and turn rate rad/s.
     """
     states, paths = np.zeros((len(wanted), 4)), []
     for i, (waypoints, _, room) in enumerate(wanted):
         path = np.array(waypoints, dtype=float)
         for attempt in range(_ATTEMPTS):
             drawn = path[0] + 0.01 * attempt * standard_normal(rng, 2) if len(path) else rng.uniform(-half, half)
-            # In a thicket, less and less room has to do.
+            # In dense forests the required room shrinks from attempt to attempt.
             if _clear(drawn, states[:i], trunks, half, room=room * (1 - 0.9 * attempt / _ATTEMPTS)):
                 break
         else:
@@ -153,7 +153,7 @@ def _starts(
 
 
 def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: float) -> bool:
-    """True if a point (2,) m is inside and keeps `room` m more than the least distance from trunks and others."""
+    """True if a point (2,) m is in the area and `room` m more than the least distance from trunks and others."""
     return bool(
         np.all(np.abs(point) <= half)
         and np.all(length(others[:, :2] - point) > SEPARATION + room)
@@ -162,7 +162,7 @@ def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: flo
 
 
 def _routes(paths: Sequence[Array]) -> Array:
-    """Points (M, P, 2) m about 1 m apart along each path, NaN after its end."""
+    """Points (M, P, 2) m along each path, about 1 m apart; NaN after its end."""
     dense = []
     for path in paths:
         if not len(path):

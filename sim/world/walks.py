@@ -1,4 +1,4 @@
-"""Ways of walking: where people want to go, and how fast. Steering then keeps them clear of trunks and one another."""
+"""Ways of walking: the waypoints and speeds that people want. Steering then avoids trunks and other people."""
 
 import math
 from typing import NamedTuple
@@ -13,31 +13,31 @@ from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
 from tracking.plugins.registry import InputError
 
-ROOM = 4.0  # m, about a start, to turn before anything in the way
+ROOM = 4.0  # m, room around a start in which people can turn away from obstacles
 
-_JITTER = 2.5  # m, standard deviation of start and waypoints about the scenario's
-_STANDING = 0.01  # m/s, of people standing still: steering needs a heading
+_JITTER = 2.5  # m, standard deviation of start and waypoints from those of the scenario
+_STANDING = 0.01  # m/s, speed of people who stand still; not zero, because steering needs a heading
 _GO = (6.0, 14.0)  # s, shortest and longest time between two stops
 _STOP = (2.0, 8.0)  # s, shortest and longest stop
-_RAMP = 1.5  # s, to stop or to set off
-_GAP = 1.5  # m, between neighbours in a group
-_CLOSE = 0.5  # m, beyond the least distances, that starts of a group have
-_PART = (0.4, 0.9)  # of the mission, first and last time at which a group parts
+_RAMP = 1.5  # s, time to stop or to set off
+_GAP = 1.5  # m, distance between neighbours in a group
+_CLOSE = 0.5  # m, room around the starts of a group's members
+_PART = (0.4, 0.9)  # earliest and latest time at which a group parts, as shares of the mission
 
 
 class Itinerary(NamedTuple):
-    """A person's wishes, which steering follows as far as trunks, borders and other people allow."""
+    """A person's desired way, which steering follows as far as trunks, borders and other people allow."""
 
-    waypoints: Array  # (n, 2) m, the first is the start; none of a person that starts anywhere and wanders
-    pace: Array  # (K,) m/s, more than zero, a sample each 1 / SAMPLES_PER_SECOND
-    room: float = ROOM  # m, beyond the least distances from trunks and people, that the start should have
+    waypoints: Array  # (n, 2) m, beginning with the start; empty (0, 2) if the person starts anywhere and wanders
+    pace: Array  # (K,) m/s, positive speeds at intervals of 1 / SAMPLES_PER_SECOND
+    room: float = ROOM  # m, desired distance of the start beyond the least one from trunks and people
 
 
 class Levy:
-    """People along `people.paths`, moved a little at random; those without a path wander."""
+    """People who walk along `people.paths`, shifted a little at random; people without a path wander."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """One itinerary a column of `paces` (K, M) m/s; waypoints stay where |position| <= half (2,) m."""
+        """One itinerary per column of `paces` (K, M) m/s, with waypoints where |position| <= half (2,) m."""
         count = paces.shape[1]
         paths = [_jittered(i, path, half, rng) for i, path in enumerate(people.paths[:count])]
         nowhere = [np.zeros((0, 2))] * (count - len(paths))
@@ -45,27 +45,27 @@ class Levy:
 
 
 class Waypoints:
-    """People on their way to one place after another, each anywhere in the area."""
+    """People who walk to one random place in the area after another."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As those of `Levy`."""
+        """As `Levy.itineraries`."""
         return [Itinerary(_wandering(rng.uniform(-half, half), pace, half, rng), pace) for pace in paces.T]
 
 
 class StopAndGo:
-    """As `Waypoints`, but people stand still for some seconds every now and then."""
+    """People who walk as in `Waypoints`, but stop for some seconds every now and then."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As those of `Levy`."""
+        """As `Levy.itineraries`."""
         slowed = np.column_stack([paces[:, :0], *(np.maximum(_STANDING, p * _going(len(p), rng)) for p in paces.T)])
         return Waypoints().itineraries(people, half, slowed, rng)
 
 
 class Groups:
-    """Groups of `people.group` that walk to one place after another side by side, until each goes a way of its own."""
+    """Groups of `people.group` people who walk side by side to one place after another, until the group parts."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As those of `Levy`; members walk as fast as the first."""
+        """As `Levy.itineraries`; all members of a group have the pace of the first."""
         found = []
         for first in range(0, paces.shape[1], people.group):
             size = min(people.group, paces.shape[1] - first)
@@ -74,10 +74,10 @@ class Groups:
 
 
 def _group(size: int, pace: Array, half: Array, rng: np.random.Generator) -> list[Itinerary]:
-    """Itineraries of a group that parts after a time of chance."""
+    """Itineraries of a group that parts at a random time."""
     radius = 0.0 if size == 1 else _GAP / (2 * sin(math.pi / size))
     ring = [radius * np.array([cos(2 * math.pi * i / size), sin(2 * math.pi * i / size)]) for i in range(size)]
-    inner = np.maximum(half - radius, 1.0)  # within which all members fit
+    inner = np.maximum(half - radius, 1.0)  # half edges for the group's centre, so that all members are in the area
     together = pace[: max(1, int(len(pace) * rng.uniform(*_PART)))]
     shared = _wandering(rng.uniform(-inner, inner), together, inner, rng)
     found = []
@@ -89,7 +89,7 @@ def _group(size: int, pace: Array, half: Array, rng: np.random.Generator) -> lis
 
 
 def _wandering(start: Array, pace: Array, half: Array, rng: np.random.Generator) -> Array:
-    """Start and places (n, 2) m to walk to one after another, as far as these paces (K,) m/s lead."""
+    """Start and random places (n, 2) m to walk to in turn, as many as a person with paces (K,) m/s can reach."""
     points, left = [start], float(np.sum(pace)) / SAMPLES_PER_SECOND
     while left > 0:
         place = rng.uniform(-half, half)
@@ -100,7 +100,7 @@ def _wandering(start: Array, pace: Array, half: Array, rng: np.random.Generator)
 
 
 def _going(samples: int, rng: np.random.Generator) -> Array:
-    """Share (K,) of a person's pace over time: one, and zero during stops, with ramps between."""
+    """Factor (K,) of a person's pace over time: 1 while walking, 0 during stops, with ramps in between."""
     going, k, goes = np.ones(samples), 0, rng.uniform() < 0.7
     while k < samples:
         end = k + round(rng.uniform(*(_GO if goes else _STOP)) * SAMPLES_PER_SECOND)

@@ -1,4 +1,4 @@
-"""The physical world: ground, trees, people and quadrotors, in a PyBullet client where that is needed."""
+"""The physical world: ground, trees, people and quadrotors, in a PyBullet client if one is needed."""
 
 import math
 from collections.abc import Sequence
@@ -21,17 +21,17 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import cos, sin
 
-_CLEAR = 1.0  # m, between centres of UAVs, or one and what is below: beyond it nothing touches
+_CLEAR = 1.0  # m, from a UAV's centre to another's or to the bodies below; beyond this distance nothing touches
 
 
 class World:
-    """Ground, trees, people and quadrotors in one client, which it owns.
+    """Ground, trees, people and quadrotors in one client, which the world owns.
 
-    `bodies` lists canopies, trunks, people and UAVs, each kind in the order of the forest, the people and the
-    scenario; `centres` gives their places. Trees stand still, people are placed, UAVs obey velocity commands.
-    The seed gives its appearance, if the scenario varies that; the repeat gives the noise of its images.
-    It can be copied and pickled, except with OpenGL: the copy has a client of its own in the same state.
-    The client is made at its first use, which is late or never for kinematic UAVs that nothing renders.
+    `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario;
+    `centres` gives their positions. Trees stand still, people are placed, and UAVs follow velocity commands.
+    If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
+    Except with OpenGL, a world can be copied and pickled; the copy has its own client in the same state.
+    For kinematic UAVs without rendering, the client is made only when it is first used.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class World:
         *,
         client: int | None = None,
     ) -> None:
-        """`client` is the engine's client to build in, such as one with a window; without it a new one."""
+        """Build the world in the engine's `client`, such as one with a window; by default in a new one."""
         self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
         self._scenario, self._dt = scenario, 1.0 / scenario.rates.physics  # s, of the engine
@@ -53,20 +53,20 @@ class World:
         self._given = client
         self._altitudes = [uav.altitude for uav in scenario.uavs]
         starts = [(*uav.start, uav.altitude) for uav in scenario.uavs]
-        self._positions = np.array(starts, dtype=float)  # of kinematic UAVs, as they are put into the engine
+        self._positions = np.array(starts, dtype=float)  # positions of kinematic UAVs, as given to the engine
         self._quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (len(starts), 1))
         self._commands = np.zeros((len(starts), 2))
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres, self._headings = np.full((people, 3), np.nan), np.zeros(people)
-        self._memories = np.zeros((len(starts), 3))  # m/s², of the controllers in wind
+        self._memories = np.zeros((len(starts), 3))  # m/s², memories of `steady_thrusts`
         self._touched: set[Contact] = set()
         self._closed = False
         tops = [t.canopy_top for t in forest.trees]
         above = min(self._altitudes) - max(2 * TARGET_HEIGHT, *tops, 0.0)
         self._kinematic = scenario.dynamics == "kinematic"
-        self._alone = self._kinematic and above > _CLEAR  # UAVs meet nothing but one another
+        self._alone = self._kinematic and above > _CLEAR  # True if UAVs can touch only one another
         if client is not None or not self._kinematic or scenario.sensing.renders:
             _ = self._bodies
 
@@ -87,7 +87,7 @@ class World:
 
     @cached_property
     def _bodies(self) -> Bodies:
-        """Bodies in the client, both made as the world is now."""
+        """Bodies and their client, made at the first use in the present state of the world."""
         client = self._given
         if client is None:
             largest = max(uav.pixels for uav in self._scenario.uavs)
@@ -107,12 +107,12 @@ class World:
 
     @property
     def centres(self) -> Array:
-        """Centres (B, 3) m of the spheres round `bodies`; NaN where a person is absent."""
+        """Centres (B, 3) m of the spheres around `bodies`; NaN for absent people."""
         uavs = [pose.position for pose in self.poses()]
         return np.vstack([self._tree_centres, self._people_centres, uavs])
 
     def place_people(self, positions: Array, headings: Array) -> None:
-        """Put people at positions (M, 2) m, NaN where absent, facing headings (M,) rad from east."""
+        """Put people at positions (M, 2) m with headings (M,) rad from east; NaN means absent."""
         self._people_centres[:, :2] = positions
         self._people_centres[:, 2] = np.where(np.isnan(positions[:, 0]), np.nan, TARGET_HEIGHT)
         self._headings = headings
@@ -120,14 +120,14 @@ class World:
             _put_people(self._bodies, self._people_centres, headings)
 
     def place_uavs(self, poses: Sequence[Pose]) -> None:
-        """Put each UAV at a recorded pose of its body; its velocity stays."""
+        """Put each UAV at a recorded pose of its body, without a change of its velocity."""
         self._positions = np.array([pose.position for pose in poses])
         self._quaternions = np.array([pose.quaternion for pose in poses])
         for body, pose in zip(self._bodies.uavs, poses, strict=True):
             self.engine.resetBasePositionAndOrientation(body.id, pose.position.tolist(), pose.quaternion.tolist())
 
     def poses(self) -> list[Pose]:
-        """Poses of the UAVs' bodies: x forward, which is east at yaw 0, y left, z up."""
+        """Poses of the UAVs' bodies; axes: x forward (east at yaw 0), y left, z up."""
         if self._kinematic:
             return [Pose(*pose) for pose in zip(self._positions.copy(), settled(self._quaternions), strict=True)]
         found = [self.engine.getBasePositionAndOrientation(body.id) for body in self._bodies.uavs]
@@ -140,9 +140,9 @@ class World:
         return np.array([self.engine.getBaseVelocity(b.id)[0] for b in self._bodies.uavs])
 
     def advance(self, commands: Array, winds: Sequence[Array | None]) -> None:
-        """Advance by as many physics steps as there are winds, as `step` does each.
+        """Advance by one physics `step` per wind.
 
-        Kinematic UAVs far from one another and from all else are moved at once, since nothing can touch.
+        Kinematic UAVs that are too far from everything to touch it make all steps at once, without the engine.
         """
         if self._alone and self._apart(commands, len(winds)):
             self._glide(commands, len(winds))
@@ -153,7 +153,7 @@ class World:
     def step(self, commands: Array, wind: Array | None = None) -> None:
         """Advance by one physics step under velocity commands (n, 2) m/s, east and north.
 
-        wind (2,) m/s, east and north, pushes quadrotors, which then hold against it; None: there is no air.
+        wind (2,) m/s, east and north, pushes quadrotors, which hold against it; None means no air resistance.
         """
         if self._kinematic:
             _ = self._bodies
@@ -168,12 +168,12 @@ class World:
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
-        """Contacts of UAVs since the last call, ascending; a contact of two UAVs is listed for the first."""
+        """Contacts of UAVs since the last call, sorted; a contact of two UAVs is listed once, for the first."""
         taken, self._touched = tuple(sorted(self._touched)), set()
         return taken
 
     def close(self) -> None:
-        """Free the client, once, as PyBullet gives its number to the next one."""
+        """Free the client, but only once, because PyBullet gives its number to the next client."""
         if self._made and not self._closed and self.engine.isConnected():
             self._disconnect(self.client)
         self._closed = True
@@ -182,7 +182,7 @@ class World:
         (opengl.disconnect if self.opengl else pybullet.disconnect)(client)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Recipe by which `copy` and `pickle` make it again."""
+        """Arguments and state from which `copy` and `pickle` make the world again."""
         if self.opengl:
             raise TypeError('worlds of sensing.renderer "egl" cannot be copied: OpenGL would mix up their bodies')
         engine = None
@@ -194,7 +194,7 @@ class World:
         return World, self._origin, ({name: vars(self)[name] for name in _STATE}, engine)
 
     def __setstate__(self, given: tuple[dict[str, Any], bytes | None]) -> None:
-        """Take over the state of a world of the same scenario and forest, and of its client, if it has one."""
+        """Restore the state of a world with the same scenario and forest, and that of its client, if it has one."""
         state, engine = given
         if state["_closed"]:
             self.close()
@@ -212,9 +212,9 @@ class World:
         self.close()
 
     def _thrust(self, uav: int, target: Array, wind: Array | None) -> Array:
-        """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give.
+        """Apply the forces of the rotors and of the wind to a UAV; return the quaternion (4,) of its body.
 
-        Returns the quaternion (4,) of the body.
+        target (3,): velocity east and north m/s, altitude m.
         """
         body = self._bodies.uavs[uav]
         position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
@@ -233,7 +233,7 @@ class World:
         return state[3:7]
 
     def _turn(self, body: Body, before: Array) -> None:
-        """Turn a body after a step of the engine from its quaternion (4,) before, the same on every processor."""
+        """Recompute a body's attitude after a step from its quaternion (4,) before, so that all processors agree."""
         position, _ = self.engine.getBasePositionAndOrientation(body.id)
         velocity, spin = self.engine.getBaseVelocity(body.id)
         quaternion = rotated(before, np.array(spin), self._dt)
@@ -241,13 +241,13 @@ class World:
         self.engine.resetBaseVelocity(body.id, velocity, spin)
 
     def _touch(self) -> None:
-        """Note the contacts that the engine found, with its margin of 2 cm."""
+        """Note the contacts that the engine found, which has a margin of 2 cm."""
         for _, a, b, *_ in self.engine.getContactPoints():
             pair = sorted((self._bodies.names[a], self._bodies.names[b]), key=lambda name: (name[0] != "uav", name[1]))
             self._touched.add(Contact(pair[0][1], *pair[1]))
 
     def _apart(self, commands: Array, steps: int) -> bool:
-        """True if UAVs stay clear of one another for so many steps."""
+        """True if UAVs stay clear of one another during these steps."""
         return nearest(self._positions, commands, steps / self._scenario.rates.physics) > _CLEAR
 
     def _glide(self, commands: Array, steps: int) -> None:
@@ -258,7 +258,7 @@ class World:
             self._put_uavs(self._bodies)
 
     def _put_uavs(self, bodies: Bodies) -> None:
-        """Put UAVs where kinematic ones are now, and where all start."""
+        """Put UAVs at `_positions`: the present ones of kinematic UAVs, and the starts of quadrotors."""
         rows = (bodies.uavs, self._positions.tolist(), self._quaternions.tolist(), self._commands.tolist())
         for body, position, quaternion, command in zip(*rows, strict=True):
             bodies.engine.resetBasePositionAndOrientation(body.id, position, quaternion)
@@ -266,7 +266,7 @@ class World:
 
 
 def _put_people(bodies: Bodies, centres: Array, headings: Array) -> None:
-    """Put people below centres (M, 3) m, NaN where absent, facing headings (M,) rad."""
+    """Put people on the ground below centres (M, 3) m, NaN if absent, with headings (M,) rad."""
     for body, (x, y, _), heading in zip(bodies.people, centres.tolist(), headings.tolist(), strict=True):
         place = AWAY if math.isnan(x) else (x, y, 0.0)
         yaw = 0.0 if math.isnan(heading) else heading
