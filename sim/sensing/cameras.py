@@ -32,7 +32,7 @@ def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
 
 
 def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehicle:
-    """UAV i with its body at a pose and a velocity (2,) m/s, as planners know it: all of it is a copy of their own."""
+    """UAV i as planners know it, given the pose and the velocity (2,) m/s of its body; all parts are copies."""
     uav = scenario.uavs[i]
     camera, noise = view_of(uav, scenario), noise_of(uav, scenario)
     lag = COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0
@@ -41,18 +41,19 @@ def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehic
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:
-    """Pose of a UAV's camera: a gimbal holds it as on a level body that faces east, else it moves with the body.
+    """Pose of a UAV's camera, which turns with the body, unless a gimbal holds it as on a level body that faces east.
 
-    At a mounting angle of zero it then looks straight down with north up, else it is pitched towards the body's x.
+    On a level body that faces east, a camera with a mounting angle of zero looks straight down with north up; other
+    angles pitch it towards the body's x axis.
     """
     carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
     return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))
 
 
 def _planned_attitude(uav: Uav, body: Pose) -> Array:
-    """Quaternion (4,) of the camera in level flight at the present heading, as planners assume it.
+    """Quaternion (4,) of the camera as planners assume it: in level flight at the present heading.
 
-    Note: a body-fixed camera without mounting angle is taken as level with north up, whatever the heading.
+    Note: for a body-fixed camera without mounting angle the heading is ignored and taken as east, with north up.
     """
     heading = 0.0
     if uav.mount == "body" and uav.tilt_deg:
@@ -62,7 +63,7 @@ def _planned_attitude(uav: Uav, body: Pose) -> Array:
 
 
 def _pitched(quaternion: Array, angle: float) -> Array:
-    """A carrier's attitude (4,) followed by a turn about its y that lifts a downward view towards its x."""
+    """A carrier's attitude (4,), turned about its y axis such that a downward view rises towards its x axis."""
     if angle == 0.0:
         return quaternion
     x, y, z, w = quaternion.tolist()

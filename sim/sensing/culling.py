@@ -8,17 +8,18 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
-NEAR, FAR = 0.5, 500.0  # m, along the optical axis: FAR at least; the carrier's own body is nearer than NEAR
-# Of meshes to the cylinders that they stand for: from the corners, which are outside, to the faces, which are inside.
+# m along the optical axis: the near plane, which leaves out the carrier's own body, and the least far plane.
+NEAR, FAR = 0.5, 500.0
+# Radii of meshes relative to their nominal cylinders: corners lie outside of the cylinder, and faces inside.
 _OUTER, _INNER = 1.01, 0.99
-_PERSON = (0.5, 1.75)  # m: radius and height of an upright cylinder that holds a person
+_PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
 
 
 @compiled
 def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> Flags:
-    """Mask (B,) of spheres at centres (B, 3) m with radii (B,) m that a camera at position (3,) m may see; not at NaN.
+    """Mask (B,) of spheres at centres (B, 3) m with radii (B,) m that may show in the image of a camera.
 
-    rotation (3, 3) from the camera to the world; fov in rad.
+    position (3,) m and rotation (3, 3) from camera to world; fov in rad. Spheres with centres NaN do not show.
     """
     s, c = sin(fov / 2), cos(fov / 2)
     seen = np.empty(len(centres), dtype=np.bool_)
@@ -33,7 +34,7 @@ def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, f
 
 @compiled
 def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (T,) of trees (T, 6), in the order of `Tree`, that hide their own trunk from a camera at position (3,) m."""
+    """Mask (T,) of trees that hide their own trunk from a camera at position (3,) m; trees (T, 6) as in `Tree`."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
         x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
@@ -43,12 +44,12 @@ def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
 
 @compiled
 def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (M,) of people at (M, 2) m whom one of the trees (T, 6) hides wholly from a camera at position (3,) m."""
+    """Mask (M,) of people at (M, 2) m whom a single tree of (T, 6) fully hides from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):
         body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]
         for k in range(len(trees)):
-            # Trees beside the person are left out: they seldom hide all of one, and are many.
+            # Trees with a different x are many and seldom hide a whole person, so they are not checked.
             if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
                 hidden[i] = True
                 break
@@ -57,14 +58,14 @@ def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> F
 
 @compiled
 def _covers(tree: Array, body: tuple[float, float, float, float], position: Array, fov: float) -> bool:
-    """True if a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
+    """True if a tree's canopy hides an upright cylinder (x, y, radius, height) from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
-    # So far above a canopy the near plane cuts none of it away.
+    # At this height above a canopy the near plane cuts off no part of it.
     clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
     if position[2] < top + clearance or body[3] > base:
         return False
-    # From the axis to the body and to the camera; lines from the body's foot and head meet the canopy's base, from
-    # below, in discs, and lines from between them in discs between these.
+    # Offsets of body and camera from the tree's axis. Lines of sight from the body's foot and head cross the plane of
+    # the canopy's base in two discs, and lines from points between them in discs between these.
     x, y = body[0] - tree[0], body[1] - tree[1]
     dx, dy = position[0] - tree[0], position[1] - tree[1]
     foot, head = base / position[2], (base - body[3]) / (position[2] - body[3])

@@ -1,4 +1,4 @@
-"""Detection check: what detectors and sensor modes from outside give, as trackers and recordings can use it."""
+"""Detection check: validates the output of plug-in detectors and sensor modes for trackers and recordings."""
 
 import math
 from dataclasses import replace
@@ -14,12 +14,12 @@ from tracking.plugins.results import check_positive_definite, checked_array, who
 
 _SHAPES = {"pixels": (2,), "ground": (2,), "covariances": (2, 2)}  # of one detection
 _UNITS = {"pixels": "pixels", "ground": "m"}
-_FARTHEST = 1e6  # m or pixels: farther ones mean nothing
-_MOST = 200  # detections of a plug-in in one frame: trackers take seconds over so many
+_FARTHEST = 1e6  # m or pixels; larger coordinates are meaningless
+_MOST = 200  # detections of a plug-in in one frame; more would take trackers seconds
 
 
 def usable_detections(found: Detections) -> Detections:
-    """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
+    """Detections as arrays of floats that trackers can use; `Unusable` says why they cannot be used."""
     if not all(hasattr(found, name) for name in _SHAPES):
         raise Unusable(f"it is not Detections but of type {type(found).__name__}")
     arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
@@ -30,9 +30,9 @@ def usable_detections(found: Detections) -> Detections:
 
 
 def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
-    """Output of a mode that sensed people (M, 2) m, NaN where absent; `Unusable` says what is wrong with it.
+    """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong.
 
-    What its `matched` gives is for `usable_matches`.
+    Values that `matched` returns are checked by `usable_matches`.
     """
     _check_kind("output", output, SensorOutput)
     count, faults = len(output.ground), tuple(output.faults)
@@ -52,7 +52,7 @@ def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
 
 
 def usable_matches(matched: object, people: Array) -> Flags:
-    """Mask (M,) of people (M, 2) m, NaN where absent, that a mode detected; `Unusable` says what is wrong with it."""
+    """Valid mask (M,) of detected people, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
     found = np.array(matched)
     if found.shape != (len(people),) or found.dtype != np.bool_:
         raise Unusable(f"matched is not an array ({len(people)},) of True and False")
@@ -61,7 +61,7 @@ def usable_matches(matched: object, people: Array) -> Flags:
 
 
 def _usable(name: str, given: object, count: int) -> Array:
-    """Pixels, ground points or covariances of so many detections."""
+    """Valid pixels, ground points or covariances of `count` detections."""
     array = checked_array(name, given, (count, *_SHAPES[name]))
     if name not in _UNITS:
         check_positive_definite(name, array, " m²")
@@ -71,7 +71,7 @@ def _usable(name: str, given: object, count: int) -> Array:
 
 
 def _visible(given: object, people: Array) -> Indices:
-    """Pixels (M,) that show each person; True and False count as 1 and 0."""
+    """Number (M,) of pixels that show each person; True and False count as 1 and 0."""
     visible = whole_numbers("visible", given, (len(people),), "biu")
     if visible.min(initial=0) < 0:
         raise Unusable("visible are below 0")

@@ -1,4 +1,4 @@
-"""Ground truth of detections from the renderer's mask of people, which no other part may see."""
+"""Ground truth of detections, from the renderer's mask of people, which no other module may use."""
 
 from dataclasses import dataclass, replace
 
@@ -12,19 +12,19 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import length
 
-GATE = 3.0  # pixels from a detection to the nearest pixel of the person it may stand for
+GATE = 3.0  # pixels, largest distance from a detection to the nearest pixel of the detected person
 
 
 def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Pixels (M,) of each of `count` people in a mask (P, P)."""
+    """Number of pixels (M,) of each of `count` people in a mask (P, P)."""
     return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
 
 
 def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Index (M,) of the detection (N, 2) at pixels (u, v) that found each of `count` people; -1 for none.
+    """Index (M,) of the detection of each of `count` people among detections (N, 2) at pixels (u, v); -1 for none.
 
-    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, of a person cut by the
-    edge, counts at the nearest place inside.
+    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, as of a person whom
+    the edge cuts, is moved to the nearest place inside.
     """
     found = np.full(count, -1)
     rows, columns = np.nonzero(people >= 0)
@@ -43,22 +43,22 @@ def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> 
 
 @dataclass(frozen=True, eq=False)
 class MaskDetector:
-    """Assumption 1 of [Li22] on rendered frames: one detection of each person with a visible pixel, and no other.
+    """Assumption 1 of [Li22] on rendered frames: one detection per person with a visible pixel, and no others.
 
-    Locations and covariances are computed from these pixels as by the blob detector.
+    Positions and covariances are computed from these pixels in the same way as by the blob detector.
     """
 
     forest: Forest | None = None
 
     def detect(self, frame: Frame, people: NDArray[np.int32]) -> Detections:
-        """Detections of the people of a mask (P, P), -1 elsewhere, from the image's top to its bottom."""
+        """Detections of the people in a mask (P, P) with -1 elsewhere, ordered from the image's top to its bottom."""
         rows, columns = np.nonzero(people >= 0)
         owners = people[rows, columns]
         pixels = np.column_stack([columns + 0.5, rows + 0.5])
-        # In the order of their topmost pixels, so that it does not reveal identities.
+        # The order is that of the topmost pixels, so that it does not reveal identities.
         first = np.unique(owners, return_index=True)[1]
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
         found = located_detections(frame, blobs, self.forest)
-        # Each is placed on a pixel of the person, so that a score takes no person at the edge for a false alarm.
+        # Detections lie on a pixel of their person, so that metrics do not count people at the edge as false alarms.
         own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

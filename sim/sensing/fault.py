@@ -1,4 +1,4 @@
-"""Faults of plug-ins, and breakdowns."""
+"""Faults of plug-ins, and breakdowns of UAVs."""
 
 from dataclasses import dataclass
 
@@ -10,6 +10,6 @@ class Fault:
     """Fault of a planner or a detector, or the breakdown of a UAV."""
 
     time: float  # s
-    uav: int | None  # None: the whole team
+    uav: int | None  # None means the whole team
     message: str
-    trace: tuple[str, ...] = ()  # the last lines of the plug-in's own code, "file:line, in function: text"
+    trace: tuple[str, ...] = ()  # last lines of the traceback in the plug-in's code, "file:line, in function: text"

@@ -1,4 +1,4 @@
-"""Sensor mode on pixels: frames are rendered, and a detector finds people in them."""
+"""Sensor mode with images: frames are rendered, and a detector finds people in them."""
 
 from copy import deepcopy
 
@@ -18,10 +18,10 @@ from tracking.plugins.containment import ForeignError, contained
 
 
 class RenderedMode:
-    """Detections from rendered frames, located by the map where a person is seen in part.
+    """Detections from rendered frames; if a person is only partly visible, the detector locates them with the map.
 
-    Note: with `sensing.noise` "range_bearing" a sample of [Li22] eq. (4) is added to them, and its covariance to the
-    detector's own. Its images are sharper than that noise, but not at the edge of a canopy.
+    Note: with `sensing.noise` "range_bearing" a sample of [Li22] eq. (4) is added to the detections, and its covariance
+    to the detector's own. The detector is more precise than that noise, except at the edge of a canopy.
     """
 
     def __init__(self, setup: SensorSetup) -> None:
@@ -51,12 +51,12 @@ class RenderedMode:
         )
 
     def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
-        """Detections, and faults of the detector; after a fault there are no detections."""
+        """Detections and the faults of the detector; a frame with a fault has no detections."""
         if isinstance(self._detector, MaskDetector):
             return self._detector.detect(frame, rendered.people), ()
         try:
             with contained(called=(self._detector, "detect")):
-                # A copy, so that a plug-in cannot change scans, recordings and videos.
+                # A plug-in gets a copy, so that it cannot change scans, recordings and videos.
                 return usable_detections(self._detector.detect(deepcopy(frame))), ()
         except ForeignError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))

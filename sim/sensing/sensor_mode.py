@@ -1,4 +1,4 @@
-"""Sensor modes, from the world to detections before noise, misses and false alarms: the interface, and geometry."""
+"""Sensor modes, which make detections before noise, misses and false alarms: the interface and the ideal mode."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,39 +18,39 @@ from tracking.numerics.arrays import Array, Flags, Indices
 
 @dataclass(frozen=True, eq=False)
 class SensorSetup:
-    """The mission that a mode senses in."""
+    """The mission in which a mode senses."""
 
     scenario: Scenario
     world: World
     forest: Forest
-    cameras: list[Camera]  # of the UAVs
+    cameras: list[Camera]  # one per UAV
     clock: Stopwatch
 
 
 @dataclass(frozen=True, eq=False)
 class SensorOutput:
-    """Detections of one UAV at one scan, and ground truth about them for recordings and metrics alone."""
+    """Detections of one UAV at one scan, and ground truth about them for recordings and metrics only."""
 
     ground: Array  # (N, 2) m
-    matched: Callable[[Flags], Flags]  # people (M,) detected, by the detections (N,) that are not missed
-    visible: Indices  # (M,) pixels that show each person; without pixels 1 for people seen
-    covariances: Array | None = None  # (N, 2, 2) m²; None: a sample of the UAV's noise model is added
+    matched: Callable[[Flags], Flags]  # mask (M,) of detected people, given the mask (N,) of detections not missed
+    visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person in view
+    covariances: Array | None = None  # (N, 2, 2) m²; if None, a sample of the UAV's noise model is added
     frame: Frame | None = None
-    pixels: Array | None = None  # (N, 2) of the detections in the frame, if there is one
+    pixels: Array | None = None  # (N, 2), positions of the detections in the frame, if there is one
     faults: tuple[Fault, ...] = ()
-    errors: Array | None = None  # (N, 2, 2) m²: covariances of the errors of `ground` before that sample; None: none
+    errors: Array | None = None  # (N, 2, 2) m², covariances of the errors before that sample; None means no errors
 
 
 class SensorMode(Protocol):
     """A mode is made with a `SensorSetup`."""
 
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
-        """Output of a UAV's sensor at a camera's `pose`; people (M, 2) m, NaN where absent, are those in the world."""
+        """Output of a UAV's sensor with the camera at `pose`; people (M, 2) m in the world, NaN if absent."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineOfSightMode:
-    """The paper's Assumption 1, without images: exactly the people in view and not hidden, with the sampled noise."""
+    """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden."""
 
     setup: SensorSetup
 

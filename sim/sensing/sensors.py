@@ -1,4 +1,4 @@
-"""From the world to scans: a sensor mode's detections with measurement noise, misses and false alarms."""
+"""Scans of a mission: a sensor mode's detections with measurement noise, misses and false alarms."""
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from tracking.track import Scan
 class Clutter:
     """False alarms, Poisson in number and uniform over the image, and independent misses.
 
-    Each has its own stream, so that neither changes the other or the measurement noise.
+    Each has its own random stream, so that neither changes the other or the measurement noise.
     """
 
     def __init__(self, sensing: Sensing, rng: np.random.Generator) -> None:
@@ -37,15 +37,15 @@ class Clutter:
         self._alarms, self._misses, self._order = rng.spawn(3)
 
     def kept(self, count: int) -> Flags:
-        """Mask (count,) of the detections in one frame that are not missed."""
+        """Mask (count,) of a frame's detections that are not missed."""
         return np.asarray(self._misses.random(count) >= self._missed)
 
     def order(self, count: int) -> NDArray[np.int64]:
-        """An order (count,) of a scan's measurements by chance, which tells nothing of whose they are."""
+        """Random order (count,) of a scan's measurements, which does not reveal identities."""
         return self._order.permutation(count)
 
     def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
-        """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""
+        """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms, all of them below the horizon."""
         count = poisson(self._alarms, self._expected)
         if not count:
             return np.zeros((0, 2)), np.zeros((0, 2))
@@ -57,15 +57,15 @@ class Clutter:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """Observation of one UAV: its scan, and ground truth that only recordings and metrics may know."""
+    """Observation of one UAV: its scan, and ground truth for recordings and metrics only."""
 
     scan: Scan
-    pixels: Array  # (N, 2) detections in the image, if there is one
+    pixels: Array  # (N, 2) positions of the measurements in the image; (0, 2) without an image
     image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None without rendering
     visible: Indices  # (M,) as `SensorOutput.visible`
-    matched: Flags  # (M,) people detected
-    taken: bool = True  # False without a frame; the scan is then empty and no negative information
-    faults: tuple[Fault, ...] = ()  # of the detector
+    matched: Flags  # (M,) mask of detected people
+    taken: bool = True  # False if the camera took no frame; the empty scan is then no negative information
+    faults: tuple[Fault, ...] = ()  # faults of the detector
 
 
 class Sensors:
@@ -83,7 +83,7 @@ class Sensors:
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
 
     def look(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
-        """Observation of one camera at `pose`; people (M, 2) m, NaN where absent, are those in the world now."""
+        """Observation of one camera at `pose`; people (M, 2) m in the world now, NaN if absent."""
         output, kept, matched = self._sensed(uav, time, pose, people)
         with self._clock.measure("detection"):
             if output.covariances is None:
@@ -102,9 +102,9 @@ class Sensors:
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
     def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> tuple[SensorOutput, Flags, Flags]:
-        """Output of the mode, masks of its detections (N,) that are not missed, and of people (M,) that these find.
+        """Output of the mode, mask (N,) of detections that are not missed, and mask (M,) of people whom these detect.
 
-        InputError where a mode from outside fails, or gives what trackers and recordings cannot use.
+        InputError if a plug-in mode fails or its output cannot be used.
         """
         if self._name in SENSOR_MODES.built_in:
             output = self._mode.sense(uav, time, pose, people)
@@ -116,9 +116,9 @@ class Sensors:
             return output, kept, usable_matches(output.matched(kept.copy()), people)
 
     def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
-        """The scan without missed detections and with false alarms, and its pixels (N, 2), in the same order.
+        """The scan without missed detections but with false alarms, and its pixels (N, 2) in the same order.
 
-        A false alarm has the covariance that a person in plain view there would have.
+        A false alarm has the covariance of a person in plain view at its place.
         """
         camera, pose = self.cameras[scan.uav], scan.pose
         places, ground = self._clutter.false_alarms(camera, pose)
@@ -127,15 +127,16 @@ class Sensors:
         alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
-        if len(ground) or output.frame is None:  # a detector's order is that of its image, a mode's that of people
+        # A detector's order is that of the image; that of a mode without images may reveal identities.
+        if len(ground) or output.frame is None:
             order = self._clutter.order(len(z))
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels
 
     def _sampled(self, uav: int, time: float, pose: Pose, output: SensorOutput) -> Scan:
-        """Ground points with a sample of the UAV's noise model added, and covariances of both errors.
+        """Scan of the ground points plus a sample of the UAV's noise model, with the covariance of the whole error.
 
-        The sample's covariance is that at the point itself; the scan's is that at the measurement, all that is known.
+        The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
         """
         roots = cholesky_factors(self._covariances(uav, pose, output.ground))
         z = output.ground + applied(roots, standard_normal(self._rng, output.ground.shape))
@@ -143,6 +144,6 @@ class Sensors:
         return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 
     def _covariances(self, uav: int, pose: Pose, points: Array) -> Array:
-        """R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
+        """Covariances R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
         R = [self.noises[uav].covariance(pose.position[:2], point) for point in points]
         return np.array(R).reshape(-1, 2, 2)

@@ -1,4 +1,4 @@
-"""Seconds spent per stage of a mission."""
+"""Stopwatch for the stages of a mission."""
 
 import math
 import time
@@ -9,11 +9,11 @@ STAGES = ("physics", "rendering", "detection", "tracking", "planning", "video")
 
 
 class Stopwatch:
-    """Takes wall time per stage [s]: `laps` of each block in turn, and their sums; of planning processor time, too."""
+    """Wall time per stage [s]: `laps`, one per measured block, and their sums; for planning also processor time."""
 
     def __init__(self) -> None:
         self.laps: dict[str, list[float]] = {stage: [] for stage in STAGES}
-        self.planning_cpu_s = 0.0  # of all threads of this process
+        self.planning_cpu_s = 0.0  # sum over all threads of this process
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -32,7 +32,7 @@ class Stopwatch:
 
     @contextmanager
     def planning(self) -> Iterator[None]:
-        """Count the time of the block as part of planning, by both clocks; the second takes 2 µs to read."""
+        """Count wall time and processor time of the block as part of planning; processor time takes 2 µs to read."""
         start = time.process_time()
         try:
             with self.measure("planning"):
