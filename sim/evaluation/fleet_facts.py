@@ -1,4 +1,4 @@
-"""Facts of a fleet that no single UAV has: mean OSPA, contacts, bytes sent, and disagreement on tracks."""
+"""Measures of a whole fleet: mean OSPA, contacts, bytes sent, and disagreement about tracks."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -14,7 +14,7 @@ from tracking.track import Track, beliefs_of
 
 
 def mean_ospa(ospa: Array) -> Array:
-    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
+    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the working UAVs; NaN at scans without any."""
     count = np.sum(~np.isnan(ospa), axis=1)
     mean = np.full(count.shape, np.nan)
     np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
@@ -22,7 +22,7 @@ def mean_ospa(ospa: Array) -> Array:
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:
-    """Contacts, each with UAV, what it touched, and first and last scan's time [s]; one that lasts counts once."""
+    """Contacts, each with UAV, touched body, and times [s] of first and last scan; a lasting contact counts once."""
     found: list[dict[str, Any]] = []
     open_: dict[tuple[int, ...], tuple[int, dict[str, Any]]] = {}
     for k, *pair in recording.contacts.tolist():
@@ -37,12 +37,12 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
 
 
 def bytes_sent(recording: Recording) -> Indices | None:
-    """Bytes (N,) of messages for each pair of scan and UAV that works; None where they were not recorded."""
+    """Bytes (N,) of messages per scan and working UAV; None if they were not recorded."""
     return _known(recording.bytes_sent, recording.working)
 
 
 def plan_bytes(recording: Recording) -> Indices | None:
-    """Bytes (N,) of plans for each pair of decision and UAV that works; None where they were not recorded."""
+    """Bytes (N,) of plans per decision and working UAV; None if they were not recorded."""
     decides = np.isin(recording.times, recording.plan_times)
     return _known(recording.plan_bytes, recording.working & decides[:, None])
 
@@ -53,7 +53,7 @@ def _known(sent: Indices, counted: Flags) -> Indices | None:
 
 
 def disagreement(held: Sequence[Sequence[Track]]) -> float:
-    """OSPA distance [m] between the track positions of two UAVs, mean over all pairs; 0 for fewer than two.
+    """Mean over all pairs of UAVs of the OSPA distance [m] between their track positions; 0 for fewer than two UAVs.
 
     held: tracks of each UAV.
     """

@@ -1,4 +1,4 @@
-"""States of people to the tracks of a fleet, scan by scan: held, lost, or not found yet; and spans of one state."""
+"""States of people at each scan, given the tracks of a fleet (held, lost or not found yet), and spans of one state."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from tracking.numerics.arrays import Flags, Indices
 
 
 class Episode(NamedTuple):
-    """A value that is the same from one scan to another, both included."""
+    """A value that is the same from a first to a last scan, both included."""
 
     first: int
     last: int
@@ -19,7 +19,7 @@ class Episode(NamedTuple):
 
 
 def episodes(values: Indices) -> list[Episode]:
-    """Episodes of equal values (K,), in order."""
+    """Episodes of equal values (K,), in order of time."""
     edges = np.flatnonzero(np.diff(values)).tolist()
     firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]
     return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
@@ -29,14 +29,14 @@ HOLDS = ("absent", "not found yet", "lost", "held by some", "held")
 
 
 class Holding:
-    """The states of M people while a mission flies; a reported track within `HELD` m holds a person."""
+    """The states of M people during a mission; a reported track within `HELD` m of a person holds that person."""
 
     def __init__(self, people: int, uavs: int) -> None:
-        self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # and columns by id
+        self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # with columns by track id
         self._found = np.zeros(people, dtype=np.bool_)
 
     def step(self, snapshot: Snapshot) -> Indices:
-        """The states (M,) at the next scan, indices into `HOLDS`."""
+        """States (M,) at the next scan, as indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
             own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
@@ -48,9 +48,10 @@ class Holding:
 
 
 def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags) -> Indices:
-    """States of people, indices into `HOLDS`.
+    """States of people, as indices into `HOLDS`.
 
-    held: by how many UAVs; found: they have been held before; fleet: UAVs that work.
+    held: number of UAVs that hold each person; found: True if the person has been held so far; fleet: number of working
+    UAVs.
     """
     states = np.where(found, HOLDS.index("lost"), HOLDS.index("not found yet"))
     states[held > 0] = HOLDS.index("held by some")

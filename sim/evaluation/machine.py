@@ -1,4 +1,4 @@
-"""The machine that computed a mission, so that a difference between machines can be seen."""
+"""Description of the machine that computed a mission, which helps to explain differences between machines."""
 
 import platform
 from functools import cache
@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_info
 
 @cache
 def machine() -> dict[str, str]:
-    """The processor, and the BLAS that NumPy uses with the kernels it has chosen; recordings depend on neither."""
+    """The processor, and NumPy's BLAS with its chosen kernels; recordings depend on neither."""
     return {"processor": _processor(), "blas": _blas()}
 
 
@@ -25,13 +25,13 @@ def _processor() -> str:
 
 def _blas() -> str:
     every = [library for library in threadpool_info() if library["user_api"] == "blas"]
-    # SciPy and OpenCV may each bring one of their own.
+    # SciPy and OpenCV may each bring their own BLAS.
     found = [library for library in every if "numpy" in library["filepath"]] or every
     names = {f"{b['internal_api']} {b.get('version') or ''} {b.get('architecture') or ''}".strip() for b in found}
     return " and ".join(sorted(names)) or "unknown"
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a result depends on."""
+    """Versions of Python and of the packages on which a result depends."""
     packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless")
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}

@@ -1,6 +1,6 @@
-"""Metrics of a mission: their type, and the registry that summary.json, the rows of studies and all tables read.
+"""Metrics of a mission: their type, and the registry from which summary.json, studies and all tables take them.
 
-A metric from outside is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
+A plug-in metric is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
 """
 
 import math
@@ -25,17 +25,17 @@ from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.registry import InputError, check_known, imported
 
 Better = Literal["lower", "higher", "neither"]
-UNKNOWN = "–"  # stands where there is no number
+UNKNOWN = "–"  # shown in place of a missing number
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A mission that was flown: its recording, and facts of the flight that it does not hold."""
+    """A mission that was flown: its recording, and facts of the flight that the recording does not contain."""
 
     recording: Recording
-    seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, and `start_up` if known
-    wall_s: float = 0.0  # wall time of all
-    faults: list[Fault] = field(default_factory=list)  # and breakdowns
+    seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, and of `start_up` if known
+    wall_s: float = 0.0  # total wall time
+    faults: list[Fault] = field(default_factory=list)  # includes breakdowns
     planning_s: Sequence[float] = ()  # wall time of each decision
     planning_cpu_s: float = 0.0  # processor time of all decisions
 
@@ -51,7 +51,7 @@ class Outcome:
 
     @property
     def flown(self) -> list[Score]:
-        """The scores of the UAVs that flew a scan at least."""
+        """The scores of the UAVs that worked for at least one scan."""
         return [score for score in self.scores if len(score.gospa)]
 
 
@@ -60,21 +60,21 @@ Of = Callable[[Outcome], float | None]
 
 @dataclass(frozen=True)
 class Metric:
-    """A number for a mission, and how it is shown: `scale` turns its value into the unit."""
+    """A number for a mission and its display; `scale` converts the value into the unit."""
 
     label: str
-    of: Of | None = None  # None where there was nothing to count
+    of: Of | None = None  # computes the value; returns None if there is nothing to count
     unit: str = ""
     better: Better = "lower"
     scale: float = 1.0
     digits: int = 2
-    least: float = -math.inf  # that a value can be, not in the unit; intervals end there
+    least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
     most: float = math.inf
-    name: str = ""  # in rows; of a metric from outside, its import string
-    key: str | None = None  # dotted, in summary.json, if it is not the name; empty: not there
+    name: str = ""  # column in rows; the import string of a plug-in metric
+    key: str | None = None  # dotted key in summary.json, by default the name; empty: left out
 
     def __call__(self, outcome: Outcome) -> float | None:
-        """The metric of a mission."""
+        """The value of a mission; None if there is nothing to count."""
         return self.of(outcome) if self.of else None
 
     @property
@@ -83,9 +83,9 @@ class Metric:
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def text(self, value: float, *, signed: bool = False) -> str:
-        """The value in the metric's unit, without the unit's name; a dash if NaN.
+        """A value in the metric's unit, without the unit's name; a dash for NaN.
 
-        A difference that rounds to zero keeps its sign.
+        A signed difference that rounds to zero keeps its sign.
         """
         if math.isnan(value):
             return UNKNOWN
@@ -93,18 +93,18 @@ class Metric:
         return shown[1:] if float(shown) == 0 and shown[0] == "-" and not (signed and value) else shown
 
     def with_unit(self, value: float | None) -> str:
-        """The value with its unit; a dash if there is none."""
+        """A value with its unit; a dash if there is none."""
         return UNKNOWN if value is None or math.isnan(value) else f"{self.text(value)} {self.unit}".rstrip()
 
 
 def mean(values: ArrayLike) -> float | None:
-    """The mean, or None where there is nothing."""
+    """The mean of all values; None if there are none."""
     array = np.asarray(values, dtype=float)
     return float(array.mean()) if array.size else None
 
 
 def metric(name: str) -> Metric:
-    """The metric of that name or import string; InputError where there is none."""
+    """The metric with this name or import string; InputError if there is none."""
     if name in METRICS:
         return METRICS[name]
     if ":" not in name:
@@ -120,9 +120,9 @@ def metric(name: str) -> Metric:
 
 
 def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
-    """All metrics of the registry, and those asked for by name or import string; None where there was nothing to count.
+    """Values of all metrics of the registry and of those asked for; None if there is nothing to count.
 
-    One from outside gets a copy. If it is infinite, NaN or raises, it is None; a fault tells of what it raises.
+    A metric that is asked for gets a copy. If its value is not finite, or it raises, it is None; an error adds a fault.
     """
     found = {name: known(outcome) for name, known in METRICS.items()}
     for name in asked:
@@ -140,7 +140,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
 
 
 def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
-    """Of the OSPA distances [m] of all pairs of a scan and a UAV that works then."""
+    """Statistic of the OSPA distances [m] of all scans and all UAVs that work at the scan."""
 
     def of(outcome: Outcome) -> float | None:
         distance = outcome.recording.ospa[:, :, 0][outcome.recording.working]
@@ -150,7 +150,7 @@ def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
 
 
 def _gospa(column: int, *, counted: bool = False) -> Of:
-    """Mean of a part of GOSPA over all pairs of a scan and a UAV that works then; counted: in people or tracks."""
+    """Mean of a part of GOSPA over all scans and working UAVs, in m; if counted, in people or tracks."""
 
     def of(outcome: Outcome) -> float | None:
         parts = np.concatenate([score.gospa[:, column] for score in outcome.scores])
@@ -160,7 +160,7 @@ def _gospa(column: int, *, counted: bool = False) -> Of:
 
 
 def _unmatched(what: str) -> dict[str, Metric]:
-    """Number of "false" tracks or "duplicate" ones, and the share of pairs of a scan and a UAV that works with one."""
+    """Number of "false" or "duplicate" tracks, and the share of pairs of scan and working UAV that have one."""
 
     def tracks(outcome: Outcome) -> list[Unmatched]:
         return [track for track in outcome.unmatched if track.duplicate == (what == "duplicate")]
@@ -178,12 +178,12 @@ def _unmatched(what: str) -> dict[str, Metric]:
 
 
 def _over_uavs(value: Callable[[Score], float]) -> Of:
-    """Mean over the UAVs; one that breaks down counts until then."""
+    """Mean over the UAVs; a UAV that breaks down counts until then."""
     return lambda outcome: mean([value(score) for score in outcome.flown])
 
 
 def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
-    """Mean over the UAVs of the mean of the errors of each."""
+    """Mean over the UAVs of each UAV's mean NEES."""
 
     def of(outcome: Outcome) -> float | None:
         return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
@@ -192,7 +192,7 @@ def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
 
 
 def _recall(outcome: Outcome) -> float | None:
-    """Share of people shown by a camera, with a pixel or more, that were detected."""
+    """Share of detected people among those that a camera shows with at least one pixel."""
     r = outcome.recording
     return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
 
@@ -220,7 +220,7 @@ def _sent(
     unit: str,
     key: str,
 ) -> Metric:
-    """Metric of what UAVs sent; None where a recording does not tell."""
+    """Metric of the bytes that UAVs sent; None if they were not recorded."""
 
     def of(outcome: Outcome) -> float | None:
         found = sent(outcome.recording)
@@ -234,7 +234,7 @@ def _plan_rounds(outcome: Outcome) -> float | None:
 
 
 def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
-    """Time that a decision of the whole fleet takes by a clock."""
+    """Mean time of a decision of the whole fleet, by a clock."""
 
     def of(outcome: Outcome) -> float | None:
         decisions = len(outcome.recording.plan_times)
@@ -244,7 +244,7 @@ def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
 
 
 def _real_time_factor(outcome: Outcome) -> float | None:
-    """Simulated time over wall time; video and start-up do not count."""
+    """Simulated time divided by wall time without video and start-up."""
     times = outcome.recording.times
     flown = outcome.wall_s - outcome.seconds.get("video", 0.0) - outcome.seconds.get("start_up", 0.0)
     return float(times[-1] - times[0]) / flown if flown > 0 else None

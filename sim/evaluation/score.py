@@ -1,4 +1,4 @@
-"""Score of each UAV: its tracks against the people of a recording, scan by scan."""
+"""Score of each UAV: its tracks compared with the people of a recording, scan by scan."""
 
 from dataclasses import dataclass
 
@@ -12,36 +12,36 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
 
-HELD = 1.0  # m, from a person to the nearest track that holds them
-FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of the errors that NEES counts
+HELD = 1.0  # m, largest distance from a person to a track that holds them
+FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA and of the errors in NEES
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Tracks that one UAV reports at K scans: a column for each of A ids, NaN where it reports none."""
+    """Tracks that one UAV reports at K scans, with a column for each of A track ids."""
 
     ids: Indices  # (A,) ascending
-    means: Array  # (K, A, 4)
-    rows: Indices  # (K, A) of the recording's tables of tracks, -1 where it reports none
+    means: Array  # (K, A, 4), NaN if the track is not reported
+    rows: Indices  # (K, A) rows in the recording's tables of tracks, -1 if the track is not reported
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """One UAV against the truth, over the K scans at which it works; M people."""
+    """One UAV compared with the truth of M people, over the K scans at which it works."""
 
-    ospa: Array  # (K,) m, distance
+    ospa: Array  # (K,) m, OSPA distance
     gospa: Array  # (K, 4) m: distance, localisation, missed, false
     ospa2: float  # m; NaN without a scan
     held: Flags  # (K, M)
     present: Flags  # (K, M)
     switches: int
     fragmentations: int
-    position_nees: Array  # (E,), a number for each pair of a track and a person
-    state_nees: Array  # (E',), fewer by those without a known velocity
+    position_nees: Array  # (E,), one for each pair of a track and a person
+    state_nees: Array  # (E',), without the pairs whose person has no known velocity
 
 
 def held_by(recording: Recording, uav: int) -> Held:
-    """The tracks that one UAV reports in the order of their ids, scan by scan."""
+    """The tracks that one UAV reports, scan by scan."""
     k, owner = recording.cells(recording.track_offsets)
     rows, scans = (owner == uav) & recording.reported, len(recording.times)
     ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
@@ -53,7 +53,7 @@ def held_by(recording: Recording, uav: int) -> Held:
 
 
 def velocities(recording: Recording) -> Array:
-    """True velocities (K, M, 2) m/s: central differences of positions, one-sided where a person comes or goes."""
+    """True velocities (K, M, 2) m/s: central differences of positions, one-sided when a person comes or goes."""
     positions, times = recording.people, recording.times
     steps = np.full((len(times) + 1, *positions.shape[1:]), np.nan)
     steps[1:-1] = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
@@ -63,11 +63,11 @@ def velocities(recording: Recording) -> Array:
 
 
 def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
-    """Scans, tracks and people of the pairs that errors are of; tracks (K, A, 2) m, people (K, M, 2) m.
+    """Scans, tracks and people of the pairs whose errors NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
 
-    near (K, M): tracks that hold people, -1 for none. The others are paired as GOSPA pairs them, scan by scan. Whether
-    a belief is consistent does not depend on its label: an exchange of two tracks makes no outliers. Nor is a track
-    that holds one person paired with another, though that may make GOSPA's sum smaller.
+    near (K, M): tracks that hold people, -1 for none. These are pairs, even if GOSPA's sum were smaller otherwise; all
+    other tracks are paired as in GOSPA, scan by scan. Labels do not matter, because two exchanged tracks may still be
+    consistent.
     """
     pairs: list[tuple[int, int, int]] = []
     for scan, (at, truth, held) in enumerate(zip(tracks, people, near, strict=True)):
@@ -81,7 +81,7 @@ def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indic
 
 
 def score(recording: Recording, uav: int) -> Score:
-    """One UAV's tracks against the people."""
+    """Compare one UAV's tracks with the people."""
     on = recording.working[:, uav]
     believed, people = held_by(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]

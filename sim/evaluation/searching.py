@@ -1,4 +1,4 @@
-"""Search times of a fleet, from the appearance of a person in the open."""
+"""Search times of a fleet, counted from the appearance of a person in the open."""
 
 from collections.abc import Sequence
 
@@ -11,10 +11,10 @@ from tracking.numerics.arrays import Array, Flags
 
 
 def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
-    """Time [s] from the first scan at which each person is there and under no canopy until a UAV holds them.
+    """Time [s] from the first scan at which each person is present and under no canopy until a UAV holds them.
 
-    It is 0 for people found before. Times of people never found are cut off where they leave or the mission ends, so
-    the mean is too small where many are missed. People always under canopies are left out.
+    It is 0 for people who are found before that scan. Times of people who are never found end when they leave or the
+    mission ends, so the mean is too small if many are missed. People who are always under canopies are left out.
     """
     times, there = recording.times, ~np.isnan(recording.people[..., 0])
     held = np.zeros_like(there)
@@ -30,7 +30,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
 
 
 def _in_the_open(people: Array, trees: Array) -> Flags:
-    """Flags (K, M) of people (K, M, 2) m, NaN where absent, under no canopy; trees (T, 6) as recorded."""
+    """Mask (K, M) of people (K, M, 2) m, NaN if absent, who are under no canopy; trees (T, 6) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)
     if len(rows) and len(trees):

@@ -1,4 +1,4 @@
-"""The summary of a mission: numbers for summary.json, and a table for the terminal."""
+"""The summary of a mission: the content of summary.json, and a table for the terminal."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,10 +28,10 @@ _SHOWN = (
 
 
 def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
-    """The content of `summary.json`: all metrics, and what they cannot say.
+    """The content of `summary.json`: all metrics, and facts beside them such as versions, machine and faults.
 
-    asked: import strings of metrics from outside. Shares and means are over all pairs of scan and UAV that works; null
-    stands where there was nothing to count.
+    asked: import strings of plug-in metrics. Shares and means are over all pairs of scan and working UAV; null means
+    that there was nothing to count.
     """
     recording = outcome.recording
     values = evaluated(outcome, asked)
@@ -60,12 +60,12 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def _in_unit(asked: Metric, value: float | None) -> dict[str, Any]:
-    """A metric from outside, its value in its unit."""
+    """A plug-in metric with its value in its unit."""
     return {"label": asked.label, "unit": asked.unit, "value": None if value is None else value * asked.scale}
 
 
 def _parts(outcome: Outcome) -> dict[str, Any]:
-    """Entries beside the metrics, by dotted keys: bounds, intervals, each person, each UAV."""
+    """Entries beside the metrics, by dotted key: bounds, intervals, people and UAVs."""
     held, present = (
         np.sum([getattr(s, name).sum(axis=0) for s in outcome.scores], axis=0) for name in ("held", "present")
     )
@@ -84,9 +84,9 @@ def _parts(outcome: Outcome) -> dict[str, Any]:
 
 
 def _interval(key: str, errors: Sequence[Array], dof: int) -> dict[str, Any]:
-    """Interval of the mean NEES with 95 %, if as many errors as one UAV has were independent.
+    """95 % interval of the mean NEES of consistent tracks, with as many independent errors as one UAV has.
 
-    UAVs that share all they see make the same errors, so the fleet has no more of them than one UAV.
+    UAVs that share all information make equal errors, so the fleet has no more independent errors than one UAV.
     """
     counted = [len(e) for e in errors if len(e)]
     count = round(float(np.mean(counted))) if counted else 0
@@ -108,7 +108,7 @@ def _of_uav(score: Score) -> dict[str, Any]:
 
 
 def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by dotted keys as tables in tables."""
+    """Nested tables of values with dotted keys."""
     found: dict[str, Any] = {}
     for key, value in values.items():
         *tables, last = key.split(".")
@@ -127,17 +127,17 @@ def _value(summary: Mapping[str, Any], known: Metric) -> float | None:
 
 
 def marked(planner: str, sees_truth: bool) -> str:
-    """A planner as it is shown: one that sees the truth bounds what others can reach."""
+    """Displayed name of a planner, with a remark if it sees the truth and so is an upper bound."""
     return f"{planner} (sees the truth: an upper bound)" if sees_truth else planner
 
 
 def titled(recording: Recording) -> str:
-    """Planner, seed and repeat of a recording as they are shown."""
+    """Displayed planner, seed and repeat of a recording."""
     return f"{marked(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
 
 
 def results_table(summary: Mapping[str, Any]) -> Table:
-    """The summary as it is shown at the end of a run."""
+    """The summary as a table, as shown at the end of a run."""
     flown = numbered(summary["seed"], summary["repeat"])
     title = f"{marked(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
@@ -168,7 +168,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
 
 
 def _unmatched(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Rows about tracks that stand for no person: their number, and in how many scans."""
+    """Rows about tracks that stand for no person: their number, and the share of scans that have one."""
     for what in ("false", "duplicate"):
         share = METRICS[f"tracks.{what}_share"].text(tracks[f"{what}_share"] or 0.0)
         yield METRICS[f"tracks.{what}"].label, f"{tracks[what]}, {share} % of scans" if tracks[what] else "none"

@@ -1,4 +1,4 @@
-"""Tracks that stand for no person: false tracks and duplicates, as metrics count them and events tell them."""
+"""Tracks that stand for no person: false tracks and duplicates, for metrics and for events."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -15,32 +15,32 @@ from tracking.numerics.arrays import Array, Flags, Indices
 
 @dataclass(frozen=True, eq=False)
 class Unmatched:
-    """A track that stands for no person from one scan to another, both included."""
+    """A track that stands for no person from a first to a last scan, both included."""
 
     id: int
     first: int
     last: int
-    nearest: int | None  # person, over these scans
-    gap: float  # m to them, the median; infinite without people
-    alone: Flags  # (last - first + 1, n), the UAVs for which it stands for no person
-    left: int | None  # its last person, if they have left the area
+    nearest: int | None  # person with the least median distance over these scans
+    gap: float  # m, that median distance; infinite without people
+    alone: Flags  # (last - first + 1, n), UAVs for which the track stands for no person
+    left: int | None  # the track's last person, if they have left the area
 
     @property
     def duplicate(self) -> bool:
-        """True for a second track of the nearest person, False for a false track."""
+        """True if the track is a second one of the nearest person, False if it is a false track."""
         return self.gap <= HELD
 
 
 def standing(held: Held, people: Array) -> Indices:
-    """Ids (K, M) of the tracks of one UAV that stand for people (K, M, 2) m, by CLEAR MOT; -1 for none."""
+    """Ids (K, M) of one UAV's tracks that stand for people (K, M, 2) m, as in CLEAR MOT; -1 for none."""
     columns = correspondence(held.means[:, :, :2], people, HELD)
     return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
 
 
 def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
-    """Tracks that stand for no person, nor are within `FAR` m of a lost one, as GOSPA counts false tracks.
+    """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
 
-    One within `HELD` m of a person, that another track stands for, is a duplicate.
+    A track within `HELD` m of a person for whom another track stands is a duplicate; others are false tracks.
     """
     people, working, stood = recording.people, recording.working, []
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
@@ -53,7 +53,7 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
             id_ = int(held.ids[column])
             alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
     for id_, table in alone.items():
-        # Where UAVs differ, the first for which the track stands for no person tells where it is.
+        # UAVs may differ about the position; that of the first UAV for which the track stands for no person counts.
         place = places[id_][np.arange(len(table)), table.argmax(axis=1)]
         gaps = np.hypot(*np.moveaxis(people - place[:, None], 2, 0))  # (K, M) m
         gaps[np.isnan(gaps)] = np.inf
@@ -65,12 +65,12 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
 
 
 def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
-    """Tracks (K, A) of one UAV that stand for no person; standing (K, M): ids of those that do, -1 for none."""
+    """Mask (K, A) of one UAV's tracks that stand for no person, given the ids (K, M) from `standing`."""
     stands = (held.ids == standing[:, :, None]).any(axis=1)
     places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
     lost = np.where((standing >= 0)[:, :, None], np.nan, people)
     free = ~np.isnan(places[:, :, 0])
-    scans = np.flatnonzero(free.any(axis=1))  # others change no correspondence
+    scans = np.flatnonzero(free.any(axis=1))  # scans without such a track do not affect the correspondence
     matched = correspondence(places[scans], lost[scans], FAR)
     k, m = np.nonzero(matched >= 0)
     free[scans[k], matched[k, m]] = False
@@ -78,13 +78,13 @@ def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
 
 
 def _left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
-    """The last person of a track by any UAV's ids (K, M), if they are among the absent (M,)."""
+    """The last person for whom a track stood, by any UAV's ids (K, M), if that person is absent (M,)."""
     scans, people = np.nonzero(np.any([ids == id for ids in stood], axis=0))
     return int(people[-1]) if len(scans) and absent[people[-1]] else None
 
 
 def _nearest(gaps: Array) -> tuple[int | None, float]:
-    """The person who is nearest by the median of the distances (K, M), and that distance."""
+    """The person with the least median of distances (K, M) m, and this median [m]."""
     median = np.median(gaps, axis=0)
     if not np.isfinite(median).any():
         return None, float("inf")
