@@ -1,1 +1,1 @@
-"""Missions as environments for learning: PettingZoo's with an agent a UAV, Gymnasium's with the team as one."""
+"""Missions as environments for learning: in PettingZoo each UAV is an agent, in Gymnasium the team is one agent."""

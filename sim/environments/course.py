@@ -1,4 +1,4 @@
-"""Course of an environment: its settings, checked once, and the mission that it flies now."""
+"""Course of an environment: its settings, checked once, and its present mission."""
 
 import math
 from collections.abc import Mapping
@@ -24,11 +24,11 @@ from tracking.undetected import raster_shape
 RENDER_MODES = ["rgb_array"]
 _OBSERVE = {"tracks": 10, "trees": 10, "image": False}
 _MOST_ROWS = 10_000
-_REPORTED = 2**32  # seeds below are left to reports
+_REPORTED = 2**32  # seeds below this are reserved for reports
 
 
 class Course:
-    """Scenario, observations, reward and rendering of an environment, and the mission that it flies now."""
+    """Scenario, observations, reward and rendering of an environment, and its present mission."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Course:
         observe: Mapping[str, Any] | None,
         render_mode: str | None,
     ) -> None:
-        """As `understory.parallel_env` takes them; InputError says what is wrong."""
+        """Check the arguments, which are those of `understory.parallel_env`; InputError says what is wrong."""
         self.scenario = chosen(scenario, settings)
         self._place = place_of(scenario, settings)
         if len(self.scenario.decision_times) < 2:
@@ -49,7 +49,7 @@ class Course:
             raise InputError(f"observe: there is no image with sensing.mode {self.scenario.sensing.mode!r}")
         self.uavs = range(len(self.scenario.uavs))
         self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
-        self.spaces = [self._space(uav) for uav in self.uavs]  # of observations
+        self.spaces = [self._space(uav) for uav in self.uavs]  # observation spaces
         self.reward = reward_of(reward)
         self.metadata = {
             "render_modes": RENDER_MODES,
@@ -63,15 +63,15 @@ class Course:
 
     @property
     def rollout(self) -> Rollout:
-        """Mission since the last reset; `ResetNeeded` without one."""
+        """The mission since the last reset; `ResetNeeded` if there was no reset."""
         if self._rollout is None:
             raise error.ResetNeeded("call reset first")
         return self._rollout
 
     def begin(self, seed: int | None, options: Mapping[str, Any] | None, rng: np.random.Generator) -> None:
-        """Start the mission of a seed, or of one that `rng` draws; the option `repeat` gives it other noise.
+        """Start the mission of a seed, by default one drawn from `rng`; the option `repeat` gives different noise.
 
-        Drawn seeds are 2**32 or more, so that what is learned from them is new to the maps of reports.
+        Drawn seeds are 2**32 or more, so that policies are not trained on the maps of reports.
         """
         repeat = 0
         for name, value in (options or {}).items():
@@ -87,13 +87,13 @@ class Course:
             self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
 
     def step(self, actions: Mapping[int, object]) -> None:
-        """Fly to the next decision; `InvalidAction` says what is wrong, `ResetNeeded` if the mission is over."""
+        """Fly to the next decision; `InvalidAction` names a wrong action, `ResetNeeded` means the mission is over."""
         if self.rollout.over:
             raise error.ResetNeeded("the episode is over; call reset")
         self.rollout.step({uav: self._velocity(uav, action) for uav, action in actions.items()})
 
     def observe(self, uav: int) -> Observed:
-        """Observation of a UAV that works; zeros of one that does not."""
+        """Observation of a UAV; zeros if it has broken down."""
         situation = self.rollout.team.get(uav)
         if situation is None:
             return {name: _zeros(space) for name, space in self.spaces[uav].items()}
@@ -103,7 +103,7 @@ class Course:
         return found
 
     def rewarded(self, uav: int) -> float:
-        """Reward of a UAV now, 0 if it has broken down; InputError if the function gives no finite number."""
+        """Present reward of a UAV, 0 if it has broken down; InputError if a function returns no finite number."""
         situation = self.rollout.team.get(uav)
         if situation is None:
             return 0.0
@@ -117,7 +117,7 @@ class Course:
         return reward
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as in films; without a `render_mode` None, and a warning."""
+        """A frame (720, 1280, 3) RGB as in films; None and a warning if there is no `render_mode`."""
         rollout = self.rollout
         if self.render_mode is None:
             logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
@@ -125,13 +125,13 @@ class Course:
         return rollout.draw()
 
     def close(self) -> None:
-        """End the mission; a reset starts another one."""
+        """End the mission; the next reset starts another one."""
         if self._rollout is not None:
             self._rollout.close()
             self._rollout = None
 
     def _space(self, uav: int) -> spaces.Dict:
-        """Space of observations of one UAV."""
+        """Observation space of one UAV."""
         o, area = self.observations, (self.scenario.area.width, self.scenario.area.height)
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
         found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
@@ -149,7 +149,7 @@ class Course:
         return np.zeros((edge, edge, 3), dtype=np.uint8)
 
     def _velocity(self, uav: int, action: object) -> Array:
-        """Velocity (2,) m/s of an action, within the UAV's limit."""
+        """Velocity (2,) m/s of an action, shortened to the UAV's speed limit."""
         try:
             given = np.asarray(action, dtype=float)
         except (TypeError, ValueError):
@@ -162,12 +162,12 @@ class Course:
 
 
 class Episodes:
-    """Methods that the environments of both standards share."""
+    """Methods that the environments of PettingZoo and Gymnasium share."""
 
     _course: Course
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as in films, true people included."""
+        """A frame (720, 1280, 3) RGB as in films, which shows the true people."""
         return self._course.render()
 
     def close(self) -> None:
@@ -180,7 +180,7 @@ class Episodes:
 
 
 def _observed(given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Settings of observations, defaults included; InputError says what is wrong with them."""
+    """Settings of observations, completed with defaults; InputError says what is wrong."""
     if given is not None and not isinstance(given, Mapping):
         raise InputError(f"observe: {given!r} is not allowed; expected a dict with keys of {', '.join(_OBSERVE)}")
     observed = {**_OBSERVE, **(given or {})}
@@ -201,7 +201,7 @@ def _is_integer(value: object) -> bool:
 
 
 def _zeros(space: spaces.Space[Any]) -> NDArray[Any]:
-    """Zeros as an element of a space of arrays."""
+    """Zeros with the shape and type of a space of arrays."""
     assert space.shape is not None
     return np.zeros(space.shape, space.dtype)
 

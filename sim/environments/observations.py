@@ -1,4 +1,4 @@
-"""Observations: what a UAV knows, as arrays of fixed shape, for training and for planners that fly a trained policy."""
+"""Observations: knowledge of a UAV as arrays of fixed shape, for training and for planners with a trained policy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,24 +21,24 @@ Observed = dict[str, Any]  # arrays by name
 
 @dataclass(frozen=True)
 class Observations:
-    """Knowledge of one UAV, as arrays of fixed shape; nothing in them is ground truth.
+    """Knowledge of one UAV as arrays of fixed shape, without ground truth.
 
-    Rows are sorted by distance, the nearest first, and padded with zeros; masks `*_mask` have ones for rows that count:
+    Rows are sorted by distance, the nearest first, and padded with zeros; masks `*_mask` are one for actual rows:
 
     - `own` (6,): x, y, z [m], velocity east and north [m/s], edge of its field of view [m];
     - `tracks` (T, 9): offset [m] and velocity [m/s] east and north, covariance xx, xy and yy of the position [m²],
-      probability of existence, time since its last known sure detection or, without one, since the start [s];
+      probability of existence, time [s] since the last known sure detection or, if there is none, since the start;
     - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; missing in a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
     - `undetected` (rows, columns): expected number of undetected people in each cell, rows from south to north.
     """
 
-    neighbours: int  # rows of neighbours, such as the size of the fleet less one
+    neighbours: int  # number of rows of neighbours, such as the size of the fleet minus one
     tracks: int = 10
     trees: int = 10
 
     def of(self, situation: Situation) -> Observed:
-        """Observation of one UAV, as 32-bit floats and masks of 8-bit integers."""
+        """Observation of one UAV: arrays of 32-bit floats, and masks of 8-bit integers."""
         here = situation.own.position
         found: Observed = {"own": _float32([*here, *situation.own.velocity, _edge(situation, situation.own)])}
         others = [[*(v.position - here), *v.velocity, _edge(situation, v)] for v in situation.neighbours]
@@ -70,7 +70,7 @@ def _tracks(situation: Situation) -> Array:
 
 
 def _padded(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
-    """The `most` nearest rows, which begin with an offset, and their mask."""
+    """The `most` nearest rows by the offset with which each begins, padded with zeros, and their mask."""
     nearest = np.argsort(np.square(rows[:, :2]).sum(axis=1), kind="stable")[:most]
     table, mask = np.zeros((most, rows.shape[1]), dtype=np.float32), np.zeros(most, dtype=np.int8)
     table[: len(nearest)] = rows[nearest]
@@ -79,7 +79,7 @@ def _padded(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int
 
 
 def _edge(situation: Situation, vehicle: Vehicle) -> float:
-    """Edge [m] on the ground of the field of view of a camera that looks down; that of the area if it sees all."""
+    """Edge [m] of a vehicle's field of view on the ground if it looks down; that of the area if it is unlimited."""
     if vehicle.camera.fov >= ALL_ROUND:
         return max(situation.area)
     return float(vehicle.position[2] * vehicle.camera.pixels / vehicle.camera.focal)

@@ -20,7 +20,7 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
     metadata: dict[str, Any] = {"name": "understory_v0", "render_modes": RENDER_MODES}  # noqa: RUF012 - PettingZoo's
 
     def __init__(self, course: Course) -> None:
-        """Fly the missions of a course."""
+        """Make an environment that flies the missions of a course."""
         self._course, self.render_mode = course, course.render_mode
         self.metadata = {**self.metadata, **course.metadata}
         self.possible_agents = [f"uav_{i}" for i in course.uavs]
@@ -31,17 +31,17 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
         self._rng: np.random.Generator | None = None
 
     def observation_space(self, agent: str) -> spaces.Dict:
-        """Space of an agent's observations."""
+        """Observation space of an agent."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Box:
-        """Space of an agent's actions: velocities east and north, as shares of the UAV's speed limit."""
+        """Action space of an agent: velocities east and north as fractions of the UAV's speed limit."""
         return self.action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observed], dict[str, dict[str, Any]]]:
-        """Start the mission of a seed; without one, draw a seed from the generator that the last seed started."""
+        """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
         if seed is not None or self._rng is None:
             self._rng, _ = seeding.np_random(seed)
         self._course.begin(seed, options, self._rng)

@@ -1,4 +1,4 @@
-"""Registers each packaged scenario with Gymnasium when it is imported, such as `understory/Forest-v0`."""
+"""Registration of the packaged scenarios with Gymnasium, such as `understory/Forest-v0`, when this is imported."""
 
 import gymnasium
 

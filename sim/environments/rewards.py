@@ -1,4 +1,4 @@
-"""Rewards of one UAV at a decision, from what it believes or, for training only, from the truth."""
+"""Rewards of one UAV at a decision, from its belief or, for training only, from ground truth."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,15 +14,15 @@ from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
 from tracking.track import beliefs_of
 
-Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
+Reward = Callable[[Situation, Array], float]  # a function of a situation and the true positions (M, 2) m of people
 
 
 def expected_gospa(situation: Situation, people: Array) -> float:
-    """Negative root of the expected square of GOSPA [m] by the UAV's own belief, cut-off 10 m; no truth.
+    """Negative root of the expected square of GOSPA [m] under the UAV's own belief, with cut-off c = 10 m.
 
-    A track that is reported adds r e + (1 - r) c² / 2, for its existence r and the expected squared error e of its
-    position up to c² (`cut_off`), any other r c² / 2; each undetected person that is expected adds c² / 2. Tracks are
-    taken as far apart. Source: [GarciaFernandez21].
+    A reported track adds r e + (1 - r) c² / 2, where r is its existence probability and e the expected squared error of
+    its position, cut off at c² (`cut_off`). Any other track adds r c² / 2, and each expected undetected person c² / 2.
+    Tracks are assumed to be far apart; ground truth is not used. Source: [GarciaFernandez21].
     """
     _, covariances = beliefs_of(situation.tracks)
     errors = covariances[:, 0, 0] + covariances[:, 1, 1]
@@ -36,25 +36,25 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 
 def true_gospa(situation: Situation, people: Array) -> float:
-    """Negative GOSPA [m] between the UAV's reported tracks and the true people, cut-off 10 m: for training only."""
+    """Negative GOSPA [m] between the UAV's reported tracks and the true people, cut-off 10 m; for training only."""
     return -gospa(reported_positions(situation.tracks), people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:
-    """Negative sum of the variances [m²] of the positions of the UAV's tracks, which [Li22] minimises; no truth.
+    """Negative sum of the position variances [m²] of the UAV's tracks, which [Li22] minimises; without ground truth.
 
-    Note: without any tracks it is 0, the most that there is; a person no longer counts after the end of the track.
+    Note: the largest value, 0, is reached without any tracks; a person whose track has ended no longer counts.
     """
     _, covariances = beliefs_of(situation.tracks)
     return -float((covariances[:, 0, 0] + covariances[:, 1, 1]).sum())
 
 
 REWARDS: Mapping[str, Reward] = {"gospa": expected_gospa, "true_gospa": true_gospa, "trace": trace}
-ON_BELIEF = ("gospa", "trace")  # those that know no truth; all others are for training alone
+ON_BELIEF = ("gospa", "trace")  # rewards without ground truth; all others are for training only
 
 
 def reward_of(given: str | Reward) -> Reward:
-    """The reward of a key, or the function given; InputError for an unknown key."""
+    """The reward with this key, or the given function; InputError for an unknown key."""
     if callable(given):
         return given
     check_known("reward", str(given), REWARDS, " (or a function of situation and true people)")

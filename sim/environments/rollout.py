@@ -1,4 +1,4 @@
-"""One mission from decision to decision, as environments fly it."""
+"""One mission, flown from decision to decision by an environment."""
 
 import math
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 
-NAME = "environment"  # of what decides, on films and in recordings
+NAME = "environment"  # shown as the planner on films and in recordings
 
 
 class Rollout:
@@ -27,11 +27,11 @@ class Rollout:
     def __init__(self, scenario: Scenario, seed: int, repeat: int) -> None:
         """Fly to the first decision."""
         self.mission = Mission(scenario, seed=seed, repeat=repeat)
-        self.team: dict[int, Situation] = {}  # of the UAVs that work at this decision, by id
-        self.over = False  # at the last decision, or when all UAVs have broken down
-        self.now: Snapshot  # this scan, without its plans
+        self.team: dict[int, Situation] = {}  # situations of the working UAVs at this decision, by id
+        self.over = False  # True at the last decision, or when all UAVs have broken down
+        self.now: Snapshot  # this scan, without plans
         self.images: dict[int, NDArray[np.uint8]] = {}  # the last frame of each UAV that has taken one
-        self._taken: dict[int, float] = {}  # s, the times of these
+        self._taken: dict[int, float] = {}  # s, times of these frames
         self._flown: list[Snapshot] = []
         self._film: Film | None = None
         self._drawn = -math.inf  # s, the last scan that the film knows
@@ -44,7 +44,7 @@ class Rollout:
             raise
 
     def step(self, velocities: Mapping[int, Array]) -> None:
-        """Fly to the next decision by a velocity (2,) m/s of each UAV of the team."""
+        """Fly to the next decision with a velocity (2,) m/s for each UAV of the team."""
         self._flown.append(self.mission.step([velocities[i] for i in self.team]))
         self._go_on()
 
@@ -52,7 +52,7 @@ class Rollout:
         mission = self.mission
         while not mission.over and not (team := self._sense()):
             self._flown.append(mission.step())
-        if mission.over:  # all have broken down
+        if mission.over:  # all UAVs have broken down
             self.team, self.over, self.now = {}, True, self._flown[-1]
             return
         self.team = {situation.own.id: situation for situation in team}
@@ -62,7 +62,7 @@ class Rollout:
                 self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
 
     def _sense(self) -> list[Situation]:
-        """The team at the present scan, whose frames are kept: a slow camera takes some between decisions only."""
+        """The team at the present scan; its frames are kept, as slow cameras may take theirs between decisions."""
         team = self.mission.team
         taken = {i: frame for i, frame in enumerate(self.mission.frames) if frame is not None}
         self.images |= taken
@@ -71,11 +71,11 @@ class Rollout:
 
     @property
     def people(self) -> Array:
-        """True positions (M, 2) m of the people there."""
+        """True positions (M, 2) m of the people who are present."""
         return self.now.people[~np.isnan(self.now.people[:, 0])]
 
     def metrics(self, uav: int) -> dict[str, Any]:
-        """Time, and OSPA and GOSPA of one UAV's reported tracks, by the truth; the time alone if it has broken down."""
+        """Time, and true OSPA and GOSPA of one UAV's reported tracks; only the time if it has broken down."""
         metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             metrics["ospa"] = float(self.now.ospa[uav, 0])
@@ -83,7 +83,7 @@ class Rollout:
         return metrics
 
     def draw(self) -> NDArray[np.uint8]:
-        """This scan as a frame (720, 1280, 3) RGB of a film: map, true people, tracks, and frames of cameras."""
+        """This scan as a film's frame (720, 1280, 3) RGB, with map, true people, tracks and frames of cameras."""
         if self._film is None:
             self._film = Film(self.mission.scenario, self.mission.forest, planner=NAME)
         if self._drawn < self.now.time:
@@ -95,11 +95,11 @@ class Rollout:
         return self._image.copy()
 
     def _last_frames(self, time: float) -> list[NDArray[np.uint8] | None]:
-        """The frame of each UAV that has taken its last one at a time [s], None for the others."""
+        """The last frame of each UAV if it was taken at this time [s], otherwise None."""
         return [self.images[i] if self._taken.get(i) == time else None for i in range(len(self.mission.scenario.uavs))]
 
     def flight(self) -> Flight:
-        """Recording so far, to look into; ValueError before the first step."""
+        """The recording so far, with tables and figures; ValueError before the first step."""
         return record(self.mission, self._flown, NAME)
 
     def close(self) -> None:

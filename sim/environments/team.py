@@ -19,8 +19,8 @@ from tracking.plugins.registry import InputError
 class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
     """Mission with the team as one agent: actions (n, 2) and observations have a row for each of the n UAVs.
 
-    Observations of UAVs that have broken down are zeros, and so are their entries of the mask `working` (n,). The
-    reward is the mean over the UAVs that work.
+    For UAVs that have broken down, observations and the entries of the mask `working` (n,) are zero. The reward is the
+    mean over the working UAVs.
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - Gymnasium's
@@ -34,7 +34,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         observe: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """As `understory.parallel_env`."""
+        """Make the environment; arguments as in `understory.parallel_env`."""
         self._course = course = Course(scenario, settings, reward, observe, render_mode)
         if course.image and len({uav.pixels for uav in course.scenario.uavs}) > 1:
             raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
@@ -52,7 +52,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Start the mission of a seed; without one, draw a seed from the generator that the last seed started."""
+        """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
         super().reset(seed=seed)
         self._course.begin(seed, options, self.np_random)
         return self._observed(), self._info()
@@ -74,14 +74,14 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         return found
 
     def _info(self) -> dict[str, Any]:
-        """Time, and means of OSPA and GOSPA over the UAVs that work."""
+        """Time, and means of OSPA and GOSPA over the working UAVs."""
         metrics = [self._course.rollout.metrics(i) for i in self._course.uavs]
         names = {name for each in metrics for name in each}
         return {name: float(np.mean([each[name] for each in metrics if name in each])) for name in sorted(names)}
 
 
 def _repeated(space: spaces.Space[Any], count: int) -> spaces.Space[Any]:
-    """Space of `count` elements of a space, one above the other."""
+    """Space of arrays that stack `count` elements of a space."""
     if isinstance(space, spaces.MultiBinary):
         return spaces.MultiBinary((count, *space.shape))
     assert isinstance(space, spaces.Box)
