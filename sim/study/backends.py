@@ -1,4 +1,4 @@
-"""Backends that fly trials: the interface of all, processes of this machine, executors of the caller, dask clusters."""
+"""Backends that fly trials: their interface, processes of this machine, executors of the caller and dask clusters."""
 
 import multiprocessing
 import os
@@ -23,58 +23,58 @@ class Backend(Protocol):
     """Executor of trials that can end a trial."""
 
     def room(self) -> bool:
-        """True if another task may be submitted, as it always may where there is a queue."""
+        """True if another task may be submitted; always so for a backend with a queue."""
         return True
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """`sim.study.trial.fly` of a task, to come."""
+        """Submit `sim.study.trial.fly` for a task."""
 
     def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that have flown for longer than so many seconds, their waiting and all compiling aside."""
+        """Trials that have flown for longer than so many seconds, without the time of waiting and compiling."""
 
     def drop(self, future: Future[Flown]) -> None:
-        """Waste no more on a task that hangs."""
+        """Give up a task that hangs, and free its resources if possible."""
 
 
 class Borrowed(Backend):
-    """Executor of the caller. A trial that hangs in it cannot be ended, and is waited for."""
+    """Executor of the caller. A trial that hangs in it cannot be ended, so it is waited for."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """Submit as to any executor."""
+        """Submit the task to the executor."""
         return self._executor.submit(fly, task, keep=keep, timeout=timeout)
 
     def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """None, as it cannot be told: futures of Python's process pool run, by their own account, while they wait."""
+        """No trials, because futures of Python's process pool count as running while they still wait."""
         return []
 
     def drop(self, future: Future[Flown]) -> None:
-        """Cancel, which helps only what has not started."""
+        """Cancel the task, which works only before it starts."""
         future.cancel()
 
 
-_CONNECT = 10.0  # s
+_CONNECT = 10.0  # s, timeout
 
 
 class Cluster(Backend):
-    """A dask cluster, which takes all tasks at once: clusters that adapt know by their queue how many workers to start.
+    """A dask cluster. It gets all tasks at once, because an adaptive cluster starts workers by the length of its queue.
 
-    What hangs ends with its worker, which a nanny starts again; dask flies its other tasks anew.
+    A trial that hangs is ended with its worker. A nanny starts the worker again, and dask repeats its other tasks.
     """
 
-    def __init__(self, client: Any) -> None:  # noqa: ANN401 - of a library that may not be there
+    def __init__(self, client: Any) -> None:  # noqa: ANN401 - its library may not be installed
         self._client = client
         self._executor = client.get_executor(pure=False)
         self._topic = f"understory-{client.id}"
         self._submitted = 0
-        self._names: dict[Future[Flown], str] = {}  # of trials that have not ended
-        self._begun: dict[str, tuple[str, float]] = {}  # of those that fly, by name: worker, and when it began [s]
+        self._names: dict[Future[Flown], str] = {}  # names of trials that have not ended
+        self._begun: dict[str, tuple[str, float]] = {}  # worker and start [s] of trials in flight, by name
         client.subscribe_topic(self._topic, self._hear)
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """Submit under a name of its own, so that a second try is not taken for the first."""
+        """Submit the task under a unique name, so that dask does not take a second attempt for the first."""
         self._submitted += 1
         name = f"{task.key}-{self._submitted}"
         future: Future[Flown] = self._executor.submit(
@@ -85,7 +85,7 @@ class Cluster(Backend):
         return future
 
     def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that began so long ago and that their workers still have: those of a lost worker wait for another."""
+        """Trials that began so long ago and are still at their workers; those of a lost worker wait for another one."""
         limit = time.monotonic() - seconds
         late = {name: worker for name, (worker, begun) in list(self._begun.items()) if begun < limit}
         if not late:
@@ -95,24 +95,24 @@ class Cluster(Backend):
         return [future for future, name in list(self._names.items()) if name in held]
 
     def drop(self, future: Future[Flown]) -> None:
-        """Cancel it, and restart the worker that it hangs in."""
+        """Cancel the task and restart the worker in which it hangs."""
         worker, _ = self._begun.get(self._names.get(future, ""), ("", 0.0))
         future.cancel()
         if worker:
             self._client.restart_workers([worker], raise_for_error=False)
 
     def _hear(self, event: tuple[float, tuple[str, str]]) -> None:
-        """Note that a trial began, for the first time or anew, as its worker announces."""
+        """Note a worker's announcement that a trial has begun, for the first time or again."""
         name, worker = event[1]
         self._begun[name] = worker, time.monotonic()
 
     def _forget(self, future: Future[Flown]) -> None:
-        """Drop what is known of a trial that has ended."""
+        """Remove the entries of a trial that has ended."""
         self._begun.pop(self._names.pop(future, ""), None)
 
 
 def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcement: tuple[str, str]) -> Flown:
-    """As `fly`, in a worker, which announces under a topic that the trial of a name begins."""
+    """`fly` in a worker that announces the beginning; announcement: the topic and the trial's name."""
     from distributed import get_worker
 
     worker: Any = cast(Any, get_worker)()
@@ -122,7 +122,7 @@ def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcemen
 
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
-    """The cluster at an address; InputError if it does not answer or dask is not installed."""
+    """Connect to the cluster at an address; InputError if it does not answer or dask is not installed."""
     try:
         from distributed import Client
         from distributed.comm.addressing import parse_address, parse_host_port
@@ -130,7 +130,8 @@ def connected(address: str) -> Iterator[Cluster]:
     except ImportError as error:
         raise InputError("--dask: needs dask.distributed: pip install distributed") from error
     try:
-        scheme, place = parse_address(address)  # else a client half made complains 20 s later, with a traceback
+        # Checked here, because a client with an invalid address fails 20 s later with a traceback.
+        scheme, place = parse_address(address)
         get_backend(scheme)
         parse_host_port(place)
         client: Any = cast(Any, Client)(address, timeout=_CONNECT, set_as_default=False)
@@ -143,17 +144,17 @@ def connected(address: str) -> Iterator[Cluster]:
         client.close(timeout=_CONNECT)
 
 
-# Read when a library is loaded, so they have to be there before a process starts.
+# Libraries read these variables when they are loaded, so they have to be set before a process starts.
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1"
 )
 
 
 class Pool:
-    """So many processes, each an executor of its own: which trial a death ends is known, and the others fly on."""
+    """Processes with an executor each, so that the death of a process ends only its own trial."""
 
     def __init__(self, workers: int | None = None) -> None:
-        """`workers`: number of processes, by default one for each core that this process may use."""
+        """Make `workers` processes, by default one for each core that this process may use."""
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
         self._lanes = [_Lane() for _ in range(workers or cores or 1)]
         self._compiled = False
@@ -166,7 +167,7 @@ class Pool:
             lane.end()
 
     def room(self) -> bool:
-        """True if a process is free; until the first has compiled what is to be, others would do it again."""
+        """True if a process is free. The first process compiles alone, as the others would compile the same code."""
         self._compiled = self._compiled or any(lane.ready for lane in self._lanes)
         return any(lane.idle for lane in (self._lanes if self._compiled else self._lanes[:1]))
 
@@ -175,11 +176,11 @@ class Pool:
         return next(lane for lane in self._lanes if lane.idle).submit(task, keep, timeout)
 
     def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that have flown for longer than so many seconds since their process had started."""
+        """Trials that have flown for longer than so many seconds, without the start of their process."""
         return [lane.future for lane in self._lanes if lane.future is not None and lane.seconds > seconds]
 
     def drop(self, future: Future[Flown]) -> None:
-        """Kill the process that a task hangs in; another takes its place."""
+        """Kill the process in which a task hangs; another one takes its place."""
         for lane in self._lanes:
             if lane.future is future:
                 lane.end()
@@ -192,7 +193,7 @@ class _Lane:
         self.future: Future[Flown] | None = None
         self._executor: ProcessPoolExecutor | None = None
         self._greeting: Future[int] | None = None
-        self._since: float | None = None  # s, when its task was first seen to fly
+        self._since: float | None = None  # s, time at which the task was first seen to fly
         self._processes: list[BaseProcess] = []
 
     @property
@@ -201,12 +202,12 @@ class _Lane:
 
     @property
     def ready(self) -> bool:
-        """True if the process has started, all compiled code in it."""
+        """True if the process has started and loaded all compiled code."""
         return self._greeting is not None and self._greeting.done() and self._greeting.exception() is None
 
     @property
     def seconds(self) -> float:
-        """Time that its task flies, since this was first asked when the process was ready."""
+        """Time [s] of the task since this property was first read while the process was ready."""
         if self.idle or not self.ready:
             return 0.0
         if self._since is None:
@@ -219,7 +220,7 @@ class _Lane:
         self._since = None
         try:
             self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
-        except BrokenProcessPool:  # it died in its last task, or since
+        except BrokenProcessPool:  # the process died in its last task or afterwards
             self.end()
             return self.submit(task, keep, timeout)
         return self.future
@@ -233,7 +234,7 @@ class _Lane:
         return executor
 
     def end(self) -> None:
-        """Kill the process and what it has started, whatever they do."""
+        """Kill the process and all processes that it has started."""
         for process in self._processes:
             kill_session(process)
         if self._executor is not None:
@@ -243,7 +244,7 @@ class _Lane:
 
 
 def _begin() -> None:
-    """Start of a process: leave Ctrl-C to its parent, do not outlive it, and load compiled code."""
+    """Initialise a process: leave Ctrl-C to its parent, end with the parent, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     lead_session()
@@ -251,7 +252,7 @@ def _begin() -> None:
 
 
 def _fly(task: Task, *, keep: bool, timeout: float | None) -> Flown:
-    """As `fly`, where Ctrl-C is ignored, so that a KeyboardInterrupt is a plug-in's."""
+    """`fly` in a process that ignores Ctrl-C, so that a KeyboardInterrupt comes from a plug-in."""
     try:
         return fly(task, keep=keep, timeout=timeout)
     except KeyboardInterrupt:
@@ -260,7 +261,7 @@ def _fly(task: Task, *, keep: bool, timeout: float | None) -> Flown:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Processes that start in the block compute with one thread each."""
+    """Let the processes that start in the block compute with one thread each."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)
     try:

@@ -1,4 +1,4 @@
-"""Cells of a study: its scenarios by the levels of its factors by its planners."""
+"""Cells of a study: all combinations of its scenarios, levels of factors and planners."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,18 +15,18 @@ from sim.study.study import Study
 from tracking.plugins.registry import InputError
 
 TRACKER = "tracker"
-VIEW = "view"  # which the trials of the bound alone have
+VIEW = "view"  # factor that only trials of the bound have
 _UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # their settings
 ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
 
 
 class StudyTable(NamedTuple):
-    """Settings by one table of a study."""
+    """Settings that one table of a study makes."""
 
-    name: str  # of the table; empty: from outside of the study's file
-    settings: dict[str, str]  # overrides
-    options: dict[str, str]  # of planners
+    name: str  # name of the table; empty for settings from outside of the study's file
+    settings: dict[str, str]  # overrides of the scenario
+    options: dict[str, str]  # options of planners
 
 
 class Cell(Struct, frozen=True):
@@ -34,26 +34,26 @@ class Cell(Struct, frozen=True):
 
     scenario: str
     factors: tuple[tuple[str, str], ...]
-    tables: tuple[StudyTable, ...]  # later ones count
-    planner: str  # as `Study.planners` has it
+    tables: tuple[StudyTable, ...]  # later ones take precedence
+    planner: str  # as in `Study.planners`
 
     @property
     def settings(self) -> dict[str, str]:
-        """Overrides."""
+        """Overrides of the scenario by all tables."""
         return {key: value for table in self.tables for key, value in table.settings.items()}
 
     @property
     def spec(self) -> str:
-        """The planner with the options of the cell."""
+        """The planner with the options of all tables."""
         return with_options(self.planner, {key: text for table in self.tables for key, text in table.options.items()})
 
 
 def cells(study: Study) -> list[Cell]:
-    """All cells of a study by all its planners, in order; InputError if there are none."""
+    """All cells of a study, in order; InputError if there are none."""
     _check_levels(study)
     planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
     count = math.prod([len(study.scenarios), len(planners) + bool(study.score), *map(len, study.factors.values())])
-    if count > _MOST_CELLS:  # before they are listed: factors multiply
+    if count > _MOST_CELLS:  # checked before they are listed, because factors multiply
         raise InputError(f"{study.at('study')}: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     stems = [Path(scenario).stem for scenario in study.scenarios]
     shown_as = dict(zip(study.scenarios, stems if len(set(stems)) == len(stems) else study.scenarios, strict=True))
@@ -81,14 +81,14 @@ def cells(study: Study) -> list[Cell]:
 
 
 def _lacking(study: Study) -> str:
-    """Lists of a study that are empty, in words."""
+    """Names of the empty lists of a study, for an error message."""
     lists = {"planner": study.planners, "scenario": study.scenarios}
     lists |= {f"level of factor {factor!r}": tuple(levels) for factor, levels in study.factors.items()}
     return ", ".join(f"no {name}" for name, entries in lists.items() if not entries)
 
 
 def _tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTable]:
-    """The tables of some levels of factors."""
+    """The tables of the given levels of factors."""
     for factor, level in levels:
         values = dict(study.factors[factor][level])
         given = values.pop("planner", {})
@@ -97,7 +97,7 @@ def _tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTa
 
 
 def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
-    """The study with trackers as a factor, if there are any; InputError where another factor varies them."""
+    """The study with the given trackers, if any, as a factor; InputError if another factor varies the tracker."""
     if not trackers:
         return study
     others = {name: levels for name, levels in study.factors.items() if name != TRACKER}
@@ -116,7 +116,7 @@ def _check_levels(study: Study) -> None:
     set_by: dict[str, str] = {}  # the factor that sets a key
     for factor, levels in study.factors.items():
         where = study.at(f"factors.{factor}")
-        if factor in ("planner", "scenario"):  # by which trials are left out, too
+        if factor in ("planner", "scenario"):  # keys with another meaning in `exclude`
             raise InputError(f"{where}: cannot be the name of a factor; list them as {factor}s of [study]")
         for level, values in levels.items():
             options = values.get("planner", {})

@@ -1,4 +1,4 @@
-"""Flies trials on any executor, keeps each result as it comes, and gives what fails a second chance."""
+"""Engine of a study, which flies trials on a backend, keeps each result as it comes and repeats failed trials once."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -14,19 +14,19 @@ from sim.study.tasks import Row, Task
 from sim.study.trial import Flown, failed
 
 ATTEMPTS = 2
-_TICK = 0.5  # s, between looks at what has started and what hangs
-_GRACE = 2.0  # s beyond the timeout, in which a trial that is merely slow ends by itself
-_Flying = dict[Future[Flown], tuple[Task, int]]  # trials with the number of the attempt
+_TICK = 0.5  # s, interval of checks for free processes and trials that hang
+_GRACE = 2.0  # s after the timeout, within which a slow trial ends by itself
+_Flying = dict[Future[Flown], tuple[Task, int]]  # trials in flight, with the number of the attempt
 Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a study: timeout, recordings, flying again."""
+    """Options of a study: timeout, recordings and repetition."""
 
-    timeout: float | None = None  # s of wall time for a trial
-    recordings: Path | None = None  # folder in which they are kept
-    redo: bool = False  # whether trials that are there already are flown again
+    timeout: float | None = None  # s, wall time of a trial
+    recordings: Path | None = None  # folder for recordings; None means that they are not kept
+    redo: bool = False  # True if trials that are already in the store are flown again
 
 
 def complete(
@@ -36,11 +36,10 @@ def complete(
     options: Options = Options(),
     heard: Heard = lambda task, row, fresh: None,
 ) -> list[Row]:
-    """Rows of all tasks, in order: those in the store, the rest flown now and kept. What had failed is tried again.
+    """Rows of all tasks, in order: from the store, or flown now and added to it.
 
-    A trial without a metric that was asked for counts as missing; so does one without a recording that is to be kept.
-
-    StoreError where a result cannot be kept; those before are.
+    Trials are flown again if they had failed, lack a metric that is asked for, or lack a recording that is to be kept.
+    StoreError if a result cannot be written; earlier results stay in the store.
     """
     asked, kept = {task.key: set(task.metrics) for task in tasks}, options.recordings
     rows = {
@@ -65,7 +64,7 @@ def complete(
 
 
 def rows_of(tasks: Sequence[Task], backend: Backend) -> list[Row]:
-    """Rows of all tasks, in order, kept nowhere."""
+    """Fly all tasks and return their rows, in order, without a store."""
     rows: dict[str, Row] = {}
     _fly_all(tasks, backend, lambda task, flown: rows.update({task.key: flown.row}))
     return [rows[task.key] for task in tasks]
@@ -74,7 +73,7 @@ def rows_of(tasks: Sequence[Task], backend: Backend) -> list[Row]:
 def _fly_all(
     tasks: Sequence[Task], backend: Backend, keep: Callable[[Task, Flown], None], options: Options = Options()
 ) -> None:
-    """Fly tasks; `keep` hears of each that is complete, or has failed for the second time."""
+    """Fly tasks, and call `keep` for each one that is complete or has failed twice."""
     waiting = deque((task, 1) for task in tasks)
     flying: _Flying = {}
     ended: SimpleQueue[Future[Flown]] = SimpleQueue()
@@ -101,19 +100,19 @@ def _fly_all(
 def _submitted(backend: Backend, task: Task, options: Options) -> Future[Flown]:
     try:
         return backend.submit(task, keep=options.recordings is not None, timeout=options.timeout)
-    except Exception as error:  # of an executor that is broken, shut down or out of reach
+    except Exception as error:  # the executor is broken, shut down or unreachable
         raise StoreError(f"no more trials can be flown: {type(error).__name__}: {error}") from error
 
 
 def _over(
     ended: SimpleQueue[Future[Flown]], flying: _Flying, backend: Backend, timeout: float | None
 ) -> list[Future[Flown]]:
-    """The next flight to end, and those that hang; none if nothing happens for a while."""
+    """The next trial that ends, and those that hang; empty if nothing happens for `_TICK` seconds."""
     try:
         first = ended.get(timeout=_TICK)
     except Empty:
         first = None
-    found = [first] if first in flying else []  # not if it was given up before
+    found = [first] if first in flying else []  # a trial that was given up before is ignored
     if timeout is not None:
         found += [future for future in backend.overdue(timeout + _GRACE) if future is not first and future in flying]
     return found

@@ -1,4 +1,4 @@
-"""The results of a study in one SQLite file: a row per trial, there once the trial is complete."""
+"""The results of a study in one SQLite file, with a row for each trial that has ended."""
 
 import errno
 import math
@@ -17,7 +17,7 @@ from sim.recording.npz import line
 from sim.study.tasks import Row, Task
 from tracking.plugins.registry import InputError
 
-SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it
+SCHEMA = 2  # version of the tables, in the file's user_version; docs/how-to/studies.md describes them
 NAME = "study.sqlite"
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
@@ -35,13 +35,13 @@ _TABLES = (
 
 
 class _Kept(msgspec.Struct, frozen=True):
-    """A trial as its row of the table has it."""
+    """A trial in the form of its row in the table."""
 
     scenario: str
     factors: str
     settings: str
     planner: str
-    seed: int | str | float  # real and rounded where it has more than 63 bits and an earlier release wrote it
+    seed: int | str | float  # a rounded float if it has more than 63 bits and an earlier release wrote it
     repeat: int
     recording: str
     machine: str
@@ -55,19 +55,19 @@ class _Kept(msgspec.Struct, frozen=True):
 
 _FIELDS = _Kept.__struct_fields__
 _COLUMNS = ", ".join(_FIELDS)
-_SAME = ("repeat", "recording", "machine", "version", "status", "error")  # of a row and in a store
-_DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
+_SAME = ("repeat", "recording", "machine", "version", "status", "error")  # fields that are equal in a row and a store
+_DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # errors of a file that is locked or no valid store
 
 
 class StoreError(Exception):
-    """Results cannot be written; the message is one line. What is in the store stays."""
+    """Results cannot be written; the message is one line. Earlier results stay in the store."""
 
 
 class Store:
-    """A study's results on disk. One process writes; a trial is written whole in one transaction.
+    """A study's results on disk. One process writes, and each trial is one transaction.
 
-    Note: with SQLite's rollback journal, not a write-ahead log: that would need memory shared between readers, which
-    network file systems lack, and leave newest results in a second file that is easily left behind.
+    Note: SQLite uses its rollback journal rather than a write-ahead log. The latter needs memory that readers share,
+    which network file systems lack, and puts the newest results into a second file, which is easily left behind.
     """
 
     def __init__(self, connection: sqlite3.Connection, path: Path, study: str) -> None:
@@ -77,12 +77,13 @@ class Store:
     @staticmethod
     @contextmanager
     def opened(folder: Path, study: str) -> Iterator["Store"]:
-        """The store in a folder, made if it is not there; InputError where it is another study's, newer, or none."""
+        """The store in a folder, created if missing; InputError if it is another study's, too new, or no store."""
         path = folder / NAME
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
-                raise InputError(f"--out: {path}: cannot be used: is not a file")  # a pipe would be waited for
+                # SQLite would wait for a pipe.
+                raise InputError(f"--out: {path}: cannot be used: is not a file")
             if (folder / "mission.npz").exists():
                 raise InputError(f"--out: {folder} holds a mission; allowed is a new folder, or that of a study")
         except OSError as error:
@@ -92,14 +93,14 @@ class Store:
             yield Store(connection, path, study)
 
     def done(self, tasks: Sequence[Task]) -> dict[str, Row]:
-        """Rows of the trials that are complete and did not fail, by key, at their place in the present study."""
+        """Rows of the trials that did not fail, by key, with the scenario, factors and planner of the given tasks."""
         wanted = {task.key: task for task in tasks}
         rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'").fetchall()
         found = {key: _row(self.path, self.study, values) for key, *values in rows if key in wanted}
         return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
-        """Give stored trials their place in the present study, which may spell all of it otherwise."""
+        """Update scenario, factors, settings and planner of stored trials, which the present study may spell anew."""
         values = [(*_place(task), task.key, *_place(task)) for task in tasks]
         with self._writing():
             self._connection.executemany(
@@ -109,7 +110,7 @@ class Store:
             )
 
     def add(self, task: Task, row: Row) -> None:
-        """Keep a complete trial, in place of an earlier try; StoreError if that fails."""
+        """Write a trial that has ended, in place of an earlier attempt; StoreError if that fails."""
         values = (task.key, *msgspec.structs.astuple(_kept(task, row)))
         with self._writing():
             self._connection.execute(
@@ -117,7 +118,7 @@ class Store:
             )
 
     def others(self, tasks: Sequence[Task]) -> Counter[str]:
-        """Number of trials, failed ones among them, that are none of these tasks', by version of the package."""
+        """Number of stored trials, including failed ones, that belong to none of the tasks, by package version."""
         keys = {task.key for task in tasks}
         rows = self._connection.execute("SELECT key, version FROM trials ORDER BY version")
         return Counter(version for key, version in rows if key not in keys)
@@ -125,7 +126,7 @@ class Store:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:
-            with self._connection:  # commits, or rolls back
+            with self._connection:  # commits or rolls back
                 self._connection.execute("BEGIN IMMEDIATE")
                 yield
         except sqlite3.Error as error:
@@ -133,9 +134,9 @@ class Store:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none.
+    """All rows of a store, sorted by scenario, factors, planner, seed and repeat; InputError if it is no store.
 
-    Those of one trial in several versions stand in the order in which they were written.
+    Rows of one trial in several package versions are in the order in which they were written.
     """
     file = path / NAME if path.is_dir() else path
     if not file.is_file():
@@ -149,15 +150,16 @@ def read_rows(path: Path) -> list[Row]:
     return [_row(path, study, values) for values in rows]
 
 
-def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
-    """All trials of a store as `frame_of` has them."""
+def frame(path: Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
+    """All trials of a store as a data frame, as in `frame_of`."""
     return frame_of(read_rows(path))
 
 
 def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
-    """Trials as a pandas frame, or a polars one where there is no pandas.
+    """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
-    One row per trial: a column for each factor, as `factor.lambda`, and for each metric; no OSPA over time.
+    There is one row per trial and a column for each factor, such as `factor.lambda`, and each metric, but no OSPA over
+    time.
     """
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}
@@ -172,7 +174,7 @@ def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
 
 @contextmanager
 def _connected(path: Path) -> Iterator[sqlite3.Connection]:
-    """A connection; what SQLite complains of in the block is an InputError or, of a full disk, a StoreError."""
+    """A connection; errors of SQLite in the block become InputErrors or, if the disk is full, StoreErrors."""
     try:
         with closing(sqlite3.connect(path, timeout=60.0, isolation_level=None)) as connection:
             yield connection
@@ -181,7 +183,7 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
-    """Make the tables of a new store, or check that an old one is this study's."""
+    """Create the tables of a new store, or check that an existing store is this study's."""
     connection.execute("BEGIN IMMEDIATE")
     if _version(connection, path) == 0:
         for table in _TABLES:
@@ -195,7 +197,7 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
 
 
 def _name(connection: sqlite3.Connection, path: Path) -> str:
-    """The study that a store is of; InputError if it does not say, or its tables are none and may never end."""
+    """Name of a store's study; InputError if there is none, or the tables are views, which may never end."""
     kinds = dict(connection.execute("SELECT name, type FROM sqlite_master WHERE name IN ('study', 'trials')"))
     names = connection.execute("SELECT name FROM study LIMIT 2").fetchall() if kinds.get("study") == "table" else []
     if kinds.get("trials") != "table" or len(names) != 1 or not isinstance(names[0][0], str):
@@ -204,7 +206,7 @@ def _name(connection: sqlite3.Connection, path: Path) -> str:
 
 
 def _version(connection: sqlite3.Connection, path: Path) -> int:
-    """The schema's version, 0 of an empty file; InputError if it is no store or one of another version."""
+    """Version of the schema, 0 for an empty file; InputError if the file is no store or has another version."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     if version not in (0, SCHEMA):
@@ -217,7 +219,7 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
 
 
 def _unusable(path: Path, error: Exception, field: str = "") -> Exception:
-    """The error to raise of a file or folder: a StoreError of a full disk, else an InputError."""
+    """The error to raise for a file or folder: a StoreError if the disk is full, otherwise an InputError."""
     if getattr(error, "errno", None) == errno.ENOSPC or (isinstance(error, sqlite3.Error) and "full" in str(error)):
         return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
     return InputError(f"{field}{path}: cannot be used: {getattr(error, 'strerror', None) or error}")
@@ -238,7 +240,7 @@ def _kept(task: Task, row: Row) -> _Kept:
         factors=factors,
         settings=settings,
         planner=planner,
-        # SQLite's integers have 64 bits, and text of digits alone is rounded to a number in a column of integers.
+        # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
         seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_json(row.metrics),
         ospa=row.ospa.astype("<f4").tobytes(),
@@ -248,7 +250,7 @@ def _kept(task: Task, row: Row) -> _Kept:
 
 
 def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
-    """A trial that was read; InputError where it is none that was written."""
+    """A trial from the values of its row; InputError if they are invalid."""
     try:
         kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _Kept, builtin_types=(bytes,))
         distances = np.frombuffer(kept.ospa, dtype="<f4").astype(np.float32)
@@ -267,5 +269,5 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             planner=kept.planner,
             **{name: getattr(kept, name) for name in _SAME},
         )
-    except (ValueError, OverflowError, RecursionError) as error:  # msgspec's own are ValueErrors
+    except (ValueError, OverflowError, RecursionError) as error:  # errors of msgspec are ValueErrors
         raise InputError(f"{path}: is a damaged store: a trial in it: {line(error)}; name another folder") from error

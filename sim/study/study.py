@@ -1,4 +1,4 @@
-"""Studies: scenarios by overrides by planners by seeds, from TOML or flags."""
+"""Studies: combinations of scenarios, overrides, planners and seeds, from TOML files or options."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -21,36 +21,36 @@ STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"
 
 
 class ScoreScale(Struct, frozen=True):
-    """Ends of the normalised score of a study; both are flown, whatever planners are compared."""
+    """Ends of the normalised score of a study, two planners that are always flown besides the compared ones."""
 
-    floor: str  # a planner
-    bound: str  # a planner, which flies with an unlimited field of view and ideal sensing
+    floor: str  # planner with the score 0
+    bound: str  # planner with the score 1, which flies with an unlimited field of view and ideal sensing
     metric: str = "gospa.mean_m"
 
 
 class Study(Struct, frozen=True):
-    """A study: each planner on each seed in each cell, a cell being a scenario and a level of each factor."""
+    """A study: each planner flies each seed in each cell, which is a scenario with one level of each factor."""
 
     name: Annotated[str, Meta(pattern=r"^\w[\w.-]*$")]
     planners: tuple[str, ...]
     description: str = ""
-    seeds: str = "0-9"  # as --seeds takes them
-    repeats: Annotated[int, Meta(ge=1, le=REPEATS)] = 1  # of each seed's map
+    seeds: str = "0-9"  # in the form of --seeds
+    repeats: Annotated[int, Meta(ge=1, le=REPEATS)] = 1  # number of flights on each seed's map
     scenarios: tuple[str, ...] = ("forest",)
-    settings: dict[str, str] = {}  # overrides for all trials, values as --set takes them
-    factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
-    exclude: tuple[dict[str, Any], ...] = ()  # trials that match all entries of one are left out
+    settings: dict[str, str] = {}  # overrides for all trials, with values in the form of --set
+    factors: dict[str, dict[str, dict[str, Any]]] = {}  # overrides and `planner` options by name and level
+    exclude: tuple[dict[str, Any], ...] = ()  # rules; trials that match all entries of a rule are left out
     score: ScoreScale | None = None
-    file: str = ""  # or the name of a packaged study; empty: made of flags
-    given: dict[str, str] = {}  # overrides from outside of the file, for all trials
+    file: str = ""  # file or name of a packaged study; empty if it is made of options
+    given: dict[str, str] = {}  # overrides for all trials from outside of the file
 
     def at(self, field: str) -> str:
-        """The beginning of an error message: the study's file, if it has one, and a field in it."""
+        """Beginning of an error message about a field, with the study's file if it has one."""
         return f"{self.file}: {field}" if self.file else field
 
 
 def read(name: str) -> Study:
-    """The packaged study or TOML file `name`; InputError says what is wrong."""
+    """Read the packaged study or TOML file `name`; InputError says what is wrong."""
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
     _check_keys(data, STUDY_TABLES, f"{name}: ")
@@ -87,18 +87,18 @@ def read(name: str) -> Study:
 
 
 def _listed(value: object) -> list[Any]:
-    """The values of an entry of `exclude`, which may be one."""
+    """The values of an entry of `exclude`, which may be a single value or a list."""
     return value if isinstance(value, list) else [value]
 
 
 def _check_table(given: object, where: str) -> None:
-    """InputError, which begins with `where`, unless a value is a table."""
+    """InputError that begins with `where` if the value is not a table."""
     if not isinstance(given, Mapping):
         raise InputError(f"{where}: {given!r} is not allowed; expected a table")
 
 
 def _check_excluded(study: Study) -> None:
-    """InputError where a study leaves out a planner, scenario or level that it has not."""
+    """InputError if a study excludes a planner, scenario or level that it does not have."""
     ends = (study.score.floor, study.score.bound) if study.score else ()
     known = {"planner": (*study.planners, *ends), "scenario": study.scenarios, **study.factors}
     for i, rule in enumerate(study.exclude):
@@ -122,9 +122,9 @@ def adapted(
     repeats: int | None = None,
     overrides: Sequence[str] = (),
 ) -> Study:
-    """The study with what is given in place of its own, and of its scenarios those named.
+    """The study with given values in place of its own; scenarios are those of the study to keep.
 
-    InputError where an override is what a factor sets, or a scenario is not one of the study's.
+    InputError if a factor sets the key of an override, or the study lacks a scenario.
     """
     for scenario in scenarios:
         check_known("--scenario", scenario, study.scenarios)
@@ -149,12 +149,12 @@ def adapted(
 def study_of(
     planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
 ) -> Study:
-    """A comparison of one or several planners in one or several scenarios; InputError where something is wrong."""
+    """A study of one or several planners in one or several scenarios; InputError says what is wrong."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
     return adapted(
         Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
-        seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # one too many is refused where they are read
+        seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # the parser refuses one more than allowed
         repeats=integer(repeats, "repeats", least=1, most=REPEATS),
         overrides=overrides(settings),
     )
@@ -168,7 +168,7 @@ def _several(field: str, given: object) -> tuple[str, ...]:
 
 
 def _check_keys(data: Iterable[str], known: Collection[str], where: str) -> None:
-    """Raise InputError at a key that is not one of the known; `where` is the text before it."""
+    """InputError for a key that is not known; `where` precedes the key in the message."""
     for key in data:
         if key not in known:
             raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, known)}")

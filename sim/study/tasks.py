@@ -1,4 +1,4 @@
-"""Trials of a study and their results, as values that any process can be sent, each under the key of its trial."""
+"""Trials of a study and their results, as values that can be sent to other processes and have the trial's key."""
 
 import functools
 import hashlib
@@ -27,7 +27,7 @@ from tracking.plugins.registry import InputError, imported
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
-# What decides a flight beside its settings: code, the quadrotor's body, and what cameras see.
+# Files that decide a flight beside its settings: code, the quadrotor's body, and the meshes that cameras see.
 _RELEASED = (
     *(f"{name}/**/*.py" for name in _OURS),
     "assets/*.urdf",
@@ -36,16 +36,16 @@ _RELEASED = (
 
 
 class _Setup(Struct, frozen=True, kw_only=True):
-    """Place of a trial in its study, and what reproduces it: what a task and its row have in common."""
+    """The common part of a task and its row: the trial's place in its study, and everything that reproduces it."""
 
     study: str = ""
-    scenario: str = ""  # name, or .toml file
-    factors: tuple[tuple[str, str], ...] = ()  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
+    scenario: str = ""  # name or .toml file
+    factors: tuple[tuple[str, str], ...] = ()  # displayed factors and levels: (("lambda", "45"), ("R", "5"))
     settings: dict[str, str] = {}  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
-    planner: str  # as --planner takes it
+    planner: str  # in the form of --planner
     seed: int
-    repeat: int = 0  # of the chance on the seed's map
-    version: str  # of the package
+    repeat: int = 0  # decides, with the seed, the noise on the seed's map
+    version: str  # version of the package
 
 
 class Task(_Setup, frozen=True, kw_only=True):
@@ -53,11 +53,11 @@ class Task(_Setup, frozen=True, kw_only=True):
 
     key: str
     setting: Scenario
-    metrics: tuple[str, ...] = ()  # from outside, by import string
+    metrics: tuple[str, ...] = ()  # import strings of plug-in metrics
 
     @property
     def shared(self) -> dict[str, Any]:
-        """The fields that a row has from its task."""
+        """The fields that a row takes from its task."""
         return {name: getattr(self, name) for name in _Setup.__struct_fields__}
 
 
@@ -66,19 +66,18 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
 
     status: Literal["done", "failed"]
     error: str = ""
-    metrics: dict[str, float] = {}  # flat names, as in docs/how-to/studies.md; NaN: undefined
-    # (T,) m at each scan, mean over the UAVs that work; NaN if none does
+    metrics: dict[str, float] = {}  # by dotted name, as in docs/how-to/studies.md; NaN if undefined
+    # (T,) m at each scan, mean over the working UAVs; NaN if there are none
     ospa: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, dtype=np.float32))
     times: Array = field(default_factory=lambda: np.zeros(0))  # (T,) s
-    recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
-    machine: str = ""  # that flew it: processor and BLAS
+    recording: str = ""  # SHA-256 of the recording's file, equal on all machines; empty if the trial failed
+    machine: str = ""  # processor and BLAS of the machine that flew the trial
 
 
 def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
-    """All trials of a study, seed by seed and repeat by repeat, so that an interrupted one has pairs.
+    """All trials of a study, seed by seed and repeat by repeat, so that an interrupted study has complete pairs.
 
-    metrics: import strings of metrics from outside that each trial is to have. InputError where a trial
-    cannot be flown.
+    metrics: import strings of plug-in metrics to compute. InputError if a trial cannot be flown.
     """
     listed, seeds = cells(study), integers(study.seeds, "seeds")
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
@@ -114,9 +113,9 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
 
 @functools.lru_cache(maxsize=1)
 def release() -> str:
-    """Version of this package and, as a checkout changes between releases, a digest of its code: 1.2.0+89abcdef.
+    """Version of this package with a digest of its code, which changes between releases: 1.2.0+89abcdef.
 
-    The digest is of the body of the quadrotor and the meshes, too, wherever the package is installed.
+    The digest includes the quadrotor's body and the meshes, and does not depend on the place of installation.
     """
     digest = hashlib.sha256()
     for name in sorted(file.relative_to(ROOT).as_posix() for pattern in _RELEASED for file in ROOT.glob(pattern)):
@@ -126,13 +125,13 @@ def release() -> str:
 
 
 def _loaded(cell: Cell) -> tuple[Scenario, str]:
-    """Scenario and digest of a cell; InputError where it cannot be flown."""
+    """Scenario and digest of a cell; InputError if it cannot be flown."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
     return setting, _digest_of(setting, cell.spec)
 
 
 def _placed(study: Study, cell: Cell, error: InputError) -> str:
-    """The error of a cell, with the study's file and the first of its tables with which it cannot be flown."""
+    """The error of a cell, with the study's file and the first of its tables that causes the error."""
     for count, table in enumerate(cell.tables, start=1):
         try:
             _loaded(msgspec.structs.replace(cell, tables=cell.tables[:count]))
@@ -140,11 +139,11 @@ def _placed(study: Study, cell: Cell, error: InputError) -> str:
             if not study.file or not table.name:
                 return str(first)
             return study.at(f"{table.name}: {first}" if count > 1 else _placed_in_head(study, cell, first))
-    return str(error)  # of a plug-in that failed once
+    return str(error)  # a plug-in failed only the first time
 
 
 def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
-    """The error of a cell's scenario, else of its planner, with the key of the study's file that names it."""
+    """The error of a cell's scenario or planner, with the key of the study's file that names it."""
     try:
         load(cell.scenario)
     except InputError as wrong:
@@ -155,13 +154,13 @@ def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
 
 
 def _digest_of(setting: Scenario, planner: str) -> str:
-    """A digest of all that decides a trial but seed and repeat."""
+    """Digest of everything that decides a trial except seed and repeat."""
     parts = [resolved(setting), canonical_text(planner), release(), *_contents(setting, planner)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def _contents(setting: Scenario, planner: str) -> list[str]:
-    """Digests of files that a trial depends on and that change without a new version: plug-ins, paths of people."""
+    """Digests of files outside of the package on which a trial depends: plug-ins and trajectories of people."""
     made, target = load_planner(planner), planner_target(planner)
     plugins = [(target, imported(target)), (target, type(made))]
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
@@ -170,7 +169,7 @@ def _contents(setting: Scenario, planner: str) -> list[str]:
 
 
 def _sources(target: str, plugin: object) -> list[str]:
-    """Files of the module that an import string names and of that which defines the plug-in, if they are the user's."""
+    """Files, if they are the user's, of the module in an import string and of the module that defines the plug-in."""
     names = [target.partition(":")[0], str(getattr(plugin, "__module__", ""))]
     theirs = [name for name in names if name.partition(".")[0] not in (*_OURS, *sys.stdlib_module_names)]
     return [getattr(sys.modules.get(name), "__file__", None) or "" for name in theirs]
@@ -180,11 +179,11 @@ def _digest(path: Path) -> str:
     try:
         return hashlib.sha256(content(path, "people.trajectories", MOST_BYTES)).hexdigest()
     except InputError:
-        return ""  # building the world says what is wrong with it
+        return ""  # the set-up of the world reports what is wrong with the file
 
 
 def _check_distinct(study: Study, first: Sequence[Task]) -> None:
-    """InputError if two cells are the same trials, which would count them twice."""
+    """InputError if two cells have the same trials, which would count twice."""
     known: dict[str, Task] = {}
     for task in first:
         if task.key in known:

@@ -1,4 +1,4 @@
-"""One trial, from values that can be pickled to a row."""
+"""One trial of a study: the function that flies it, from a task to a row, both of which can be pickled."""
 
 import math
 import time
@@ -21,7 +21,7 @@ from tracking.plugins.containment import ForeignError, contained
 
 
 class Flown(Struct, frozen=True):
-    """A trial that has ended: its row, and its recording as a file's content if that is to be kept."""
+    """A trial that has ended: its row, and the content of its recording's file if that is to be kept."""
 
     row: Row
     recording: bytes = b""
@@ -30,15 +30,15 @@ class Flown(Struct, frozen=True):
 def fly(
     task: Task, *, keep: bool = False, timeout: float | None = None, begun: Callable[[], object] = lambda: None
 ) -> Flown:
-    """Fly a trial. Whatever it raises is the error of a failed row, since not every exception survives pickling.
+    """Fly a trial. Any exception becomes the error of a failed row, because not all exceptions can be pickled.
 
-    keep: whether the recording comes back too. timeout: wall time [s] beyond which the trial has failed; compiling
-    before it is not counted. begun: called when that time starts.
+    keep: True to return the recording, too. timeout: wall time [s], without compilation, after which the trial fails.
+    begun: called when this time starts.
     """
     try:
         if release() != task.version:
             raise RuntimeError(f"understory is {release()} here, not {task.version}")
-        warm_up()  # so that the first trial's times are those of the others
+        warm_up()  # so that the first trial takes as long as the others
         begun()
         with contained():
             return _flown(task, keep, timeout)
@@ -49,7 +49,7 @@ def fly(
 
 
 def failed(task: Task, error: str) -> Flown:
-    """A trial without a result, and why."""
+    """A trial without a result, with the reason."""
     return Flown(Row(**task.shared, status="failed", error=" ".join(error.split())))
 
 
@@ -78,7 +78,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
 
 
 def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
-    """The metrics of a row and the time of every stage, NaN where there was nothing to count."""
+    """The metrics of a row and the time of every stage; NaN if there was nothing to count."""
     values = {
         **evaluated(outcome, asked),
         "sees_truth": outcome.recording.sees_truth,
