@@ -1,4 +1,4 @@
-"""Answers of a study on each metric: every cell and planner by itself, and against a baseline on the same maps."""
+"""Answers of a study for each metric: every planner in every cell, and its difference from a baseline by map."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,25 +18,25 @@ from tracking.numerics.arrays import Array
 class Answer:
     """One metric of one planner in one cell, or over all cells."""
 
-    cell: Cell | None  # None: all cells
+    cell: Cell | None  # None means all cells
     planner: str
     metric: Metric
-    maps: int = 0  # with a finite value
-    flown: int = 0  # maps, those that failed too
-    trials: int = 0  # done; as many as maps where none is repeated
-    failed: int = 0  # trials
-    undefined: int = 0  # trials done, without a finite value
-    faulty: int = 0  # trials done, with faults, as of a planner that raises
+    maps: int = 0  # number of maps with a finite value
+    flown: int = 0  # number of maps, including those whose trials failed
+    trials: int = 0  # number of trials done, equal to that of maps if none is repeated
+    failed: int = 0  # number of failed trials
+    undefined: int = 0  # number of trials done without a finite value
+    faulty: int = 0  # number of trials done with faults, such as those of a planner that raises
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
     spread: Spread = NO_SPREAD
-    difference: Difference | None = None  # None of the baseline itself
+    difference: Difference | None = None  # None for the baseline itself
 
 
 def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -> list[Answer]:
-    """Metric by metric: every cell's planners, then the differences over all cells if there are several.
+    """Answers, metric by metric: the planners in every cell, then differences over all cells if there are several.
 
-    All differences together are what Holm's correction is for.
+    Holm's correction is for all these differences together.
     """
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
     pairs = {g: paired(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
@@ -52,7 +52,7 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
 
 
 def holm(p_values: Sequence[float]) -> list[bool]:
-    """Marks of the p-values that stay below 5 % when all are judged together.
+    """Mask of the p-values that stay below 5 % after Holm's correction for all of them.
 
     Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
     """
@@ -64,7 +64,7 @@ def holm(p_values: Sequence[float]) -> list[bool]:
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:
-    """The answers, with marks of the differences that survive; one without a pair is no test."""
+    """The answers, in which differences that survive the correction are marked; one without pairs is not a test."""
     compared = [a.difference for a in found if a.difference]
     kept = iter(holm([gap.p_value for gap in compared if gap.pairs]))
     judged = iter([replace(gap, survives=next(kept)) if gap.pairs else gap for gap in compared])
@@ -97,12 +97,12 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 
 
 def map_means(group: Group, metric: Metric) -> Estimate:
-    """The mean over the maps of a group."""
+    """Mean of a metric over the maps of a group."""
     return _own(group, [metric])[0].mean
 
 
 def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
-    """Of each other planner the values (n, 2) on the maps that both flew, in the unit: the baseline's, then its own."""
+    """Values (n, 2) of the baseline and of each other planner, in the metric's unit, on the maps that both flew."""
     bases = {group.cell: group for group in groups if group.planner == baseline}
     found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
     for group in groups:
@@ -112,10 +112,10 @@ def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[s
 
 
 def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]) -> dict[str, list[Difference]]:
-    """Of each planner that meets the baseline in several cells: the mean over these cells, run by run.
+    """Differences of each planner that meets the baseline in several cells, as means over these cells, run by run.
 
-    Cells may share people and forests of a seed, so seeds are what is counted; a run that lacks its pair in a cell
-    does not count.
+    Cells may share the forests and people of a seed, so the samples are seeds. A run without its pair in some cell does
+    not count.
     """
     found, undefined = {}, np.full(len(metrics), np.nan)
     for planner in dict.fromkeys(group.planner for group in pairs):

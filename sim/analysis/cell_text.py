@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from sim.study.cells import ENTERED
 from sim.study.tasks import Row, Task
 
-Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
+Cell = tuple[tuple[str, str], ...]  # name and value of each factor that varies over the study
 SYMBOLS = {"lambda": "λ"}
-Placed = Row | Task  # or a trial that is yet to be flown
+Placed = Row | Task  # a trial that was flown or is yet to be flown
 
 
 def cells_of(rows: Sequence[Placed]) -> list[Cell]:
-    """The cell of each row; scenario and version count as factors where the rows differ in them."""
+    """The cell of each row; scenario and version are factors, too, if the rows differ in them."""
     differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
     found = [
         (*((name, getattr(row, name)) for name in differing if name not in dict(row.factors)), *row.factors)
@@ -22,19 +22,19 @@ def cells_of(rows: Sequence[Placed]) -> list[Cell]:
 
 
 def cell_text(cell: Cell | None) -> str:
-    """A cell as text, such as λ = 45, R = 5; None: all cells."""
+    """A cell as text, such as λ = 45, R = 5; None means all cells."""
     if cell is None:
         return "all cells"
     return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
 
 
 def with_cell(planner: str, cell: Cell | None) -> str:
-    """A planner and its cell, if the study has cells: greedy (λ = 45, R = 5)."""
+    """A planner with its cell, if the study has cells: greedy (λ = 45, R = 5)."""
     return planner if cell == () else f"{planner} ({cell_text(cell)})"
 
 
 def slug(text: str) -> str:
-    """A text on cells as names of files and anchors have it: lambda-45-r-5."""
+    """A text about cells in the form of names of files and anchors: lambda-45-r-5."""
     for name, symbol in SYMBOLS.items():
         text = text.replace(symbol, name)
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")

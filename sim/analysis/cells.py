@@ -16,7 +16,7 @@ from sim.study.tasks import Row
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError
 
-Run = tuple[int, int]  # of a Monte Carlo study: seed and repeat
+Run = tuple[int, int]  # seed and repeat
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Group:
     """All trials of one planner in one cell, by seed and repeat."""
 
     cell: Cell
-    planner: str  # without the options that vary with the cell
+    planner: str  # label without the options that vary with the cell
     done: tuple[Row, ...]
     failed: tuple[Row, ...]
 
@@ -34,26 +34,26 @@ class Group:
         return with_cell(self.planner, self.cell)
 
     def values(self, metric: str) -> Array:
-        """The metric of each trial done (n,); NaN where it is undefined."""
+        """The metric of each trial done (n,); NaN if it is undefined."""
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)
 
     def table(self, metrics: Sequence[Metric]) -> Array:
-        """The metrics of each trial done (n, metrics); NaN where they are undefined."""
+        """The metrics of each trial done (n, metrics); NaN if they are undefined."""
         return np.array([self.values(metric.name) for metric in metrics]).reshape(len(metrics), len(self.done)).T
 
     def by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
-        """The metrics of each run; all NaN of one that failed."""
+        """The metrics of each run; all NaN if it failed."""
         failed = {(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
         return failed | {(row.seed, row.repeat): own for row, own in zip(self.done, self.table(metrics), strict=True)}
 
     @property
     def ospa(self) -> Array:
-        """OSPA of all scans of all trials together (N,) m."""
+        """OSPA (N,) m of all scans of all trials together."""
         return np.concatenate([np.zeros(0), *(row.ospa for row in self.done)])
 
     @property
     def curves(self) -> tuple[Array, Array]:
-        """Times (T,) s and OSPA (n, T) m of each trial; a mission that is shorter than the longest ends in NaN."""
+        """Times (T,) s and OSPA (n, T) m of each trial; NaN after the end of missions shorter than the longest."""
         times = max((row.times for row in self.done), key=len, default=np.zeros(0))
         found = np.full((len(self.done), len(times)), np.nan)
         for curve, row in zip(found, self.done, strict=True):
@@ -62,12 +62,11 @@ class Group:
 
 
 def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
-    """Every cell's groups, the baseline's first; cells and other planners in natural order, however rows are ordered.
+    """Groups of rows by cell and planner; cells are in natural order, and planners, too, after the baseline.
 
-    baseline: its label, as from `baseline_of`.
-    A planner that varies with the cell, such as sma-nbo(horizon=3) where H = 3, goes by what its texts share.
-    given: labels of planners, as from `labels_of`. InputError where a trial is there twice, as from a folder in which
-    the same study was flown with other settings.
+    baseline: its label, as from `baseline_of`. given: labels of planners, as from `labels_of`. A planner whose options
+    vary with the cell, such as sma-nbo(horizon=3) where H = 3, is labelled by the text that all its cells share.
+    InputError if a trial is there twice, as from a folder in which a study was flown with different settings.
     """
     cells = cells_of(rows)
     labels = planner_labels(rows, given)
@@ -95,7 +94,7 @@ def _group(cell: Cell, planner: str, rows: dict[Run, Row]) -> Group:
 
 
 def varying(groups: Sequence[Group]) -> dict[str, list[str]]:
-    """The factors that take several values over the groups, and these in order."""
+    """The factors with several values over the groups, with these values in natural order."""
     values: dict[str, dict[str, None]] = defaultdict(dict)
     for group in groups:
         for name, value in group.cell:
@@ -109,12 +108,12 @@ def constant(groups: Sequence[Group]) -> Cell:
 
 
 def trimmed(groups: Sequence[Group]) -> list[Group]:
-    """The groups, their cells without the factors that are the same everywhere."""
+    """The groups, without the factors that have the same value in all of them."""
     same = constant(groups)
     return [replace(g, cell=tuple(factor for factor in g.cell if factor not in same)) for g in groups]
 
 
 def _natural(text: str) -> tuple[tuple[int, float, str], ...]:
-    """A key that sorts 5 before 15 and numbers before words."""
+    """Sort key that puts 5 before 15 and numbers before words."""
     parts = re.findall(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[^\d]+", text)
     return tuple((0, float(p), "") if re.fullmatch(r"[-+]?\d.*", p) else (1, 0.0, p) for p in parts)

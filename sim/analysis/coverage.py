@@ -1,19 +1,19 @@
-"""Coverage of intervals over few maps, the share that holds the true mean: counted on trials that were flown."""
+"""Coverage of intervals over few maps: the share that contains the true mean, counted on trials that were flown."""
 
 from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import Metric
 
-# Of 4000 samples of so many maps, the share [%] of intervals that held the mean of all maps flown, over planners and
-# their differences, missions of 20 s and 40 s; tests/sim/analysis/test_coverage.py counts again.
-SHARES = {2: 86, 3: 90, 5: 91, 8: 94, 10: 93, 20: 94, 50: 95}  # of scans with OSPA under 1 m: the lowest
-# Of means over maps of a mission's mean and median OSPA, and of its mean GOSPA in worlds of bench-1: median, lowest.
+# Share [%] of intervals that contain the mean of all maps flown, by number of maps in a sample; 4000 samples each, for
+# planners and their differences, missions of 20 s and 40 s. tests/sim/analysis/test_coverage.py counts again.
+SHARES = {2: 86, 3: 90, 5: 91, 8: 94, 10: 93, 20: 94, 50: 95}  # for scans with OSPA under 1 m: the lowest coverage
+# For a mission's mean and median OSPA, and its mean GOSPA in the worlds of bench-1: median and lowest coverage.
 ERRORS = {
     "ospa.mean_m": {2: (92, 81), 3: (91, 80), 5: (86, 70), 8: (85, 67), 10: (83, 58), 20: (91, 44), 50: (91, 45)},
     "ospa.median_m": {2: (91, 84), 3: (92, 81), 5: (90, 68), 8: (91, 67), 10: (91, 60), 20: (92, 42), 50: (94, 28)},
     "gospa.mean_m": {2: (93, 87), 3: (96, 83), 5: (96, 79), 8: (96, 77), 10: (96, 76), 20: (95, 76), 50: (95, 86)},
 }
-ENOUGH = 8  # maps from which on intervals of shares hold
+ENOUGH = 8  # number of maps from which on intervals of shares have the coverage that they claim
 COVERED = (
     f"From {ENOUGH} maps on, intervals of shares of scans hold the true mean in at least 92 % of cases: counted by "
     "drawing maps from trials that were flown.",
@@ -27,12 +27,11 @@ _SHARE = "ospa.share_under_1m"
 
 
 def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
-    """Caveats on intervals of means, by metric and number of maps; nothing where they hold as they say.
+    """Caveats about intervals of means, given metrics and numbers of maps; none if the coverage is as claimed.
 
-    Of a difference the number of maps is that of its pairs. Coverage was counted of `ospa.share_under_1m`, and of the
-    errors in `ERRORS`, which differ by so much that nothing follows for other errors. Recall,
-    precision and the share of people held are in %, but not shares of scans: neither they nor any other metric were
-    counted. Intervals of medians over maps hold whatever the metric.
+    For a difference the number of maps is that of its pairs. Coverage is known for `ospa.share_under_1m` and for the
+    errors in `ERRORS`, which differ so much that nothing follows for other metrics, in m or in %. Intervals of medians
+    over maps have their coverage for any metric.
     """
     counted = [(metric, maps) for metric, maps in measured if maps > 1]
     found = []
@@ -50,12 +49,12 @@ def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
 
 
 def _nearest(maps: int) -> set[int]:
-    """The numbers of maps counted between which this one lies, or itself; the last beyond that."""
+    """The neighbours of a number of maps among those counted: itself, two, or the largest alone."""
     return {max(n for n in SHARES if n <= maps), min((n for n in SHARES if n >= maps), default=max(SHARES))}
 
 
 def _of_errors(errors: Sequence[tuple[int, str]]) -> str:
-    """Coverage of intervals of mean errors at worst, by number of maps and name of the metric."""
+    """Caveat with the lowest coverage of intervals of mean errors, given numbers of maps and names of metrics."""
     counted = [ERRORS[name][n] for maps, name in errors for n in _nearest(maps)]
     usual, least = (min(shares) for shares in zip(*counted, strict=True))
     fewest, most = min(errors)[0], max(errors)[0]

@@ -12,35 +12,35 @@ from sim.analysis.intervals import LEVEL, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
-_ROUNDING = 1e-9  # of what is added up
+_ROUNDING = 1e-9  # rounding error relative to the terms of a sum
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A planner less the baseline, on the maps that both flew, repeat by repeat."""
+    """Difference of a planner and the baseline on the maps that both flew, repeat by repeat."""
 
     mean: Estimate
     pairs: int
-    unpaired: int  # maps of either without a value of the other
+    unpaired: int  # number of maps with a value of only one of the two
     won: int
     tied: int
     lost: int
-    cells: int = 1  # over which each map's value is the mean
-    p_value: float = 1.0  # of no difference
-    survives: bool = False  # Holm's correction for all differences shown with it
+    cells: int = 1  # number of cells over which each map's value is the mean
+    p_value: float = 1.0  # p-value of the hypothesis that there is no difference
+    survives: bool = False  # True if it survives Holm's correction for all differences shown with it
     spread: Spread = NO_SPREAD
-    needed: float = np.nan  # maps that tell such a difference apart
+    needed: float = np.nan  # number of maps needed to find such a difference
 
     @property
     def significant(self) -> bool:
-        """True if the two can be told apart, this difference taken by itself."""
+        """True if the two can be told apart, without a correction for other differences."""
         return self.p_value <= 1 - LEVEL
 
 
 def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
-    """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won.
+    """Differences by metric: mean, and numbers of maps won and lost, which are 0 if neither direction is better.
 
-    pairs: as from `paired`, or their means over so many cells.
+    pairs: as from `paired`, or means of these over so many cells.
     """
     values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     maps = np.array([seed for seed, _ in pairs], dtype=object)
@@ -52,16 +52,16 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
         won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metric.better]
         paired_maps = below + tied + above
         counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
-        widest = metric.most - metric.least  # that two values can differ by
+        widest = metric.most - metric.least  # largest possible difference
         mean = mean.cut(-widest, widest)
         found.append(Difference(mean, *counts, p_value=p_value, spread=spread, needed=needed))
     return found
 
 
 def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
-    """Means (maps, metrics) of values (N, metrics) over the repeats of each map that are finite; NaN where none is.
+    """Means (maps, metrics) of values (N, metrics) over the finite repeats of each map; NaN if there are none.
 
-    The mean of values that cancel but for rounding is zero, so that a tie counts as one.
+    A mean of values that cancel except for rounding is zero, so that a tie counts as a tie.
     """
     seeds, place = np.unique(maps, return_inverse=True)
     counted = np.isfinite(values)
@@ -75,16 +75,16 @@ def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
 
 
 def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> dict[Run, Array]:
-    """The metrics of the group less the baseline's, on every run of either; NaN where one is missing or infinite."""
+    """The group's metrics minus the baseline's on every run of either; NaN if one is missing or infinite."""
     ours, theirs = (g.by_run(metrics) if g else {} for g in (group, base))
     missing = np.full(len(metrics), np.nan)
-    with np.errstate(invalid="ignore"):  # infinity less infinity
+    with np.errstate(invalid="ignore"):  # infinity minus infinity
         gaps = {run: ours.get(run, missing) - theirs.get(run, missing) for run in sorted(ours.keys() | theirs.keys())}
     return {run: np.where(np.isfinite(gap), gap, np.nan) for run, gap in gaps.items()}
 
 
 def common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
-    """Maps (n,) where all groups have a finite value in some common repeat, and the values (n, groups) there."""
+    """Maps (n,) on which all groups have finite values in a common repeat, and these values (n, groups)."""
     tables = [group.by_run([metric]) if group else {} for group in groups]
     runs = sorted(set.intersection(*(set(table) for table in tables)))
     values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))

@@ -11,13 +11,13 @@ from tracking.numerics.arrays import Array
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations: between maps, of what a map is worth, and within maps, of the repeats of one."""
+    """Standard deviations: between the expected values of maps, and within maps, between the repeats of a map."""
 
     between: float = np.nan
     within: float = np.nan
 
     def texts(self, metric: Metric) -> list[str]:
-        """Both in the metric's unit, without it."""
+        """Both standard deviations in the metric's unit, without the unit's name."""
         return [metric.text(self.between), metric.text(self.within)]
 
 
@@ -25,10 +25,10 @@ NO_SPREAD = Spread()
 
 
 def spreads(values: Array, maps: NDArray[np.object_]) -> list[Spread]:
-    """Of each column of values (N, M) of trials on `maps` (N,) its variance components, as standard deviations.
+    """Variance components, as standard deviations, of each column of values (N, M) of trials on `maps` (N,).
 
-    Estimates of the one-way random effects analysis of variance, for unequal numbers of repeats too; NaN and infinity
-    are left out. A variance that comes out negative is zero. Without a map that has repeats, nothing can be told.
+    Estimates are those of the one-way random effects analysis of variance, also for unequal numbers of repeats. NaN and
+    infinity are left out, and a negative estimate becomes zero. Both are NaN if no map has repeats.
     Source: S. R. Searle, G. Casella and C. E. McCulloch, Variance Components, 1992, section 3.6.
     """
     found = np.isfinite(values)
@@ -50,7 +50,7 @@ def _spread(values: Array, maps: NDArray[np.object_]) -> Spread:
 
 
 def ecdf(values: Array, at: Array) -> Array:
-    """Share of the values (N,) that are no more than each of `at`; NaN is left out, of nothing all are NaN."""
+    """Share of the values (N,) that are no more than each of `at`; NaN is left out, and no values give NaN."""
     ordered = np.sort(values[~np.isnan(values)])
     if not len(ordered):
         return np.full(len(at), np.nan)
@@ -59,7 +59,7 @@ def ecdf(values: Array, at: Array) -> Array:
 
 
 def share_under(values: Array, bound: float) -> float:
-    """Share of the values (N,) below the bound; NaN is left out."""
+    """Share of the values (N,) that are below a bound; NaN is left out."""
     counted = values[~np.isnan(values)]
     return float(np.mean(counted < bound)) if len(counted) else np.nan
 

@@ -1,7 +1,7 @@
 """Means and medians over maps with their intervals, tests of differences, and the number of maps that a test needs.
 
-Maps are what is sampled: a map's value is the mean over its repeats. Intervals are of 95 %, each for itself: of twenty
-comparisons, one is expected to miss.
+The samples are maps; a map's value is the mean over its repeats. Intervals are of 95 % without correction for their
+number: of twenty, one is expected to miss.
 """
 
 import math
@@ -16,25 +16,25 @@ from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
-POWER = 0.8  # with which `maps_needed` finds a difference
-MOST_MAPS = 9999  # beyond which no number is told
+POWER = 0.8  # probability with which `maps_needed` maps find a difference
+MOST_MAPS = 9999  # largest number of maps that is reported
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its interval; NaN where there is none."""
+    """A value with its interval; NaN if there is none."""
 
     value: float = np.nan
     low: float = np.nan
     high: float = np.nan
 
     def text(self, metric: Metric, *, signed: bool = False) -> str:
-        """The value and, in brackets, the interval if there is one, in the metric's unit, without it."""
+        """The value and, in brackets, the interval if there is one, in the metric's unit, without the unit's name."""
         value, low, high = (metric.text(v, signed=signed) for v in (self.value, self.low, self.high))
         return value if math.isnan(self.low) else f"{value} [{low}, {high}]"
 
     def cut(self, least: float, most: float) -> "Estimate":
-        """The estimate with its interval cut off where no value can be."""
+        """The estimate with its interval cut off at the bounds of possible values."""
         return replace(self, low=max(self.low, least), high=min(self.high, most))
 
 
@@ -44,13 +44,13 @@ NO_ESTIMATE = Estimate()
 def means(values: Array) -> list[Estimate]:
     """The mean of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    Student's t interval, with the end on the side of the longer tail moved outwards by the Edgeworth term of the
-    sample's skewness γ, γ s (1 + 2 t²) / 6n; the other end stays. A column whose values are all equal has an interval
-    of no width, one of a single value has none.
+    The interval is Student's t interval, whose end on the side of the longer tail is moved outwards by the Edgeworth
+    term γ s (1 + 2 t²) / 6n of the sample's skewness γ. The interval of a column of equal values has no width; a single
+    value has no interval.
 
-    Of 8, 10, 20 and 50 maps drawn from trials that were flown, these intervals held the mean share of scans under 1 m
-    in 94, 93, 94 and 95 % of cases at least, Student's in 89, 89, 91 and 94 %, bootstraps of BCa kind in 80, 83, 86 and
-    90 %; `sim.analysis.coverage` has mean errors.
+    For 8, 10, 20 and 50 maps drawn from trials that were flown, these intervals contained the mean share of scans under
+    1 m in at least 94, 93, 94 and 95 % of cases, Student's in 89, 89, 91 and 94 %, and BCa bootstraps in 80, 83, 86 and
+    90 %. `sim.analysis.coverage` has the numbers for mean errors.
     Source: N. J. Johnson, Modified t tests and confidence intervals for asymmetrical populations, JASA, 1978; P. Hall,
     On the removal of skewness by transformation, JRSS B, 1992.
     """
@@ -60,34 +60,34 @@ def means(values: Array) -> list[Estimate]:
 def medians(values: Array) -> list[Estimate]:
     """The median of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    The interval ends at two of the values, of equal rank from below and from above: the innermost that hold the median
-    of any distribution with 95 % at least. Of fewer than six values these are the least and the greatest, which hold
-    it with 1 - 2 / 2ⁿ.
+    The interval ends at two of the values, with equal rank from below and from above: the innermost ones that contain
+    the median of any distribution with at least 95 %. For fewer than six values these are the least and the greatest,
+    which contain it with 1 - 2 / 2ⁿ.
     """
     return _by_column(values, _medians)
 
 
 def p_values(values: Array) -> list[float]:
-    """For each column of differences (n, M) the p-value of no difference in the mean; 1 where nothing is known.
+    """The p-value of no difference in the mean, for each column of differences (n, M); 1 if nothing is known.
 
-    The interval of `means` at the level 1 - p ends at zero, so p is below 5 % where that of 95 % leaves zero out. It
-    is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
-    is told apart on fewer than six.
+    The interval of `means` at the level 1 - p ends at zero, so p is below 5 % if the interval of 95 % excludes zero. It
+    is never below 2 / 2ⁿ, the least p-value that a test without assumptions about the distribution can give; fewer than
+    six maps therefore never show a difference.
     """
     return [_p_value(column[np.isfinite(column)]) for column in values.T]
 
 
 def maps_needed(values: Array) -> list[float]:
-    """For each column of differences (n, M) the number of maps that would tell it apart from zero; infinity: too many.
+    """Number of maps needed to tell each column of differences (n, M) from zero; infinity if too many.
 
-    The least number for which a paired t test of 5 %, two-sided, finds a true difference of the mean observed with a
-    probability of 80 %, if maps differ by the standard deviation observed; never fewer than six. NaN of fewer than two.
+    It is the least number, but at least six, for which a two-sided paired t test at 5 % finds a true difference with
+    the observed mean and standard deviation with a probability of 80 %. NaN for fewer than two differences.
     """
     return [_needed(column[np.isfinite(column)]) for column in values.T]
 
 
 def _moments(values: Array) -> tuple[float, float, float]:
-    """Mean, its standard error, and the unit γ s / 6n of the Edgeworth term, of two values or more."""
+    """Mean of two or more values, its standard error, and the unit γ s / 6n of the Edgeworth term."""
     n, centre = len(values), float(values.mean())
     if np.ptp(values) == 0:
         return float(values[0]), 0.0, 0.0
@@ -99,7 +99,7 @@ def _moments(values: Array) -> tuple[float, float, float]:
 
 
 def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
-    """Estimates of every column (n,), of its finite values; a single one has no interval."""
+    """Estimates from the finite values of every column (n,); a single value has no interval."""
     columns = [column[np.isfinite(column)] for column in values.T]
     return [estimate(c) if len(c) > 1 else Estimate(float(c[0])) if len(c) else NO_ESTIMATE for c in columns]
 
@@ -113,7 +113,7 @@ def _means(values: Array) -> Estimate:
 
 def _medians(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
-    # The greatest rank that the median lies below in 2.5 % of cases at most: fewer than so many of n coins show heads.
+    # The greatest rank whose value exceeds the median in at most 2.5 % of cases: fewer heads than that in n coin flips.
     rank = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
 
@@ -126,7 +126,7 @@ def _p_value(values: Array) -> float:
     least = 2.0 ** (1 - n)
     if error == 0.0:
         return least if centre else 1.0
-    # The quantile at which the end towards zero is zero: |centre| = q error + reach (1 + 2 q²).
+    # The quantile q for which the end of the interval towards zero is zero: |centre| = q error + reach (1 + 2 q²).
     reach = max(-unit if centre > 0 else unit, 0.0)
     room = abs(centre) - reach
     if room <= 0:
@@ -148,6 +148,6 @@ def _needed(values: Array) -> float:
 
 
 def _found(effect: float, maps: int) -> bool:
-    """True if so many maps tell a mean of `effect` standard deviations apart with the power that is asked for."""
+    """True if so many maps find a mean of `effect` standard deviations with a probability of `POWER`."""
     shift = effect * np.sqrt(maps)
     return bool(shift > 30 or nctdtr(maps - 1, shift, stdtrit(maps - 1, (1 + LEVEL) / 2)) <= 1 - POWER)

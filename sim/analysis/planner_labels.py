@@ -1,4 +1,4 @@
-"""Labels of what a study compares, planners and trackers: their text, what texts share, or the user's name."""
+"""Labels of the planners and trackers that a study compares: their text, a shared part of it, or the user's label."""
 
 import re
 from collections import defaultdict
@@ -11,25 +11,25 @@ from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
-BOUND = ", upper bound"  # follows the label of a planner that sees the truth
+BOUND = ", upper bound"  # end of the label of a planner that sees the truth
 Key = tuple[str, str]
 
 
 def entrant(row: Placed) -> str:
-    """Text of what a trial enters in a comparison: its planner, with its tracker or view where the study has them."""
+    """Text of a trial's entrant in a comparison: its planner, with tracker and view if the study varies them."""
     return with_options(row.planner, _entered(row))
 
 
 def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
-    """The label of each entrant, with a remark if it is an upper bound; given: the user's, as from `labels_of`."""
+    """Label of each entrant, with a remark if it is an upper bound; given: the user's labels, as from `labels_of`."""
     flown = [row for row in rows if isinstance(row, Row)]
     bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _own_labels(rows).items()}
 
 
 def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
-    """Of each entrant its text, or what the texts of its planner share if each cell has just one of them."""
-    texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # of each planner, with the cells that they fly in
+    """Label of each entrant: its text, or the shared part of its planner's texts if each cell has only one of these."""
+    texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # texts of each planner, with their cells
     for row, cell in zip(rows, cells_of(rows), strict=True):
         texts[_key(row)].setdefault(row.planner, set()).add(cell)
     shared = {}
@@ -41,7 +41,7 @@ def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
 
 
 def _entered(row: Placed) -> dict[str, str]:
-    """The tracker and the view as options of the planner; empty unless the study has them."""
+    """Tracker and view of a trial as options of the planner; empty if the study does not vary them."""
     return {name: level for name, level in row.factors if name in ENTERED}
 
 
@@ -58,9 +58,9 @@ def _shared(name: str, planners: Sequence[str]) -> str:
 def baseline_of(
     rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}, option: str = "--baseline"
 ) -> str:
-    """The label of the baseline, named by label, text, or name of planner or tracker; of the first row if None.
+    """Label of the baseline, given by label, text, or name of planner or tracker; by default that of the first row.
 
-    InputError about the option where there is none such. Trials that are yet to be flown serve as well as rows.
+    rows: trials that were flown or are yet to be flown. InputError about the option if no planner matches.
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
@@ -72,7 +72,7 @@ def baseline_of(
 
 
 def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
-    """Labels that the user gives as "label=planner", by those that they replace; InputError where one cannot be."""
+    """The user's labels, given as "label=planner", by the labels that they replace; InputError if one is invalid."""
     labels = _own_labels(rows)
     found: dict[str, str] = {}
     for text in asked:
@@ -88,7 +88,7 @@ def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
 
 
 def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[str, str] = {}) -> str:
-    """The label that is asked for by the user's label for it, by itself, a text, or name of planner or tracker."""
+    """The label that the user means by a label, by a text, or by the name of a planner or tracker."""
     own = {label: label for label in labels.values()}
     shown = {given.get(label, label): label for label in own}
     exact = {**labels, **own, **shown}
@@ -104,9 +104,9 @@ def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[st
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Labels for a narrow table: without options that all planners of one name share, and without modules.
+    """Labels for a narrow table: without modules, and without options that all planners of one name share.
 
-    Trackers of a single planner go by their own names. A label stays as it is where two would look alike.
+    Trackers of a single planner are labelled by their own names. Labels that would be equal are not shortened.
     """
     options = {label: split_options(label.removesuffix(BOUND)) for label in labels}
     tracker = f"{TRACKER}="

@@ -23,26 +23,26 @@ SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digit
 
 @dataclass(frozen=True)
 class NormalisedScore:
-    """The score of a planner in one cell, or the mean over all cells: that of the floor is 0, that of the bound 1."""
+    """Score of a planner in one cell, or the mean over all cells; the floor has the score 0, and the bound 1."""
 
-    cell: Cell | None  # None: all cells
+    cell: Cell | None  # None means all cells
     planner: str
     estimate: Estimate
     maps: int
 
 
 class Scored(NamedTuple):
-    """Scores of planners, and of which metric between which ends."""
+    """Scores of planners, with their metric and their ends."""
 
     scores: list[NormalisedScore]
     metric: Metric
-    ends: tuple[str, str]  # floor and bound
+    ends: tuple[str, str]  # labels of floor and bound
 
 
 def scored(
     rows: Sequence[Row], groups: Sequence[Group], score: ScoreScale | None, given: Mapping[str, str] = {}
 ) -> Scored | None:
-    """The scores of groups of rows; None where the study has none, or no map has both floor and bound."""
+    """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""
     if score is None:
         return None
     ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
@@ -51,18 +51,18 @@ def scored(
 
 
 def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> tuple[str, str]:
-    """Labels of floor and bound; InputError where the rows lack one."""
+    """Labels of floor and bound; InputError if the rows lack one."""
     bound = with_options(score.bound, {VIEW: "unlimited"})
     return baseline_of(rows, score.floor, given, "score.floor"), baseline_of(rows, bound, given, "score.bound")
 
 
 def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[NormalisedScore]:
-    """Cell by cell the score of each planner, then the mean over cells of planners that are in all of them.
+    """Scores of each planner, cell by cell, then the mean over cells of planners that are in all of them.
 
-    A score is (m - f) / (b - f) of the means m, f and b of planner, floor and bound over the maps that all three flew.
-    Its interval is that of `means` for the linearised ratio: a map counts with the score and its own residual
-    (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell has no scores where the bound is no better than the floor. In the mean
-    over cells, a seed counts if it has all of them.
+    A score is (m - f) / (b - f), where m, f and b are the means of planner, floor and bound over the maps that all
+    three flew. Its interval is that of `means` for the linearised ratio: a map's value is the score plus the residual
+    (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores. The mean
+    over cells counts the seeds that have a value in all of them.
     """
     by_key = {(group.cell, group.planner): group for group in groups}
     cells = list(dict.fromkeys(group.cell for group in groups))
@@ -86,7 +86,7 @@ def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Norm
 
 
 def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
-    """The linearised scores of maps, their mean is the score; nothing where the bound is not above the floor."""
+    """Linearised scores of maps, whose mean is the score; empty if the bound is no better than the floor."""
     maps, values = common_values([group, floor, bound], metric)
     gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
     room = float(rooms.mean()) if maps else 0.0
