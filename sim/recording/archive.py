@@ -1,4 +1,4 @@
-"""A recording on disk: npz, never pickled, the same bytes for the same mission."""
+"""A recording on disk: an npz file without pickled objects, with the same bytes for the same mission."""
 
 import hashlib
 import io
@@ -19,13 +19,13 @@ from sim.recording.recording import FIELDS, VERSION, Recording
 from sim.recording.validation import check
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-# Fields that recordings did not always have.
+# Fields that old recordings lack.
 _LATER = {field.name for field in fields(Recording) if field.default_factory is not MISSING}
-_LONGEST = 2**20  # characters of a text
+_LONGEST = 2**20  # characters of a text field
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
-    """Write the recording whole or not at all; equal content gives equal bytes."""
+    """Write the recording completely or not at all; equal content gives equal bytes."""
     with whole(Path(path)) as part:
         part.write_bytes(content(recording))
 
@@ -36,7 +36,7 @@ def digest(recording: Recording) -> str:
 
 
 def content(recording: Recording) -> bytes:
-    """The bytes that `save` writes, not compressed: versions of the compression library differ in what they write."""
+    """The bytes that `save` writes, uncompressed because versions of the compression library differ in their output."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, (_, dtype, _) in FIELDS.items():
@@ -44,7 +44,7 @@ def content(recording: Recording) -> bytes:
             array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
             member = io.BytesIO()
             np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
-            # Time stamp and system are the only parts of an entry that do not follow from its content.
+            # All other parts of an entry follow from its content.
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
             info.create_system = 3
             archive.writestr(info, member.getvalue())
@@ -52,10 +52,10 @@ def content(recording: Recording) -> bytes:
 
 
 def load(path: str | os.PathLike[str]) -> Recording:
-    """Read and check a recording; anything wrong is a ValueError of one line that names file and field.
+    """Read and check a recording; errors are ValueErrors of one line that names file and field.
 
     The file may come from any source: nothing in it is executed, imported or opened, and it takes no more memory than
-    `sim.recording.npz` allows its size. Fields that came after it was made have their defaults.
+    `sim.recording.npz` allows for its size. Fields that an old file lacks get their defaults.
     """
     try:
         with opened(path) as archive:
@@ -99,20 +99,20 @@ def _about(name: str) -> Iterator[None]:
 
 
 def _check_ours(archive: Npz) -> None:
-    """ValueError that shows what an archive holds in which nothing tells a recording's version."""
+    """ValueError that lists the content of an archive without a recording's version."""
     if "version" not in archive.names:
         names = ", ".join(map(repr, archive.names[:5]))[:200]
         raise ValueError(f"not a recording: its arrays are {names}" if names else "not a recording: holds nothing")
 
 
 def _lacking(archive: Npz) -> set[str]:
-    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
+    """Fields that an old recording lacks; none if it contains unknown fields, so that damage is noticed."""
     names = set(archive.names)
     return _LATER - names if archive.plain and names <= set(FIELDS) else set()
 
 
 def _check(found: str, size: tuple[int, ...], dtype: str, shape: str, sizes: dict[str, int]) -> None:
-    """Compare with the annotation; the first array that has a dimension fixes its size for the others."""
+    """Compare data type and shape with the annotation; the first array with a dimension fixes its size for the rest."""
     if not (found.startswith("<U") and found[2:].isdigit() if dtype == "<U" else found == dtype):
         raise ValueError(f"has dtype {found}, not {dtype}")
     if dtype == "<U" and int(found[2:]) > _LONGEST:
@@ -131,10 +131,10 @@ def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
 
 
 def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
-    """A text, number or truth as Python has it; a number that is written as text has no digits but 0 to 9."""
+    """A Python string, number or bool from an array; a number in the form of text must consist of digits 0 to 9."""
     if array.dtype.kind != "U":
         return kind(array.item())
-    text = array.tobytes().decode("utf-32-le").rstrip("\0")  # NumPy's own way takes what is no character
+    text = array.tobytes().decode("utf-32-le").rstrip("\0")  # NumPy itself accepts invalid characters
     if kind is int and not (text.isascii() and text.isdigit()):
         raise ValueError(f"is {text[:50]!r}, not a number of digits 0 to 9")
     return kind(text)

@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all, and names that are free for them."""
+"""Files and folders that appear completely or not at all, and unused names for them."""
 
 import errno
 import os
@@ -12,16 +12,16 @@ from tracking.plugins.registry import InputError
 
 
 class PlaceTaken(Exception):
-    """Results that are not where they were asked for; the message is one line that says where they are."""
+    """Results are in another place than asked for; the message is one line that names it."""
 
 
 def unfinished(path: Path) -> Path:
-    """Path of a file until it is whole: a hidden name that nothing else has, in the same folder."""
+    """Path of a file until it is complete: a unique hidden name in the same folder."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
 
 def unused(path: Path, suffix: str = "") -> Path:
-    """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
+    """The path with a suffix such as .mp4, or the first numbered variant of it that does not exist yet."""
     number, free = 1, path.with_name(f"{path.name}{suffix}")
     while free.exists():
         number += 1
@@ -31,25 +31,25 @@ def unused(path: Path, suffix: str = "") -> Path:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Yields a name to write to; renamed to `path` when the block ends, removed when it raises."""
+    """Yield a path to write to; the file is renamed to `path` when the block ends, and removed if the block raises."""
     part = unfinished(path)
     try:
         yield part
         os.replace(part, path)
     finally:
-        with suppress(OSError):  # what has happened before says more
+        with suppress(OSError):  # the error of the block says more
             part.unlink()
 
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises.
+    """Yield a temporary folder, which is renamed to `out` when the block ends, and removed if the block raises.
 
-    If another program has made a folder of that name meanwhile, it takes the next free one, and a PlaceTaken says so.
+    If another program has made `out` meanwhile, the folder gets the next unused name, which a PlaceTaken tells.
     """
     if not out.name:
         raise InputError(f"--out: {str(out)!r} cannot be the name of a new folder")
-    place = Path(os.path.realpath(out))  # a link cannot be replaced by a folder
+    place = Path(os.path.realpath(out))  # the target of a link, because a folder cannot replace the link
     part = unfinished(place)
     made: list[Path] = []
     try:
@@ -57,7 +57,7 @@ def new_folder(out: Path) -> Iterator[Path]:
             if out.exists() and not (out.is_dir() and not any(out.iterdir())):
                 what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
                 raise InputError(f"--out: {out} {what}; name a new folder")
-            if out.is_mount():  # nor can the root of a file system
+            if out.is_mount():  # the root of a file system cannot be replaced either
                 raise InputError(f"--out: {out} is where a file system is mounted; name a new folder in it")
             made = [folder for folder in place.parents if not folder.exists()]  # innermost first
             part.mkdir(parents=True)
@@ -68,13 +68,13 @@ def new_folder(out: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:
-            with suppress(OSError):  # never made, or in use by another process meanwhile
+            with suppress(OSError):  # not made, or now used by another process
                 folder.rmdir()
         raise
 
 
 def _settle(part: Path, place: Path, out: Path) -> None:
-    """Rename a folder that is whole to its place, or to the next free one."""
+    """Rename a complete folder to its place, or to the next unused name."""
     try:
         part.rename(place)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Faults as a recording keeps them: JSON text that is the same for the same mission."""
+"""Faults in the form of a recording: JSON text that is the same for the same mission."""
 
 import json
 import re
@@ -10,7 +10,7 @@ import msgspec
 from sim.sensing.fault import Fault
 from tracking.plugins.containment import one_line
 
-MOST = 1000  # faults that are kept; a planner may fail at every decision
+MOST = 1000  # number of faults that are kept; a planner may fail at every decision
 LONGEST = 300  # characters of a message
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")  # as in <object at 0x7f...>, which differs from process to process
 
@@ -18,9 +18,9 @@ _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")  # as in <object at 0x7f...>, wh
 def recorded(faults: Sequence[Fault]) -> str:
     """Faults as JSON text: a list of objects with `time` [s], `uav` (null: the whole team) and `message`.
 
-    Messages become one line of printable characters, without addresses in memory, cut after `LONGEST`; of more than
-    `MOST` faults the last that is kept tells how many more there are. `summary.json` has them all, and their traces,
-    which name files and so differ from machine to machine.
+    Messages become one line of at most `LONGEST` printable characters without memory addresses. If there are more than
+    `MOST` faults, the last one that is kept tells the number of the others. `summary.json` has all faults with their
+    traces, which name files and therefore differ between machines.
     """
     kept = [replace(fault, message=one_line(_ADDRESS.sub("0x...", fault.message), LONGEST)) for fault in faults[:MOST]]
     if len(faults) > MOST:
@@ -29,7 +29,7 @@ def recorded(faults: Sequence[Fault]) -> str:
 
 
 def read(text: str) -> tuple[Fault, ...]:
-    """The faults of a recording's text, in order of time; none of an old recording's, "". ValueError if it is wrong."""
+    """The faults in a recording's text, in order of time; none in the "" of old recordings. ValueError if invalid."""
     if not text:
         return ()
     try:

@@ -1,4 +1,4 @@
-"""Arrays of an npz file that may be anything: none is unpickled, and none is read before its size is known to fit."""
+"""Arrays of an untrusted npz file: none is unpickled, and none is read before its size has been checked."""
 
 import math
 import os
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 2**30  # of all arrays together
-SMALL, RATIO = 2**25, 64  # bytes that any file may inflate to, and how many times its own size a larger one
+SMALL, RATIO = 2**25, 64  # bytes to which any file may inflate, or the ratio to its own size if that is more
 _MOST_DIRECTORY = 2**16  # bytes of the archive's table of contents, which is read before anything can be checked
-_PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others inflate without a limit
+_PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods inflate without a limit
 _MAGIC = b"\x93NUMPY\x01\x00"
-# What NumPy writes before an array; nothing else is evaluated.
+# The header that NumPy writes before an array; any other is refused.
 _HEADER = re.compile(rb"\{'descr': '([^']{1,24})', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,99})\), \} *\n")
 
 
@@ -26,7 +26,7 @@ class Npz:
     """An open archive of arrays."""
 
     def __init__(self, file: BinaryIO) -> None:
-        """ValueError unless the table of contents is short and plain, and all members together are not too large."""
+        """Read the table of contents; ValueError if it is too long or not plain, or all members are too large."""
         size = file.seek(0, os.SEEK_END)
         _check_end(file, size)
         try:
@@ -35,7 +35,7 @@ class Npz:
             raise ValueError(f"is a damaged archive: {line(error)}") from error
         entries = self._archive.infolist()
         self.names = tuple(entry.filename.removesuffix(".npy") for entry in entries)
-        # An entry's comment, which we never write, may have swallowed the entries behind it.
+        # We never write comments; in a damaged file, one may contain the entries that follow it.
         self.plain = not any(entry.extra or entry.comment for entry in entries)
         if len(set(self.names)) < len(self.names):
             raise ValueError("holds two members of one name")
@@ -46,7 +46,7 @@ class Npz:
             raise ValueError(f"would inflate to {total} bytes; a file of {size} bytes is allowed {most}")
 
     def read(self, name: str) -> NDArray[np.generic]:
-        """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
+        """An array with a valid header; ValueError if its number of bytes differs from the header's."""
         kind, shape, start = self.header(name)
         held = self._archive.getinfo(f"{name}.npy").file_size - start
         needed = math.prod(shape) * np.dtype(kind).itemsize
@@ -55,15 +55,15 @@ class Npz:
         try:
             with self._archive.open(f"{name}.npy") as member:
                 array: NDArray[np.generic] = np.lib.format.read_array(member, allow_pickle=False)
-                member.read(1)  # the end, where the checksum is compared
+                member.read(1)  # reaches the end, where the checksum is compared
         except Exception as error:
             raise ValueError(f"cannot be read: {line(error)}") from error
         return array
 
     def header(self, name: str) -> tuple[str, tuple[int, ...], int]:
-        """Data type, as `<f8`, and shape of an array that is there, and the bytes before its values.
+        """Data type such as `<f8`, shape, and number of bytes before the values of an array in the archive.
 
-        ValueError if it cannot be read.
+        ValueError if the header cannot be read.
         """
         try:
             with self._archive.open(f"{name}.npy") as member:
@@ -86,8 +86,8 @@ class Npz:
 
 @contextmanager
 def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
-    """The archive at `path`; ValueError if it is none or not one to be trusted, OSError if it cannot be opened."""
-    if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for
+    """The archive at `path`; ValueError if it is no valid archive, OSError if it cannot be opened."""
+    if not stat.S_ISREG(os.stat(path).st_mode):  # checked before opening, which would wait for a pipe
         raise ValueError("not a recording: is not a file")
     with open(path, "rb") as file:
         try:
@@ -104,7 +104,7 @@ def line(error: BaseException) -> str:
 
 
 def _check_end(file: BinaryIO, size: int) -> None:
-    """ValueError unless the file ends as a zip archive does, with few members: more would take memory to list."""
+    """ValueError unless the file ends like a zip archive with few members, as a list of many would take memory."""
     file.seek(max(0, size - 42))
     tail = file.read(42)
     end = tail[-22:]

@@ -23,10 +23,10 @@ _BY_SCAN = {name: dtype for name, (_, dtype, shape) in FIELDS.items() if shape.s
 
 
 class Recorder:
-    """Takes snapshots, copies what they hold, and gives the recording so far at any time."""
+    """Collects copies of snapshots and makes a recording of all scans so far at any time."""
 
     def __init__(self, repeat: int = 0) -> None:
-        """`repeat` is the mission's, on the map of its seed."""
+        """Begin without scans; `repeat` is that of the mission."""
         self._repeat = repeat
         self._dense: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
         self._scans: list[tuple[Scan, Array]] = []
@@ -40,7 +40,7 @@ class Recorder:
         return len(self._dense["times"])
 
     def add(self, snapshot: Snapshot) -> None:
-        """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
+        """Append one scan; ValueError, without appending it, unless each detection has its measurement."""
         rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
         self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
         for name, dtype in _BY_SCAN.items():
@@ -64,7 +64,7 @@ class Recorder:
         interrupted: bool = False,
         sees_truth: bool = False,
     ) -> Recording:
-        """All scans so far; `scenario` is the resolved JSON. At least one scan is needed, else ValueError."""
+        """The recording of all scans so far; `scenario` is the resolved JSON. ValueError without any scan."""
         if not len(self):
             raise ValueError("nothing to record: the mission has no scan")
         dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
@@ -105,7 +105,7 @@ def _pixel_rows(scan: Scan, pixels: Array) -> Array:
 
 
 def _existence(tracks: Sequence[Track]) -> Array:
-    """Existence probabilities, which stay below one; NaN of tracks without any, for which one stands."""
+    """Existence probabilities; NaN for tracks without one, which have the value 1, as estimated ones stay below it."""
     return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
 
 

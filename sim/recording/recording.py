@@ -1,4 +1,4 @@
-"""One mission as plain arrays: what was true, seen, believed and commanded at each scan."""
+"""One mission as plain arrays: truth, measurements, tracks and commands at each scan."""
 
 import json
 import math
@@ -23,21 +23,21 @@ from tracking.plugins.registry import InputError
 from tracking.track import UNLIKELY, Scan, Track, tracks_of
 
 VERSION = 1
-# Tables with a row for each scan, which snapshots hold under the same name.
+# Tables with a row for each scan, which have the same names in snapshots.
 _AS_IN_SNAPSHOTS = ("people", "headings", "commands", "ospa", "visible", "matched", "bytes_sent", "plan_bytes")
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A whole mission of K scans, n UAVs, M people, T trees and E planning instants with horizon H.
+    """A whole mission of K scans, n UAVs, M people, T trees and E decisions with horizon H.
 
-    Each annotation holds dtype and shape. A table of D measurements or S tracks has rows for each scan and UAV in
-    turn: those of scan k and UAV i are rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
-    quaternion xyzw; what is absent is NaN, and so is the OSPA of a UAV that has broken down.
+    Each annotation gives data type and shape. Tables of D measurements or S tracks have rows for each scan and UAV in
+    turn: scan k and UAV i have the rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
+    quaternion xyzw. Absent people are NaN, and so is the OSPA of a UAV that has broken down.
     """
 
     version: Annotated[int, "<i8", ""]
-    scenario: Annotated[str, "<U", ""]  # resolved, JSON
+    scenario: Annotated[str, "<U", ""]  # JSON of `resolved`
     planner: Annotated[str, "<U", ""]
     seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
     interrupted: Annotated[bool, "|b1", ""]
@@ -57,28 +57,28 @@ class Recording:
     track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
     track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
     plan_times: Annotated[Array, "<f8", "E"]  # s
-    plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN beyond a shorter horizon
+    plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN after the end of a shorter plan
     ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
-    visible: Annotated[Indices, "<i8", "K n M"]  # pixels that the renderer shows of each person
-    matched: Annotated[Flags, "|b1", "K n M"]  # whether the person was detected
-    # Scan, UAV, kind of what it touched since the scan before (in `KINDS`), and its index among them; by scan.
+    visible: Annotated[Indices, "<i8", "K n M"]  # number of pixels that show each person
+    matched: Annotated[Flags, "|b1", "K n M"]  # True if the person was detected
+    # Scan, UAV, kind (in `KINDS`) and index of a body that it has touched since the previous scan; sorted by scan.
     contacts: Annotated[Indices, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
-    # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
+    # Bytes sent to neighbours in all rounds of consensus of a scan; -1 if not recorded.
     bytes_sent: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    # To neighbours, of plans, in all rounds of a decision, and these rounds; -1 where it was not recorded.
+    # Bytes of plans sent to neighbours in all rounds of a decision, and the number of rounds; -1 if not recorded.
     plan_bytes: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     plan_rounds: Annotated[Indices, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
-    # Existence probability; NaN where the tracker has none, as with m of n scans; -1 where it was not recorded.
+    sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # True if the planner does
+    # Existence probability; NaN if the tracker has none, as with m of n scans; -1 if not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
-    # Position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell, -1 as above.
+    # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none; -1 if not recorded.
     track_sightings: Annotated[Array, "<f8", "S 3"] = field(default_factory=lambda: np.zeros((0, 3)))
-    faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" where not recorded
-    repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
+    faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" if not recorded
+    repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # decides, with the seed, the mission's noise
 
     @cached_property
     def setting(self) -> Scenario:
-        """The scenario that it was flown in; InputError if this program does not know it, or it is another's."""
+        """The scenario of the mission; InputError if this program cannot read it, or it contradicts the recording."""
         try:
             found = decode(json.loads(self.scenario))
         except (ValueError, RecursionError, OverflowError) as error:
@@ -89,7 +89,7 @@ class Recording:
 
     @property
     def forest(self) -> Forest:
-        """The map of trees with exact occlusion; what tracker and planner assumed is in the scenario."""
+        """The map of trees with exact occlusion; the model that trackers and planners assumed is in the scenario."""
         return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
 
     @property
@@ -99,15 +99,15 @@ class Recording:
 
     @cached_property
     def track_numbers(self) -> dict[int, int]:
-        """The number under which each track is shown, by id: tracks count by first appearance."""
+        """The displayed number of each track by id, in the order of first appearance."""
         return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
 
     def numbers_of(self, ids: Indices) -> Indices:
-        """The numbers under which tracks of these ids (N,) are shown; -1 for those that were never recorded."""
+        """The displayed numbers of tracks with these ids (N,); -1 for ids that were never recorded."""
         return np.array([self.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
 
     def cells(self, offsets: Indices) -> tuple[Indices, Indices]:
-        """Scan and UAV of each row of the table of these offsets."""
+        """Scan and UAV of each row of the table with these offsets."""
         scans, uavs = self.poses.shape[:2]
         k, uav = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(offsets)), uavs)
         return k, uav
@@ -128,7 +128,7 @@ class Recording:
         return Scan(uav, float(self.times[k]), self.camera_at(k, uav), z, R)
 
     def pixels_at(self, k: int, uav: int) -> Array:
-        """Detections (N, 2) in the image of one UAV at scan k; none in ideal sensing."""
+        """Pixels (N, 2) of the detections of one UAV at scan k; NaN or empty in ideal sensing."""
         pixels = self.pixels[self._rows(self.measurement_offsets, k, uav)]
         return pixels[~np.isnan(pixels[:, 0])]
 
@@ -144,7 +144,7 @@ class Recording:
         return self.track_ids[self._rows(self.track_offsets, k, uav)]
 
     def existence_at(self, k: int, uav: int) -> Array:
-        """For each track of one UAV after scan k the existence probability (N,); NaN if unknown."""
+        """Existence probability (N,) of each track of one UAV after scan k; NaN if unknown."""
         return self.existence[self._rows(self.track_offsets, k, uav)]
 
     @cached_property
@@ -154,11 +154,11 @@ class Recording:
 
     @property
     def reported(self) -> Flags:
-        """Tracks (S,) that are reported, as by `tracking.track.Track.reported`; those of unknown existence are."""
+        """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`; true if the existence is unknown."""
         return ~(self.existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
-        """The plans made at scan k, if any were."""
+        """The plans made at scan k; None if there are none."""
         made = np.flatnonzero(self.plan_times == self.times[k])
         return [Plan(u[~np.isnan(u[:, 0])]) for u in self.plans[made[0]]] if len(made) else None
 
@@ -182,7 +182,7 @@ class Recording:
         return [Pose(row[:3], row[3:]) for row in self.poses[k]]
 
     def snapshot(self, k: int) -> Snapshot:
-        """Scan k as the recorder was given it."""
+        """The snapshot of scan k, as given to the recorder."""
         uavs = range(self.poses.shape[1])
         return Snapshot(
             time=float(self.times[k]),
@@ -205,7 +205,7 @@ FIELDS: dict[str, tuple[Any, str, str]] = {  # type, dtype and shape
 
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:
-    """InputError where a recording contradicts the scenario that it says it was flown in."""
+    """InputError if a recording contradicts its scenario."""
     times, people = recording.times, recording.people.shape[1]
     uavs, rate = recording.poses.shape[1], scenario.rates.sensing
     planned = scenario.duration * rate + 1

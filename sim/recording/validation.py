@@ -1,4 +1,4 @@
-"""Validation of a recording that was read: shapes, order of times, poses, covariances."""
+"""Validation of a recording that was read: shapes, order of times, poses and covariances."""
 
 from collections.abc import Callable, Iterator
 
@@ -12,12 +12,12 @@ from sim.scenario.quantities import REPEATS
 from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
 
-FARTHEST = 1e6  # m, m/s, m²: beyond what anything in a mission can be, and short of what drawing overflows at
-Finding = tuple[str, bool, str]  # field, whether it is wrong, and what it has to be
+FARTHEST = 1e6  # m, m/s, m²; more than any value of a mission, but too little to overflow in drawings
+Finding = tuple[str, bool, str]  # a field, True if it is wrong, and its requirement
 
 
 def check(recording: Recording) -> None:
-    """ValueError that names the first field with values that no mission leaves."""
+    """ValueError that names the first field with values that no mission can have."""
     for rules in (_counts, _texts, _world, _measured, _believed, _planned, _counted):
         for name, wrong, text in rules(recording):
             if wrong:
@@ -105,11 +105,11 @@ def _counted(r: Recording) -> Iterator[Finding]:
 
 
 def _finite(values: Array) -> bool:
-    return bool(np.all(np.abs(values) <= FARTHEST))  # false for NaN
+    return bool(np.all(np.abs(values) <= FARTHEST))  # False for NaN
 
 
 def _definite(covariances: NDArray[np.float64]) -> bool:
-    """True if matrices (N, d, d) are finite and symmetric, with positive variances and positions' ellipses."""
+    """True if matrices (N, d, d) are finite and symmetric, with positive variances and definite position blocks."""
     if not _finite(covariances):
         return False
     variances = np.diagonal(covariances, axis1=1, axis2=2)
@@ -122,6 +122,6 @@ def _definite(covariances: NDArray[np.float64]) -> bool:
 def _fails(decode: Callable[[str], object], text: str) -> bool:
     try:
         decode(text)
-    except (ValueError, RecursionError):  # all errors of msgspec are ValueErrors
+    except (ValueError, RecursionError):  # errors of msgspec are ValueErrors
         return True
     return False
