@@ -1,4 +1,4 @@
-"""A mission from take-off to its recording, for a single run and for a trial of a study."""
+"""A mission from take-off to its recording, both for a single run and for a trial of a study."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.scenario.scenario import resolved
 
-Watch = Callable[[Snapshot], bool]  # sees each scan, and says whether the mission goes on
+Watch = Callable[[Snapshot], bool]  # gets each scan, and returns False to end the mission
 
 
 def flown(
@@ -23,11 +23,11 @@ def flown(
     prepare: Callable[[], object] = lambda: None,
     planner: Planner | None = None,
 ) -> Outcome:
-    """Fly a mission; one that is ended before its last scan is marked as interrupted.
+    """Fly a mission; it is marked as interrupted if it ends before its last scan.
 
-    watching: opens around all scans what sees each. prepare: called before the first scan; it counts as start-up.
-    planner: the object that the trial's text stands for; without it that is loaded. InputError where the mission cannot
-    be built.
+    watching: context of all scans, whose value gets each of them. prepare: called before the first scan; its time
+    counts as start-up. planner: object to use; by default it is loaded by the trial's text. InputError if the mission
+    cannot be built.
     """
     start = time.perf_counter()
     if planner is None:
@@ -55,7 +55,7 @@ def flown(
 
 
 def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recording:
-    """Recording of what was flown of a mission; it is marked as interrupted unless that is all."""
+    """Recording of the scans flown so far; it is marked as interrupted unless these are all."""
     return recorder.recording(
         scenario=resolved(mission.scenario),
         planner=planner,

@@ -1,4 +1,4 @@
-"""A mission in a process of its own, which a plug-in may end, or may hang in."""
+"""A mission in a separate process, because a plug-in may end the process or hang in it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,17 +10,17 @@ from sim.recording.atomic_files import new_folder
 
 
 class Results(NamedTuple):
-    """Files that a run leaves beside its recording."""
+    """Options for the files that a run leaves beside its recording."""
 
-    place: str  # what its folder will be called
+    place: str  # final name of the folder
     video: bool = True
-    metrics: tuple[str, ...] = ()  # from outside, for the summary
+    metrics: tuple[str, ...] = ()  # import strings of plug-in metrics for the summary
 
 
 def fly_apart(trial: Trial, results: Results, *, timeout: float | None, progress: Progress, say: Say) -> dict[str, Any]:
-    """Fly a mission as `run.run` does, in a process of its own.
+    """Fly a mission like `run.run`, but in a separate process.
 
-    IsolationError if it ends otherwise or is not done after `timeout` s.
+    IsolationError if the process ends without a result or takes longer than `timeout` s.
     """
     last = None
 
@@ -45,7 +45,7 @@ def fly_apart(trial: Trial, results: Results, *, timeout: float | None, progress
 
 
 def _fly(trial: Trial, folder: Path, results: Results, tell: Callable[[object], None]) -> dict[str, Any]:
-    """Fly where plug-ins may do harm; they are named, imported and refused before anything is compiled."""
+    """Fly in the separate process; plug-ins are imported, and invalid ones refused, before anything is compiled."""
     from planning.loading import load_planner
 
     for registry, name in trial.scenario.plugins:

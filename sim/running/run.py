@@ -1,4 +1,4 @@
-"""One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
+"""One mission and its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -31,22 +31,22 @@ def run(
     progress: Progress = lambda moment: None,
     say: Say = lambda text: None,
 ) -> dict[str, Any]:
-    """Fly a mission and leave its files in the new folder `out`; returns the summary.
+    """Fly a mission, leave its files in the new folder `out`, and return the summary.
 
-    `progress` is called at each scan, `say` with what is compiled first.
+    `progress` is called at each scan, and `say` with messages about compilation.
 
-    The folder appears when all is in it. Ctrl-C in flight ends the mission after the present scan, and what was flown
-    is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
-    InputError where the input is wrong.
+    The folder appears when it is complete. Ctrl-C in flight ends the mission after the present scan; the scans flown so
+    far are kept and marked as interrupted. A second Ctrl-C, or one before take-off, is a KeyboardInterrupt and leaves
+    nothing. InputError if the input is wrong.
     """
     with new_folder(out) as folder:
         return fly(trial, folder, Results(str(out), video), progress=progress, say=say)
 
 
 def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say: Say) -> dict[str, Any]:
-    """Fly a mission as `run` does, into a folder that is there."""
+    """Fly a mission like `run`, into an existing folder."""
     film = folder / "mission.mp4" if results.video else None
-    with ExitStack() as catching:  # Ctrl-C, from take-off until all is written
+    with ExitStack() as catching:  # catches Ctrl-C from take-off until all files are written
 
         @contextmanager
         def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
@@ -71,7 +71,7 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
 
 @contextmanager
 def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callable[[Snapshot], None]]:
-    """Takes snapshots for the film at `path`, if there is to be one, and counts its time as its own."""
+    """Yield a function that adds snapshots to the film at `path`, if any; its time counts as that of the video."""
     if path is None:
         yield lambda snapshot: None
         return
@@ -93,9 +93,9 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
 
 
 def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from outside") -> Flight:
-    """A mission that was flown by `Mission.step`, to look into; it is marked as interrupted unless all was flown.
+    """A mission flown by `Mission.step`, with tables and figures; marked as interrupted if it was not flown to the end.
 
-    snapshots: all that its steps returned, in order. planner: a name for what decided.
+    snapshots: all snapshots that its steps returned, in order. planner: a name to show for the planner.
     """
     recorder = Recorder(mission.repeat)
     for snapshot in snapshots:
@@ -104,7 +104,7 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
 
 
 def write_results(folder: Path, flight: Flight, summary: dict[str, Any]) -> None:
-    """The files of a mission, its video aside."""
+    """Write the files of a mission except its video."""
     save(flight.recording, folder / "mission.npz")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     save_figure(flight.ospa_figure(), folder / "ospa.png")
