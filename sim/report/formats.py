@@ -13,7 +13,7 @@ from sim.report.tables import Table, notes, shortfalls, tables
 
 
 def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
-    """One table per metric, after that of the scores if there is one."""
+    """Markdown with one table per metric, after the table of scores if there is one."""
     parts = [_markdown_table(table) for table in ([scored] if scored else []) + tables(found, baseline)]
     said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
@@ -28,7 +28,7 @@ def _markdown_table(table: Table) -> str:
 
 
 def piped(lines: Iterable[Sequence[str]]) -> str:
-    """Lines of a table in Markdown."""
+    """A table of Markdown from its lines."""
     return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in lines)
 
 
@@ -45,7 +45,7 @@ def _plain(text: str) -> str:
 
 
 def comma_separated(found: Sequence[Answer], baseline: str) -> str:
-    """One line per cell, planner and metric, values in SI units; empty where undefined."""
+    """CSV with one line per cell, planner and metric; values in SI units, empty if undefined."""
     names = _factors(answer.cell for answer in found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""`report.html`: a study on one page that needs nothing else, written for readers that did not run it."""
+"""`report.html`: a study on one self-contained page, for readers who did not run it."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,7 @@ from string import Template
 
 
 def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
-    """The page from its sections: heading and HTML of each; the first comes without a heading, before the contents."""
+    """The page from its sections, given by heading and HTML; the first is before the contents and has no heading."""
     (_, opening), *rest = sections
     names = [f"section-{i}" for i in range(1, len(rest) + 1)]
     links = "\n".join(f'<a href="#{n}">{escape(h)}</a>' for n, (h, _) in zip(names, rest, strict=True))
@@ -19,22 +19,22 @@ def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
 
 
 def listed(lines: Iterable[str]) -> str:
-    """Plain lines as a list."""
+    """An HTML list of plain lines."""
     return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """A plain text."""
+    """An HTML paragraph of plain text."""
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
 def commanded(text: str) -> str:
-    """A command line, which one click selects whole."""
+    """A command line that one click selects."""
     return f'<code class="command">{escape(text)}</code>'
 
 
 def table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
-    """A table of rows that are HTML, under its headings."""
+    """An HTML table from its headings and its rows of HTML."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     lines = "\n".join(_labelled(row, heads) for row in rows)
     text = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{lines}\n</tbody></table>'
@@ -42,6 +42,6 @@ def table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
 
 
 def _labelled(row: str, heads: Sequence[str]) -> str:
-    """A row whose cells know their headings, for screens too narrow for columns; those over several have none."""
+    """A row whose cells contain their headings, for narrow screens; cells that span columns have none."""
     names = iter(heads)
     return re.sub(r"<td\b(?! colspan)", lambda _: f'<td data-head="{escape(next(names))}"', row)

@@ -1,4 +1,4 @@
-"""Tables of results and run times on the report's page, and the verdict on a planner in one sentence."""
+"""Tables of results and run times on the report's page, and verdicts on planners in one sentence."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from sim.report.tables import Table
 
 
 def html_table(shown: Table) -> str:
-    """A table as HTML, with a line above those of each cell."""
+    """A table as HTML, with a heading line above the lines of each cell."""
     rows = []
     for cell, lines in groupby(shown.rows, lambda row: row[0]):
         if cell != ():
@@ -27,7 +27,7 @@ def html_table(shown: Table) -> str:
 
 
 def runtime_tables(found: Sequence[Answer]) -> str:
-    """A line for each cell and a column for each planner, as in the table of [Li22]."""
+    """Tables with a line for each cell and a column for each planner, as in [Li22]."""
     own = [answer for answer in found if answer.cell is not None]
     planners = list(dict.fromkeys(answer.planner for answer in own))
     made = []
@@ -41,7 +41,7 @@ def runtime_tables(found: Sequence[Answer]) -> str:
 
 
 def headed(tables: Iterable[Table]) -> str:
-    """Tables as HTML under their titles, with the way in which the metric is better."""
+    """Tables as HTML under their titles, which say which direction of the metric is better."""
     parts = []
     for shown in tables:
         better = shown.metric.better if shown.metric else "neither"
@@ -51,9 +51,9 @@ def headed(tables: Iterable[Table]) -> str:
 
 
 def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
-    """One sentence that says whether a planner can be told from the baseline, and how.
+    """One sentence that says whether a planner is better or worse than the baseline, or cannot be told apart.
 
-    shown: how many differences the page shows, of which this is one.
+    shown: number of differences that the page shows, including this one.
     """
     if not gap.pairs:
         return f"{planner} and {baseline} cannot be told apart: they have no map in common."

@@ -30,7 +30,7 @@ from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 
-_FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
+_FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
 _HOW_TO_READ = (
     "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
     "what the study varies.",
@@ -51,32 +51,32 @@ _HOW_TO_READ = (
 
 @dataclass(frozen=True)
 class About:
-    """Facts about a study that its rows do not hold."""
+    """Facts about a study that its rows do not contain."""
 
     study: str  # name
     description: str = ""
-    command: str = ""  # that runs the study again
+    command: str = ""  # command line that runs the study again
     versions: Mapping[str, str] = field(default_factory=dict)
-    machine: str = field(  # that made the report; trials may have flown on others
+    machine: str = field(  # machine that made the report; trials may have flown on others
         default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
     )
-    wall_s: float | None = None  # of all trials added up, whatever flew at the same time
-    baseline: str | None = None  # a planner of the rows; None: the first
-    labels: Mapping[str, str] = field(default_factory=dict)  # of planners, as from `labels_of`
-    metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
-    score: ScoreScale | None = None  # of the study
+    wall_s: float | None = None  # sum over all trials, even if they flew at the same time
+    baseline: str | None = None  # a planner of the rows, by default the first
+    labels: Mapping[str, str] = field(default_factory=dict)  # labels of planners, as from `labels_of`
+    metrics: tuple[str, ...] = ()  # names of metrics, by default the usual ones
+    score: ScoreScale | None = None  # the study's score
 
 
 def write(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Write report.html, table.csv, table.md and figures/*.svg, *.png into `folder`: all of them, or none.
 
-    Figures of an earlier report there that this one lacks are removed. InputError where a metric or the baseline is
-    unknown, there are no rows, or the folder cannot be written.
+    Figures of an earlier report that this one lacks are removed. InputError if a metric or the baseline is unknown,
+    there are no rows, or the folder cannot be written.
     """
     files = made(rows, about)
     try:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
-        with ExitStack() as stack:  # every file takes its name when all are written
+        with ExitStack() as stack:  # files get their names when all are written
             for name, data in files.items():
                 stack.enter_context(whole(folder / name)).write_bytes(data)
         for path in (folder / "figures").iterdir():
@@ -122,7 +122,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
 
 
 def _figures(pictures: Sequence[Picture]) -> str:
-    """Pictures inside the page, as SVG unless that is far larger."""
+    """Pictures within the page, as SVG unless PNG is much smaller."""
     parts = []
     for picture in pictures:
         small = len(picture.svg) < 3 * len(picture.png)
@@ -148,7 +148,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 
 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
-    """Verdicts in one metric, a sentence for each planner, and remarks on trials left out or with faults."""
+    """Verdicts by one metric, with a sentence for each planner, and remarks on omitted trials and faults."""
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
@@ -193,7 +193,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
 
 
 def _recordings_hash(rows: Sequence[Row]) -> str:
-    """SHA-256 over the hashes of all recordings, in any order of the rows: equal where all missions went the same."""
+    """SHA-256 over the hashes of all recordings, whatever the order of the rows; equal if all missions are equal."""
     hashes = sorted(row.recording for row in rows if row.recording)
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""
 
@@ -210,7 +210,7 @@ def ranges(numbers: Sequence[int]) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time span as people say it."""
+    """A duration in words."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

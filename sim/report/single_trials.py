@@ -1,4 +1,4 @@
-"""Single trials on the report's page: best and worst maps, those that failed, and the commands that fly them again."""
+"""Single trials on the report's page: best and worst maps, failed trials, and the commands that fly them again."""
 
 import shlex
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ def command(row: Row) -> str:
 
 
 def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
-    """Best and worst maps with links, and what these lead to: the commands; none of a group without a finite value.
+    """Tables of best and worst maps and, linked from these, their commands; groups without a finite value are left out.
 
-    Where neither way is better, they are those of the least and the greatest value. Where several trials are equal the
-    first stands for them; where all are, it is neither best nor worst.
+    If neither direction is better, they are the maps with the least and the greatest value. The first of several equal
+    trials represents them; if all are equal, it is neither best nor worst.
     """
     names = ("least", "greatest") if metric.better == "neither" else ("best", "worst")
-    several = any(group.cell for group in groups)  # else a column of cells would be empty
+    several = any(group.cell for group in groups)  # otherwise the column of cells would be empty
     rows: list[str] = []
     places: list[str] = []
     for group in groups:
@@ -41,7 +41,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
             name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
             link = f'<a href="#{name}">{flown}</a>{remark}'
-            one = f'<td colspan="4">{escape(value)}, {link}</td>'  # under neither heading
+            one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
             cells.append(f"<td>{escape(value)}</td><td>{link}</td>" if len(ends) > 1 else one)
             text = f"{_label(group.cell, row)}: {what}{value} {metric.unit}".rstrip() + remark
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
@@ -56,7 +56,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
 
 
 def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[tuple[str, Row, str]]:
-    """The best and the worst trial, each with its name and a remark on those equal to it; one where all are equal."""
+    """The best and the worst trial, each with its name and a remark on equal ones; only one if all are equal."""
     values = group.values(metric.name)
     finite = np.flatnonzero(np.isfinite(values))
     ends = np.unique(values[finite])[:: -1 if metric.better == "higher" else 1]
@@ -72,7 +72,7 @@ def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[tuple[
 
 
 def failures(groups: Sequence[Group]) -> str:
-    """Every trial that failed, with its error and command."""
+    """Table of the trials that failed, with error and command."""
     failed = [(group.cell, row) for group in groups for row in group.failed]
     return "\n".join(
         f'<div class="map failed" id="failure-{number}">{escape(_label(cell, row))}: '

@@ -1,4 +1,4 @@
-"""The answers of a study as tables, in the terminal and as text for other forms."""
+"""The answers of a study as tables of text, for the terminal and other formats."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
 from sim.analysis.score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
-SCORES = "Normalised score of each planner [%]"  # the title of their table
+SCORES = "Normalised score of each planner [%]"  # title of the table
 _NOTE = (
     "In brackets: 95 % intervals over the maps (seeds). The mean over as many other maps lies as often in an interval "
     "1.4 times as wide."
@@ -26,17 +26,17 @@ _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are sta
 
 
 class Table(NamedTuple):
-    """A table of the report: its lines, each with its cell, the empty one if the table has no cells."""
+    """A table of the report, with the cell of each line, which is empty if the study has no cells."""
 
     title: str
     heads: list[str]
     rows: list[tuple[Cell | None, list[str]]]
-    metric: Metric | None = None  # of which it is the main table
+    metric: Metric | None = None  # set if this is the metric's main table
     note: str = ""
 
 
 def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
-    """The tables of each metric: the results and, where maps were repeated, the spreads."""
+    """The tables of each metric: results and, if maps were repeated, spreads."""
     listed = []
     for metric, group in groupby(found, lambda answer: answer.metric):
         lines = list(group)
@@ -53,7 +53,7 @@ def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
 
 
 def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
-    """Scores, a line a cell: the metric of floor and bound, and the score of each planner with its interval."""
+    """Table with a line per cell: the metric of floor and bound, and the score of each planner with its interval."""
     found, metric, ends = scored
     planners = list(dict.fromkeys(score.planner for score in found))
     by_key = {(group.cell, group.planner): group for group in groups}
@@ -79,7 +79,7 @@ def _repeated(found: Sequence[Answer]) -> bool:
 
 
 def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
-    """Notes below the tables of these answers, a line each; if not `wide`, these lack the column of maps needed."""
+    """Notes below the tables of these answers, one line each; without `wide`, tables lack the column of maps needed."""
     sampled = [(answer.metric, answer.maps) for answer in found]
     gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
     compared = [(metric, pairs) for metric, pairs in gaps if pairs]
@@ -98,7 +98,7 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
 
 
 def _corrected(pairs: Sequence[int]) -> str:
-    """Note on the star, or that none can be given: no p-value of n maps is below 2 / 2ⁿ."""
+    """Note on the star, or on its absence if there are too few maps: no p-value of n maps is below 2 / 2ⁿ."""
     chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
     needed = math.ceil(math.log2(2 * len(pairs) / chance))
     if max(pairs) < needed:
@@ -107,7 +107,7 @@ def _corrected(pairs: Sequence[int]) -> str:
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:
-    """Shortfalls of the numbers, one line each: trials that failed, undefined values, faults, maps without a pair."""
+    """Remarks on incomplete numbers, one line each: failed trials, undefined values, faults and maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
         place = with_cell(answer.planner, answer.cell)
@@ -138,7 +138,7 @@ def _compared(metric: Metric, difference: Difference | None) -> list[str]:
     if difference is None:
         return ["baseline", "", ""]
     mark = "* " if difference.survives else ""
-    record = UNKNOWN  # where neither way is better, or nothing is paired
+    record = UNKNOWN  # if neither direction is better, or there are no pairs
     if metric.better != "neither" and difference.pairs:
         record = f"{difference.won}, {difference.tied}, {difference.lost}"
     return [mark + difference.mean.text(metric, signed=True), record, _needed(difference)]

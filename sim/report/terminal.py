@@ -20,14 +20,14 @@ from sim.report.tables import Table, notes, score_table, shortfalls, tables
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
-_WIDE = 100  # columns from which on there is room for all columns
+_WIDE = 100  # characters, least width of a terminal with room for all columns
 _WIDE_ONLY = ("median", "maps needed")
 
 
 def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
-    """Print the answers; InputError where a metric or the baseline is unknown.
+    """Print the answers; InputError if a metric or the baseline is unknown.
 
-    Options that all planners of one name share are left out of the tables, and listed below.
+    Options that all planners of one name share are not in the tables but listed below them.
     """
     first = baseline_of(rows, about.baseline, about.labels)
     whole = grouped(rows, first, about.labels)

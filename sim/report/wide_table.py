@@ -1,6 +1,6 @@
-"""A study's results as one wide table for a page: the levels of a factor, or the planners, side by side.
+"""A study's results as one wide table, with the levels of a factor or the planners side by side.
 
-`python -m sim.report.wide_table DIR` prints it as Markdown; docs/results/paper.md has such tables.
+`python -m sim.report.wide_table DIR` prints it as Markdown; docs/results/paper.md has examples.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ _SHARE = "ospa.share_under_1m"
 def table(
     rows: Sequence[Row], columns: str, less: str = "left", metric: str = _SHARE, baseline: str | None = None
 ) -> str:
-    """Markdown: a line for each cell, a column for each level of the factor `columns`, or each planner if it is that.
+    """Table in Markdown: a line for each cell, and a column for each level of the factor `columns`, or each planner.
 
-    With `less` a mean is followed by its paired difference to that of the first column ("left"), or of the line before
-    in the same column, whose last factor alone has another level ("above"); where there is none, by its interval. The
-    baseline, if none is named the first by alphabet, is the first of the planners.
+    Each mean is followed by its paired difference from the first column (less="left") or from the previous line of the
+    column, if only the last factor differs (less="above"); without such a pair, by its interval. The baseline, by
+    default the first planner by alphabet, comes first.
     """
     groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
     (known,) = chosen(rows, [metric])
@@ -59,9 +59,9 @@ def table(
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:
-    """The rows, their share of scans with OSPA under 1 m counted from scan `first` on.
+    """The rows with the share of scans with OSPA under 1 m counted from scan `first` on.
 
-    Note: a store has the mean over UAVs at each scan alone, so such scans are counted, not pairs of a scan and a UAV.
+    Note: it counts scans by the mean over UAVs, because stores do not have the OSPA of single UAVs.
     """
     if first == 0:
         return list(rows)
@@ -74,7 +74,7 @@ def without_start(rows: Sequence[Row], first: int) -> list[Row]:
 
 
 def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    """Place of a group: the beginning of its line, and its column; a dash for a factor that it was flown without."""
+    """Place of a group: the beginning of its line, and its column; a dash for a factor that it lacks."""
     found = {"planner": group.planner, **dict(group.cell)}
     return tuple(found.get(name, "-") for name in down), found.get(columns, "-")
 

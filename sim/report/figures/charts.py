@@ -1,4 +1,4 @@
-"""The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
+"""The figures of a study: distributions of OSPA, OSPA over time, run times, scores, and planners compared by map."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,17 +21,17 @@ from sim.evaluation.metric import Metric
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, Sheet, Style
 from tracking.numerics.arrays import Array
 
-_WIDTH = 11.0  # inches of a figure as wide as the report
+_WIDTH = 11.0  # inches, width of a figure as wide as the report
 _LETTERS = 10  # points
 LOOK: Any = {"font.family": "DejaVu Sans", "font.size": _LETTERS, "svg.fonttype": "path", "svg.hashsalt": "understory"}
-AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
+AT = np.geomspace(0.1, 50.0, 300)  # m, values at which distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
-_FEW = 4  # curves with bands in one panel
-_SHAPES = "oD^s"  # of dots, in turn, so that colour is not all that tells planners apart
+_FEW = 4  # largest number of curves with bands in one panel
+_SHAPES = "oD^s"  # shapes of dots, in turn, so that planners do not differ in colour only
 
 
 def ecdf_figure(sheet: Sheet) -> Figure:
-    """Share of scans with an OSPA of no more than x, scans and maps pooled, over a logarithmic axis, as in [Li22]."""
+    """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
         axes.plot(AT, 100 * ecdf(curve.group.ospa, AT), **_line(curve.style))
@@ -48,7 +48,7 @@ def ecdf_figure(sheet: Sheet) -> Figure:
 
 
 def time_figure(sheet: Sheet) -> Figure:
-    """Median OSPA of the trials at each scan; with few curves in a panel, shaded from lower to upper quartile."""
+    """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
     few = all(len(panel.curves) <= _FEW for panel in sheet.panels)
     ends = [times[-1] for panel in sheet.panels for curve in panel.curves if len(times := curve.group.curves[0])]
 
@@ -91,17 +91,17 @@ def _grid(
             axes.set_visible(False)
         for axes in every[max(0, len(sheet.panels) - sheet.columns) : len(sheet.panels)]:
             axes.tick_params(labelbottom=True)
-            axes.set_xlabel(labels[0])  # the figure's own would meet the legend
+            axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
         figure.supylabel(labels[1], fontsize=10)
         _legend(figure, {name: _line(style) for name, style in sheet.legend.items()})
     return figure
 
 
-_Dot = tuple[Cell | None, str, Array]  # a cell, a planner, and its value with the ends of the interval
+_Dot = tuple[Cell | None, str, Array]  # a cell, a planner, and its value with both ends of the interval
 
 
 def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
-    """Means over the maps with their intervals, a line per cell and a dot per planner, over a logarithmic axis."""
+    """Means over the maps with intervals, on a logarithmic axis, with a line per cell and a dot per planner."""
 
     def dot(group: Group) -> _Dot:
         mean = map_means(group, metric)
@@ -119,25 +119,25 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
 
 
 def score_figure(found: Sequence[NormalisedScore]) -> Figure:
-    """Normalised scores with their intervals, a line per cell and a dot per planner."""
+    """Normalised scores with intervals, with a line per cell and a dot per planner."""
     dots = [(s.cell, s.planner, 100 * np.array([s.estimate.value, s.estimate.low, s.estimate.high])) for s in found]
 
     def dress(axes: Axes) -> None:
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
         values = [dot[0] for _, _, dot in dots]
-        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # a long interval may leave the figure
+        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
         axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
 
     return _dot_figure(dots, dress)
 
 
 def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
-    """Dots with their intervals, a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
+    """Dots with intervals: a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
     cells = list(dict.fromkeys(cell for cell, _, _ in dots))
     planners = list(dict.fromkeys(planner for _, planner, _ in dots))
     looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
-    each = max(0.3, 0.07 * len(planners))  # inches of a cell
+    each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
     with _drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for cell, planner, (value, low, high) in dots:
@@ -156,13 +156,13 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
 
 
 def _row_text(cell: Cell | None) -> str:
-    """A cell beside a line of dots; a scenario that is all of it by its name alone."""
+    """Text of a cell beside a line of dots; only the scenario's name if the cell has no other factor."""
     named = cell is not None and [name for name, _ in cell] == ["scenario"]
     return cell[0][1] if cell and named else cell_text(cell) or "all missions"
 
 
 def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
-    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up; some planner has a point."""
+    """Values of each planner over those of the baseline: a panel per planner, a point (n, 2) per map, at least one."""
     low, high, log = _limits(np.concatenate([*points.values()]))
     columns = min(COLUMNS, len(points))
     rows = -(-len(points) // columns)
@@ -185,7 +185,7 @@ def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -
 
 
 def _limits(values: Array) -> tuple[float, float, bool]:
-    """Ends of both axes, and whether they are logarithmic: where the values span more than a factor of 30."""
+    """Ends of both axes, and True if these are logarithmic because the values span more than a factor of 30."""
     low, high = float(values.min()), float(values.max())
     if low > 0 and high > 30 * low:
         return low / 1.15, high * 1.15, True
@@ -195,15 +195,15 @@ def _limits(values: Array) -> tuple[float, float, bool]:
 
 @contextmanager
 def _drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
-    """A figure of so many inches, to be drawn in one look."""
+    """A figure of so many inches, to be drawn in the common style."""
     with new_figure(width, height, letters=_LETTERS) as figure:
         yield figure
-        figure.draw_without_rendering()  # which lays it out, once for all the files that it is saved to
+        figure.draw_without_rendering()  # lays the figure out once for all its files
         figure.set_layout_engine("none")
 
 
 def _legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
-    """Draw a legend below the panels, in which data may be anywhere; looks are Matplotlib's options by label."""
+    """Draw a legend below the panels, where it hides no data; looks: Matplotlib's options by label."""
     handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)

@@ -10,7 +10,7 @@ from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colo
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
 DASHES = ("-", "--", ":", "-.")
-PANELS = 12  # of one figure at most, where factors allow
+PANELS = 12  # largest number of panels in one figure, if factors allow
 COLUMNS = 3
 
 
@@ -43,7 +43,7 @@ class Panel:
 class Sheet:
     """One figure."""
 
-    title: str  # what all its panels share
+    title: str  # text that all panels share
     panels: tuple[Panel, ...]
     columns: int
 
@@ -59,21 +59,21 @@ class Sheet:
 
 
 def sheets(groups: Sequence[Group]) -> list[Sheet]:
-    """The figures of a study: with several planners a curve each in a panel a cell, as in [Li22] Fig. 5.
+    """The figures of a study. Several planners have a curve each in one panel per cell, as in [Li22] Fig. 5.
 
-    With one planner the first factor's values get a panel each, and the other factors a curve, as in [Li22] Fig. 4.
-    Where there are too many panels, the factor with the fewest values gets a figure each.
+    A single planner has a panel per value of the first factor and curves for the other factors, as in [Li22] Fig. 4.
+    If there were too many panels, each value of the factor with the fewest values has its own figure.
     """
     order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
     if len(order) == 1:
         return [_of_one_planner(groups)]
-    looks = product(DASHES, COLOURS)  # which differ in colour first
+    looks = product(DASHES, COLOURS)  # colours vary first
     styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
     return [_sheet(shared, part, styles) for shared, part in _split((), groups)]
 
 
 def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
-    """Parts of the groups that go into one figure each, and what is the same in each."""
+    """The groups of each figure, with the factors that have the same value in it."""
     factors = varying(groups)
     if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
         yield shared, list(groups)
@@ -92,12 +92,12 @@ def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> S
         panels.append(Panel(cell_text(tuple(factor for factor in cell if factor[0] in factors)), curves))
     sizes = [len(values) for values in factors.values()]
     crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
-    columns = sizes[1] if crossed else COLUMNS  # a factor down, a factor across
+    columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
     return Sheet(cell_text(shared), tuple(panels), min(columns, len(panels)))
 
 
 def _of_one_planner(groups: Sequence[Group]) -> Sheet:
-    """Panels by the first factor; colours by the last, dashes by those between."""
+    """Panels by the first factor, colours by the last, and dashes by the factors in between."""
     factors = varying(groups)
     outer = list(factors)[:1] if len(factors) > 1 else []
     inner = list(factors)[len(outer) :]

@@ -1,4 +1,4 @@
-"""The figures of a report with what is said of each."""
+"""The figures of a report with their captions."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from tracking.numerics.arrays import Array
 class Picture:
     """A figure of the report."""
 
-    name: str  # of its files
+    name: str  # name of its files
     title: str
     caption: str
     alt: str
@@ -34,7 +34,7 @@ class Picture:
 
 
 def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) -> list[Picture]:
-    """Distributions of OSPA, OSPA over time, and maps against maps; none of what no trial has."""
+    """Distributions of OSPA, OSPA over time, and planners compared by map; without pictures that would be empty."""
     flown = [group for group in groups if group.done]
     found: list[Picture] = []
     for sheet in sheets(flown) if flown else ():
@@ -45,7 +45,7 @@ def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) 
 
 
 def _apart(found: Sequence[Picture]) -> list[Picture]:
-    """The pictures, with a number where names are equal that differ in signs that file names leave out."""
+    """The pictures with unique names: equal ones, as after the removal of special characters, get a number."""
     named: dict[str, Picture] = {}
     for picture in found:
         numbered = (f"{picture.name}-{k}" for k in count(2))
@@ -55,7 +55,7 @@ def _apart(found: Sequence[Picture]) -> list[Picture]:
 
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
-    """The time that a decision takes, if it was measured."""
+    """Picture of the time that a decision takes, if it was measured."""
     shown = {name: [group for group in groups if np.any(group.values(name) > 0)] for name in DECISION}
     name = next((name for name, flown in shown.items() if flown), None)
     if name is None:
@@ -70,7 +70,7 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
 
 
 def score_picture(found: Sequence[NormalisedScore], ends: tuple[str, str]) -> Picture:
-    """Normalised scores of planners, cell by cell."""
+    """Picture of the normalised scores of planners, cell by cell."""
     lines = [f"{with_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends[0]}, 100 is {ends[1]}. Lines are 95 % intervals over the maps."
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
@@ -112,14 +112,14 @@ def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Pictu
 
 
 def _picture(name: str, title: str, caption: str, alt: str, figure: Figure, shared: str = "") -> Picture:
-    """A picture of all cells, or of those that share what a text says."""
+    """A picture of all cells, or of those described by the text `shared`."""
     if shared:
         name, title = f"{name}-{slug(shared)}", f"{title}, {shared}"
     return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
 
 
 def content(figure: Figure, kind: str) -> bytes:
-    """The figure as a file, "png" or "svg", the same bytes for the same figure."""
+    """The content of a figure's file, "png" or "svg"; equal figures give equal bytes."""
     drawn = io.BytesIO()
     with matplotlib.rc_context(LOOK):
         figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
