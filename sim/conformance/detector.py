@@ -29,14 +29,14 @@ from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
 PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
-_ELSEWHERE = np.array([60.0, 40.0])  # m, which no camera here sees
+_ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 _UAV = Uav(start=(74.0, 49.0))
 _ALTITUDE = 25.0  # m
 
 
 @dataclass(frozen=True, eq=False)
 class StagedFrame:
-    """A frame, what the renderer showed in it, and the places of the people (M, 2) m."""
+    """A frame, the renderer's output for it, and the positions of the people (M, 2) m."""
 
     frame: Frame
     rendered: Rendered
@@ -45,7 +45,7 @@ class StagedFrame:
 
 @cache
 def views() -> dict[str, StagedFrame]:
-    """Views by name; the first is the ordinary one."""
+    """Staged frames by name; the first is the ordinary one."""
     tilted = Uav(start=(0.0, 0.0), tilt_deg=30.0)
     low, level = Pose.level(0.0, 0.0, 15.0), Pose.level(0.0, 0.0, _ALTITUDE)
     wanted = {
@@ -67,23 +67,23 @@ def views() -> dict[str, StagedFrame]:
         return found
 
 
-_FRAMES = 5  # that are timed
-_SCAN = 0.2  # s between scans of the default scenario
-_MOST_NEES = 20.0  # mean, of two degrees of freedom: covariances that say a third of the error or less
+_FRAMES = 5  # number of frames whose time is taken
+_SCAN = 0.2  # s, between scans of the default scenario
+_MOST_NEES = 20.0  # largest mean NEES with two degrees of freedom: standard deviations of a third of the error
 _SPECIAL = ("turned and moved", "low UAV", "tilted camera", "finer image")
 
 
 def check(detector: str) -> list[Finding]:
-    """Findings of all checks of a detector; it conforms if none has `passed` False.
+    """Findings of all checks of a detector, which conforms if none has `passed` False.
 
-    detector: a name, or an import string. InputError where there is no such detector, or it cannot be made.
+    detector: a name or an import string. InputError if there is no such detector, or it cannot be made.
     """
     subject = _Subject(detector)
     return [finding(name, partial(ask, subject)) for name, ask in _CHECKS.items()]
 
 
 class _Subject:
-    """A detector under test: how to make it anew, and what it finds in the ordinary frame."""
+    """A detector under test, which can be made again, and its detections in the ordinary frame."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -124,7 +124,7 @@ def _detections(subject: _Subject) -> str:
 
 
 def _matched(view: StagedFrame, found: Detections) -> tuple[NDArray[np.int64], int]:
-    """Detections of the people (M,), -1 for none, and the number of people that the frame shows."""
+    """Index (M,) of each person's detection, -1 for none, and the number of people that the frame shows."""
     of_people = matched_detections(found.pixels, view.rendered.people, len(view.people))
     shown = view.rendered.people
     return of_people, len(np.unique(shown[shown >= 0]))

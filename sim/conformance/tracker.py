@@ -33,23 +33,23 @@ _HERE, _AWAY = Pose.level(0.0, 0.0, 25.0), Pose.level(80.0, 0.0, 25.0)
 _PEOPLE = np.array([(-6.0, 2.0, 0.8, 0.3), (5.0, 4.0, -0.6, 0.6), (3.0, -6.0, 0.0, 0.9)])  # known at the start
 _STRANGER = np.array([[-2.0, -7.0, 0.3, 0.6]])  # unknown at the start
 _CLUTTER = np.array([[10.0, 10.0]])
-_TURN = 0.45  # rad/s to the left, of all people: a track that walks straight, or stands, loses them in the end
-_FAR = 3.0  # m from all people: a false track
-_SAME = 1e-3  # m and m/s, between means that UAVs agree on, and m², m²/s, m²/s² between their covariances
-_PAST = Scan(0, 0.0, _HERE, np.zeros((0, 2)), np.zeros((0, 2, 2)))  # of a time that has passed
+_TURN = 0.45  # rad/s, left turn of all people, so that a track that walks straight or stands loses them in the end
+_FAR = 3.0  # m, distance from all people beyond which a track is false
+_SAME = 1e-3  # SI units, largest difference between means and between covariances on which UAVs agree
+_PAST = Scan(0, 0.0, _HERE, np.zeros((0, 2)), np.zeros((0, 2, 2)))  # a scan of a time that has passed
 
 
 def check(tracker: str) -> list[Finding]:
-    """Findings of all checks of a tracker; it conforms if none has `passed` False.
+    """Findings of all checks of a tracker, which conforms if none has `passed` False.
 
-    tracker: a name, or an import string. InputError where there is no such tracker, or it cannot be made.
+    tracker: a name or an import string. InputError if there is no such tracker, or it cannot be made.
     """
     subject = _Subject(tracker)
     return [finding(name, partial(ask, subject)) for name, ask in _CHECKS.items()]
 
 
 def _people(k: int) -> Array:
-    """Places (4, 2) m of the people at a scan, the unknown one last."""
+    """Positions (4, 2) m of the people at a scan; the unknown person is the last."""
     states, angle = np.concatenate([_PEOPLE, _STRANGER]), _TURN * _STEP * k
     velocities = states[:, 2:]
     aside = velocities[:, ::-1] * (-1.0, 1.0)
@@ -57,11 +57,11 @@ def _people(k: int) -> Array:
 
 
 def _scan(k: int, uav: int) -> Scan | None:
-    """The script: scan k of a UAV, with its camera elsewhere for a while; None where it takes no frame."""
+    """The script: scan k of a UAV, whose camera looks elsewhere for a while; None if it takes no frame."""
     if (uav == 1 and k % 2) or (uav == 0 and k == 15):
         return None
     away = uav == 0 and 10 <= k < 13
-    missed = [0] if k == 7 else []  # though in view
+    missed = [0] if k == 7 else []  # in view, but not detected
     rng = np.random.default_rng([k, uav])
     seen = np.delete(_people(k), missed, axis=0) + rng.normal(scale=0.2, size=(4 - len(missed), 2))
     alarms = _CLUTTER if k == 9 else _CLUTTER[:0]
@@ -70,7 +70,7 @@ def _scan(k: int, uav: int) -> Scan | None:
 
 
 class _Watched:
-    """A tracker with its arguments compared before and after each call, and its tracks looked at."""
+    """A tracker whose arguments are compared before and after each call, and whose tracks are checked."""
 
     def __init__(self, name: str, uav: int, states: Array) -> None:
         parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))
@@ -79,12 +79,12 @@ class _Watched:
         before = contents(self.given, "arguments")
         self._made = TRACKERS.make(name, *self.given)
         self.touched = change(before, contents(self.given, "arguments"))
-        self.failed = ""  # the look that its tracks did not stand
-        self._last = "tracks"  # what was called last
+        self.failed = ""  # the check that its tracks failed
+        self._last = "tracks"  # the method called last
         self.seconds = 0.0
 
     @property
-    def tracks(self) -> Any:  # noqa: ANN401 - not ours
+    def tracks(self) -> Any:  # noqa: ANN401 - a plug-in may return anything
         tracks = None
         with contained(called=(self._made, self._last)):
             tracks = self._made.tracks
@@ -124,11 +124,11 @@ _LOOKS: dict[str, Callable[[Sequence[Any]], object]] = {
 
 
 class _Flight:
-    """The script, flown by a tracker on each of two UAVs in touch; initial (M, 4): states of known people."""
+    """The script, flown by a tracker on each of two linked UAVs; initial (M, 4): states of known people."""
 
     def __init__(self, name: str, initial: Array = _PEOPLE) -> None:
         self.watched = [_Watched(name, uav, initial) for uav in range(_UAVS)]
-        self.tracks: list[list[tuple[Track, ...]]] = []  # of each UAV after each scan
+        self.tracks: list[list[tuple[Track, ...]]] = []  # tracks after each scan, by scan and UAV
         self.seconds: list[float] = []
         self.defects: dict[str, str] = {}
         try:
@@ -148,11 +148,11 @@ class _Flight:
             self.seconds.append(sum(made.seconds for made in self.watched) / _UAVS - sum(self.seconds))
 
     def ids(self, k: int) -> list[list[int]]:
-        """Ids of each UAV's tracks after scan k; -1 for those at the start."""
+        """Ids of each UAV's tracks after scan k; k = -1 is the start."""
         return [[track.id for track in tracks] for tracks in self.tracks[k + 1]]
 
     def people(self) -> tuple[int, int, str]:
-        """People with a track in the end, tracks of no person, and in words the mean error of the people's tracks."""
+        """Numbers of people with a track in the end and of false tracks, and the people's mean error in words."""
         places = beliefs_of(self.tracks[-1][0])[0][:, :2]
         gaps = length(places[:, None] - _people(_SCANS - 1))
         nearest = gaps.min(axis=0, initial=_FAR)
@@ -167,7 +167,7 @@ class _Flight:
 
 
 class _Subject:
-    """A tracker under test, and its first flight."""
+    """A tracker under test, with its first flight."""
 
     def __init__(self, name: str) -> None:
         self.name, self.first = name, _Flight(name)
@@ -229,7 +229,7 @@ def _agreement(subject: _Subject) -> str:
 
 
 def _agree(flight: _Flight) -> None:
-    """Raise `Unfit` for UAVs with other ids or beliefs."""
+    """Raise `Unfit` if the UAVs differ in ids or beliefs."""
     for k in range(_SCANS):
         own, other = flight.ids(k)
         if own != other:
