@@ -48,7 +48,7 @@ def check_tracker(
 
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
-    """Print one line per check, and their sum; exit with code 1 if one failed."""
+    """Print one line per check and a summary; exit with code 1 if a check failed."""
     from sim.mission.warmup import announced
 
     with console.status(START_UP), announced(say):

@@ -96,7 +96,7 @@ def compare(
     limit = None if timeout is None else seconds(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
     kept = _kept(keep, folder)
-    # A complaint about the input needs none of what these import.
+    # Imported late, because an error about the input needs none of these packages.
     from sim.analysis.metric_choice import from_outside
     from sim.cli.study_flight import facts_of, fly_study, show_study
     from sim.study.engine import Options
@@ -109,7 +109,7 @@ def compare(
 
 
 def _study(name: str, planners: Sequence[str], trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
-    """A packaged study, a study file, or one made of a scenario and flags, with what flags name in place of its own."""
+    """A packaged study, a study file, or a study made of a scenario, changed by options."""
     for planner in planners:
         load_planner(planner)
     for tracker in trackers:
@@ -127,7 +127,7 @@ def _named(name: str) -> Study:
 
 
 def _is_study(path: Path) -> bool:
-    """Tell a file of a study from one of a scenario; a missing one is taken for what is packaged under its name."""
+    """True for the file of a study, False for that of a scenario; a missing file counts as the packaged one's kind."""
     return bool({*STUDY_TABLES} & {*toml_file(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 

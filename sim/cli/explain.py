@@ -17,7 +17,7 @@ from sim.terminal.commands import Recorded
 from sim.terminal.console import console, show_place
 from tracking.plugins.registry import InputError
 
-if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
     from sim.drawing.lettering import Group
     from sim.replay.event import Event
     from sim.replay.flight import Flight
@@ -75,7 +75,7 @@ def _moment(text: str) -> float:
 
 
 def _index(text: str, option: str, count: int, lacking: str) -> int:
-    """The index that an option gives of so many; InputError says what is lacking if there are none."""
+    """The index below `count` that an option gives; InputError says `lacking` if the count is zero."""
     if not count:
         raise InputError(f"{option}: {text!r} is not allowed; {lacking}")
     return integer(text, option, least=0, most=count - 1)
@@ -114,7 +114,7 @@ def _print(groups: list[Group]) -> None:
 
 
 def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
-    """Tell of one person scan by scan, or else of the losses of all people and of the mission's other events."""
+    """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
     from sim.drawing.plots import save
     from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED
 

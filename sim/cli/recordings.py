@@ -15,7 +15,7 @@ from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import counted_progress
 from tracking.plugins.registry import InputError, check_known
 
-if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
     from sim.recording.recording import Recording
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
@@ -119,12 +119,12 @@ def export(
 
 
 def folder_of(recorded: Path) -> Path:
-    """The folder of a recording that is named by its folder or its file."""
+    """The folder of a recording, given by its folder or its file."""
     return recorded if recorded.is_dir() else recorded.parent
 
 
 def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
-    """InputError unless a new file that ends in `suffix` can be written at `path`, which is tried."""
+    """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
     if path.suffix != suffix:
         raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
     part = unfinished(path)
@@ -140,7 +140,7 @@ def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
 
 
 def _check_way(asked: dict[str, bool], given: list[str]) -> None:
-    """InputError where several ways to show it, or options that do not belong to the one, are asked for."""
+    """InputError if several ways to show a mission are asked for, or options that do not belong to the way."""
     ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
     if len(ways) > 1:
         raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")

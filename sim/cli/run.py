@@ -21,10 +21,10 @@ from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import mission_progress
 
-# Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
+# Engine, compiler and linear algebra take a second to import, so commands that fly import them late.
 
-_SHOWN = 3  # faults of different kinds
-_LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
+_SHOWN = 3  # number of faults of different kinds that are printed
+_LONGEST = 150  # characters of scenario and planner in a folder's name, which may have 255
 
 _Scenario = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="A packaged scenario (see `understory scenarios`) or a .toml file.")
@@ -62,7 +62,7 @@ def run(
     setting = load(scenario, changes)
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else seconds(timeout, "--timeout")
-    # Other people's code runs in a process of its own, as nothing else holds what it may do.
+    # Plug-ins run in a separate process, because nothing else limits the harm that they may do.
     theirs = metric or any(name not in registry.built_in for registry, name in setting.plugins)
     trusted = planner_target(planner).startswith("planning.") and not theirs
     if trusted:
@@ -81,8 +81,8 @@ def run(
 
 
 def show_run(summary: Mapping[str, Any], folder: Path) -> None:
-    """Print the results of a mission and where its files are."""
-    from sim.evaluation.summary import results_table  # late, as it needs NumPy
+    """Print the results of a mission and the place of its files."""
+    from sim.evaluation.summary import results_table  # late, because it needs NumPy
 
     _show_faults(summary["faults"])
     console.print(results_table(summary))
@@ -91,7 +91,7 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
-    from sim.replay.history import fleet_text  # late, as it needs NumPy
+    from sim.replay.history import fleet_text  # late, because it needs NumPy
 
     alike: dict[tuple[object, ...], list[Mapping[str, Any]]] = {}
     for fault in faults:
@@ -110,7 +110,7 @@ def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _name(scenario: str, trial: Trial) -> str:
-    """Name of a folder, of signs that no shell minds."""
+    """Name of a folder, without characters that are special in a shell."""
     planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", "."), flags=re.ASCII)
     name = f"{Path(scenario).stem}-{planner.strip('-')}"[:_LONGEST] + f"-seed{trial.seed}"
     return f"{name}-repeat{trial.repeat}" if trial.repeat else name

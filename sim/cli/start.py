@@ -97,7 +97,7 @@ def studies() -> None:
 
 
 def _show_list(items: Mapping[str, str], note: str) -> None:
-    """Print names and their meaning."""
+    """Print names with their meanings."""
     table = Table.grid(padding=(0, 3))
     for name, meaning in items.items():
         table.add_row(f"[bold]{name}[/bold]", escape(meaning))

@@ -1,4 +1,4 @@
-"""Flights of a study for `understory compare`, which can be interrupted and go on, and their results."""
+"""Flights of a study for `understory compare`, which can be interrupted and continued, and their results."""
 
 import shlex
 import sys
@@ -34,7 +34,7 @@ from tracking.plugins.registry import InputError, check_known
 def facts_of(
     study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
 ) -> About:
-    """Facts for the report of a study; InputError where they name what its trials will not have."""
+    """Facts for the report of a study; InputError if they name planners or metrics that its trials will not have."""
     given = labels_of(listed, labels)
     baseline_of(listed, baseline, given)
     if study.score:
@@ -46,13 +46,13 @@ def facts_of(
 def fly_study(
     study: Study, listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
 ) -> list[Row]:
-    """Rows of all trials of a study; exits with what is kept and how to go on if they cannot all be flown."""
+    """Fly a study and return the rows of all trials; on failure, exit with a message on how to continue."""
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     kept: int | None = None
     again = 0
     try:
         new = not (folder / NAME).exists()
-        if new:  # before anything is left
+        if new:  # checked before any file is written
             _check_worlds(study, listed)
         with _backend(workers, dask) as backend, Store.opened(folder, study.name) as store:
             if not new:
@@ -84,7 +84,7 @@ def fly_study(
 
 
 def _check_worlds(study: Study, listed: Sequence[Task]) -> None:
-    """InputError, with file and levels, unless forest and people of each setting can be placed with its first seed."""
+    """InputError, with file and levels, if forest and people of a setting cannot be placed with its first seed."""
     first = {msgspec.json.encode(task.setting): task for task in reversed(listed)}
     for task in first.values():
         try:
@@ -101,7 +101,7 @@ def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Ba
 
 
 def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
-    """Remarks on results in the store that are of other versions of the package, or of other trials."""
+    """Remarks on results in the store of other package versions or other trials, which are not shown."""
     others = store.others(listed)
     rest = others.pop(listed[0].version, 0)
     text = ", ".join(f"{count} of version {version}" for version, count in others.items())
@@ -114,12 +114,12 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
 
 
 def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
-    """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
+    """Print tables and write the report; exit with code 1 if that fails or trials have failed."""
     command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
     try:
         write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
-        show(rows, about)  # last, as what reads it may go away
-    except (KeyboardInterrupt, InputError) as error:  # names were checked before: the disk is full or the like
+        show(rows, about)  # last, because the reader of a pipe may close it
+    except (KeyboardInterrupt, InputError) as error:  # names were checked before, so the disk may be full
         reason = str(error) or "interrupted"
         fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
     failures = [row for row in rows if row.status == "failed"]
