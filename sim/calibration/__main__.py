@@ -1,4 +1,4 @@
-"""`python -m sim.calibration`: constants of the camera's covariance, fitted anew, and the NEES of those in force."""
+"""`python -m sim.calibration`: fit of the constants of the camera's covariance, and NEES of the present ones."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ def calibrate() -> None:
 
     A table of the NEES of the constants in force, on 5000 other detections, follows.
     """
-    # Here, as help needs no arithmetic.
+    # Imported here, because help needs no arithmetic.
     from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
     from sim.calibration.nees import nees_bins, pair_bins, tilt_bins
 

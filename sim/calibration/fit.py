@@ -20,19 +20,19 @@ _OTHERS = (12.0, 26.0, 34.0)  # m
 
 
 def fit_whole(seed: int, frames: int) -> WholeError:
-    """The constants of people in plain view under which their errors are likeliest."""
+    """Maximum-likelihood constants for people in plain view."""
     people: list[Sample] = []
     for k, (pixels, altitudes) in enumerate((p, a) for p in (96, 128, 192, 256) for a in (ALTITUDES, _OTHERS)):
         rng = np.random.default_rng([seed, 2, k])
         count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
         people += samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
     tangent, footprints, errors = _errors(people)
-    gsd, (radial, tangential) = footprints[:, 0], errors.T  # pixels of level cameras are square on the ground
+    gsd, (radial, tangential) = footprints[:, 0], errors.T  # level cameras have square pixels on the ground
     powers = tangent[:, None] ** np.arange(3)
 
     def surprise(x: Array) -> float:
         along, across = ((variances * powers).sum(axis=1) for variances in _whole(x).variances(gsd))
-        slopes, curves = x[3::2], x[4::2]  # of growths, which have to stay positive at any angle off nadir
+        slopes, curves = x[3::2], x[4::2]  # of factors that must stay positive at any angle
         positive = np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves))
         if not positive or min(along.min(), across.min()) <= 0.0:
             return math.inf
@@ -45,7 +45,10 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 
 
 def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
-    """Tangents (N,) off nadir of people taken to be whole, and pixel footprints and errors (N, 2) m by `sight_axes`."""
+    """Tangents (N,) off nadir of people who are taken as whole, with pixel footprints and errors (N, 2) m.
+
+    The axes are those of `sight_axes`.
+    """
     rows = []
     for sample in people:
         if places_of(sample.frame, sample.blob, sample.forest) is None:
@@ -59,7 +62,7 @@ def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
 
 
 def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
-    """Constants that level images do not tell, from tilted ones of people in plain view."""
+    """Constants that level images do not determine, from tilted images of people in plain view."""
     people: list[Sample] = []
     for k, (tilt, sway) in enumerate(TILTS):
         rng = np.random.default_rng([seed, 3, k])
@@ -77,7 +80,7 @@ def _with_powers(error: WholeError, x: Array) -> WholeError:
 
 
 def fit_split(seed: int, frames: int) -> SplitError:
-    """The constants of people told apart under which their errors are likeliest; half of the cameras are level."""
+    """Maximum-likelihood constants for people told apart; half of the cameras are level."""
     cases = []
     for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
         rng = np.random.default_rng([seed, 4, k])
@@ -96,14 +99,14 @@ def fit_split(seed: int, frames: int) -> SplitError:
 
     likeliest = _minimum(lambda x: _surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
     added = added_by(likeliest)
-    # Few errors are much larger than the rest: the likeliest constants say too little on the average of level cameras.
+    # A few errors are much larger, so that the likeliest constants underestimate the mean square of level cameras.
     base, more, squares = alone[level], added[level], errors[level] ** 2
     factor = brentq(lambda x: float(np.mean(squares / (base + x * more))) - 1.0, 0.1, 10.0)
     return SplitError(*(likeliest * [factor**0.5, factor**0.5, factor**0.5, 1.0]).tolist())
 
 
 def _surprise(variances: Array, errors: Array) -> float:
-    """Mean negative log-likelihood of Gaussian errors, twice, less a constant."""
+    """Twice the mean negative log-likelihood of Gaussian errors, without a constant."""
     return float(np.mean(np.log(variances) + errors**2 / variances))
 
 
@@ -123,7 +126,7 @@ def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequ
 
 
 def fit_part(seed: int, frames: int) -> PartError:
-    """The constants of people seen in part under which their places are likeliest, at four resolutions alike."""
+    """Maximum-likelihood constants for people seen in part, at four resolutions of equal weight."""
     people = [s for k in (256, 192, 128, 96) for s in people_in_forests(seed + k, frames, k)]
     found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in people)
     cases = [(places, person) for places, person in found if places is not None]
@@ -136,7 +139,7 @@ def fit_part(seed: int, frames: int) -> PartError:
 
 
 def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:
-    """The constants with the likeliest factors of the covariance, and how unlikely they are."""
+    """The constants with the likeliest factors of the covariance, and their negative log-likelihood."""
     plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
     error = PartError(*x.tolist())._replace(excess=plain)
     rows = []
@@ -155,12 +158,12 @@ def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartE
 
 
 def _between(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
-    """Shares (K, N) that each knot has in what is linear between knots, at `where` (N,)."""
+    """Weights (K, N) of the knots at `where` (N,) in linear interpolation."""
     return np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
 
 
 def _excess(basis: Array, squares: Array) -> tuple[tuple[float, ...], Array]:
-    """The likeliest factors (K,) of covariances, and those (N,) of the squares (N,): factors @ basis (K, N)."""
+    """The likeliest factors (K,) of covariances, and factors @ basis (K, N) for each of the squares (N,)."""
     excess = np.ones(len(basis))
     for _ in range(50):  # weighted least squares of squares / 2 on the factors
         weights = basis / (excess @ basis) ** 2

@@ -1,4 +1,4 @@
-"""Mean NEES of the camera's covariance on rendered people: by angle, share hidden and mount."""
+"""Mean NEES of the camera's covariance on rendered people, by angle, hidden share and mount."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
 
 OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
-HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
+HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # shares that trees and the image's edge hide
 
 
 def nees(population: Sequence[Sample]) -> Array:
-    """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
+    """NEES (N,) of the samples with the detector's covariances; two degrees of freedom."""
     found = [located_detections(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
     errors = np.array([f.ground[0] - s.person for f, s in zip(found, population, strict=True)]).reshape(-1, 2)
     return squared_distance(errors, np.array([f.covariances[0] for f in found]).reshape(-1, 2, 2))
 
 
 def _nees_of_pairs(population: Sequence[Pair]) -> Array:
-    """Squared errors over variances (2 N,) of people in pairs told apart."""
+    """NEES (2 N,) of people in pairs told apart."""
     found = [located_detections(p.frame, p.blobs, Forest(()), p.components) for p in population]
     errors = np.concatenate([f.ground - p.people for f, p in zip(found, population, strict=True)])
     return squared_distance(errors, np.concatenate([f.covariances for f in found]))
@@ -34,7 +34,7 @@ def _nees_of_pairs(population: Sequence[Pair]) -> Array:
 
 @dataclass(frozen=True)
 class Bin:
-    """Mean NEES of the samples of a bin, and the interval that holds it at 95 %."""
+    """Mean NEES of the samples of a bin, and its 95 % interval for a consistent covariance."""
 
     name: str
     count: int
@@ -44,7 +44,7 @@ class Bin:
 
     @classmethod
     def of(cls, name: str, values: Array) -> "Bin":
-        """The bin of squared errors over variances (N,)."""
+        """The bin of the NEES (N,) of samples."""
         return cls(name, len(values), float(values.mean()), *nees_interval(len(values), 2))
 
     @property
@@ -54,7 +54,7 @@ class Bin:
 
 
 def nees_bins(population: Sequence[Sample]) -> list[Bin]:
-    """Mean NEES by angle off nadir and by share hidden."""
+    """Mean NEES by angle off nadir and by hidden share."""
     values = nees(population)
     angles = np.degrees(np.arctan([sample.tangent for sample in population]))
     hidden = np.array([sample.hidden for sample in population])
@@ -66,7 +66,7 @@ def nees_bins(population: Sequence[Sample]) -> list[Bin]:
 
 
 def tilt_bins(seed: int, frames: int) -> list[Bin]:
-    """Mean NEES of people in the open, taken for whole and wholly in the image, by the camera's mount."""
+    """Mean NEES of whole people in the open and within the image, by the camera's mount."""
     bins = []
     for tilt, sway in ((0.0, 0.0), *TILTS):
         rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
@@ -79,7 +79,7 @@ def tilt_bins(seed: int, frames: int) -> list[Bin]:
 
 
 def pair_bins(seed: int, frames: int) -> list[Bin]:
-    """Mean NEES of people told apart, from level cameras and from all tilted ones."""
+    """Mean NEES of people told apart, for level cameras and for all tilted ones."""
     bins = []
     for name, mounts in (("level", ((0.0, 0.0),)), ("tilted", TILTS)):
         population: list[Pair] = []

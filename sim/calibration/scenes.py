@@ -1,4 +1,4 @@
-"""Rendered people for the fit of the camera's covariance, and the truth about them."""
+"""Rendered people for the fit of the camera's covariance, with ground truth."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,15 +21,15 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 
 ALTITUDES = tuple(uav.altitude for uav in DEFAULT_FLEET)
-# Off nadir, and up to which roll and pitch of a body that the camera is fixed to; 0 for a gimbal [deg].
+# Mounting angle off nadir, and largest roll and pitch of the body, which is 0 for a gimbal [deg].
 TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _PEOPLE = 8
-_GAP = 2.4  # m between people
-_MARGIN = 0.5  # m beyond the image where people may stand
-_FLAT = 0.17  # slope of the lines of sight to people towards the horizon: some 100 m away
+_GAP = 2.4  # m, least distance between people
+_MARGIN = 0.5  # m beyond the image in which people may stand
+_FLAT = 0.17  # least slope of lines of sight to people, who are then at most some 100 m away
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
-_PLAIN = 0.15  # of the people in plain view are kept: the others tell more
-# Points of a body, to find people that are hidden in part.
+_PLAIN = 0.15  # share of the people in plain view that is kept; the others are more informative
+# Points of a body, by which people who are hidden in part are found.
 _BODY = np.array(
     [
         (0.2 * math.cos(a), 0.2 * math.sin(a), h)
@@ -41,17 +41,17 @@ _BODY = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One detected person: what the camera saw of them, and the truth."""
+    """One detected person: the camera's pixels of them, and the truth."""
 
     frame: Frame
     forest: Forest
-    blobs: list[Array]  # (K, 2) pixels: the one that stands for them, then others of the same component
+    blobs: list[Array]  # (K, 2) pixels: the person's blob, then the others of its component
     person: Array  # (2,) m
     hidden: float  # share of the silhouette that trees or the image's edge hide
 
     @property
     def blob(self) -> Array:
-        """Pixels (K, 2) that stand for the person."""
+        """Pixels (K, 2) of the person."""
         return self.blobs[0]
 
     @property
@@ -63,10 +63,10 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two people touching in the image, as the detector told them apart, and the truth."""
+    """Two people who touch in the image and whom the detector told apart, and the truth."""
 
     frame: Frame
-    blobs: list[Array]  # two, (K, 2) pixels
+    blobs: list[Array]  # two blobs, (K, 2) pixels
     components: NDArray[np.int64]  # (2,) as from `blobs_of`
     people: Array  # (2, 2) m, in the order of the blobs
 
@@ -80,9 +80,9 @@ def samples(
     altitudes: Sequence[float] = ALTITUDES,
     attitudes: Sequence[Array] = (LEVEL,),
 ) -> Iterator[Sample]:
-    """People detected in random frames over one forest, as often near the image's centre as far from it.
+    """People detected in random frames over one forest, at all distances from the image's centre equally often.
 
-    attitudes: of the camera, quaternions (4,) that the frames have in turn.
+    attitudes: attitudes of the camera, quaternions (4,) that the frames have in turn.
     """
     scenario = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
     camera = Camera(math.radians(60), pixels)
@@ -115,7 +115,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
     people: list[Array] = []
     seen: list[tuple[Array, float]] = []
     while len(people) < _PEOPLE:
-        # Where a level camera would see the ground; whatever the attitude, people keep their distance in the image.
+        # Places are drawn for a level camera and then tilted, so that distances in the image do not depend on attitude.
         r, bearing = rng.uniform(0, half * math.sqrt(2)), rng.uniform(-math.pi, math.pi)
         offset = r * np.array([math.cos(bearing), math.sin(bearing)])
         pixel = camera.pixels / 2 + camera.focal / height * offset * [1.0, -1.0]
@@ -133,7 +133,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
 
 
 def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] = (LEVEL,)) -> Iterator[Pair]:
-    """Pairs that touch and were told apart, in random frames in the open; distances, headings and places are random."""
+    """Pairs that touch and were told apart, in frames in the open with random distances, headings and places."""
     camera = Camera(math.radians(60), 128)
     with World(Scenario(uavs=(Uav(start=(74.0, 49.0)),)), Forest(()), 2) as world:
         renderer = Renderer(world)
@@ -144,7 +144,7 @@ def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] =
             if -ray[2] < _FLAT * np.linalg.norm(ray):
                 continue
             first = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0]
-            # From shoulder to shoulder to as far as one hides the other.
+            # From shoulder to shoulder up to the distance at which one person still hides the other.
             gap = rng.uniform(0.45, 1.0 + 1.7 * float(np.linalg.norm(ray[:2]) / -ray[2]))
             people = np.array([first, first + gap * np.array([math.cos(bearing), math.sin(bearing)])])
             world.place_people(people, rng.uniform(-math.pi, math.pi, 2))
@@ -156,14 +156,14 @@ def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] =
 
 
 def _touch(people: NDArray[np.int32]) -> bool:
-    """True if both of two people show in a mask (P, P), as one component that the image's edge does not cut."""
+    """True if two people form one component of a mask (P, P) that the image's edge does not cut."""
     shown = people >= 0
     edge = np.any(shown[[0, -1]]) or np.any(shown[:, [0, -1]])
     return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2
 
 
 def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
-    """Person of each of two blobs, such that their middles are nearer to the two people together."""
+    """Person of each of two blobs, such that the sum of distances from their middles to the people is least."""
     middles = np.array([blob.mean(axis=0) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, middles, TARGET_HEIGHT)
     gaps = np.linalg.norm(ground[:, None] - people, axis=2)
