@@ -1,4 +1,4 @@
-"""A mission as a film: the map, and each camera's frame with its detections."""
+"""The film of a mission: the map, and each camera's frame with its detections."""
 
 import math
 import os
@@ -31,7 +31,7 @@ WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
 _PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _OPTIONS = {"preset": "veryfast", "crf": "23"}
-_BT601 = 6  # the matrix OpenCV converts with; players need it, they assume another for HD
+_BT601 = 6  # OpenCV's colour matrix, which the file must name because players assume another one for HD
 
 
 def parts_of(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
@@ -43,23 +43,23 @@ def parts_of(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
 class Film:
     """Draws snapshots, in order of time, as frames of 1280 x 720.
 
-    Tracks are numbered in the order of their appearance, as their ids are too long to read.
+    Tracks are numbered in the order of their appearance, because their ids are too long to read.
     """
 
     def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN) -> None:
-        """`layout` as in `sim.drawing.layout.parts_in`; a mission with ideal sensing has no cameras to show."""
+        """Lay out the film; `layout` as in `sim.drawing.layout.parts_in`. Ideal sensing has no cameras to show."""
         self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._layout = parts_of(scenario, layout)
-        room = self._layout.map or _PANEL  # the map follows what happens, shown or not
+        room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}
         self._holding: Holding | None = None
         self._sparkline = Sparkline(scenario.duration)
-        self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
+        self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         rate = scenario.rates.sensing
-        self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which every camera takes a frame
+        self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which each camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         legend, owner = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
         draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
@@ -80,9 +80,9 @@ class Film:
         return image
 
     def follow(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
-        """Take note of a snapshot that is not shown, so that those after it are drawn as in the whole film.
+        """Process a snapshot that is not shown, so that later ones are drawn as in the whole film.
 
-        `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
+        `frames` as in `draw`; only the last frame of each camera is used, and only if the camera is slower than scans.
         """
         snapshot, _ = self._taken(snapshot)
         self._map.follow(snapshot)
@@ -101,7 +101,7 @@ class Film:
             image[tile.slices] = self._last[i]
 
     def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
-        """The snapshot with numbered tracks, and the states of people to these (M,), which depend on the past."""
+        """The snapshot with numbered tracks, and the states (M,) of people, which depend on earlier snapshots."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)
         numbered = with_numbers(snapshot, self._numbers)
@@ -120,9 +120,9 @@ class Film:
 
 
 class Video(AbstractContextManager["Video"]):
-    """An H.264 file that browsers play, written frame by frame; it appears at `path` when closed.
+    """An H.264 file for browsers, written frame by frame; it appears at `path` when it is closed.
 
-    As a context manager it closes at the end of the block, and leaves nothing if the block raises.
+    As a context manager, it is closed at the end of the block, and leaves no file if the block raises.
     """
 
     def __init__(self, path: Path, film: Film, *, fps: int | Fraction) -> None:
@@ -145,7 +145,7 @@ class Video(AbstractContextManager["Video"]):
         self._container.mux(self._stream.encode(planes))
 
     def close(self) -> None:
-        """Finish the file, playable however few frames it has; without any there is no file."""
+        """Finish the file, which any number of frames makes playable; without frames there is no file."""
         if self._frames == 0:
             self.discard()
             return
@@ -158,8 +158,8 @@ class Video(AbstractContextManager["Video"]):
             raise
 
     def discard(self) -> None:
-        """Leave nothing behind."""
-        with suppress(OSError):  # of a full disk, which it is discarded for
+        """Remove the unfinished file."""
+        with suppress(OSError):  # the disk may be full, which may be the reason to discard
             self._container.close()
         with suppress(OSError):
             self._part.unlink()

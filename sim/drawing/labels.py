@@ -1,4 +1,4 @@
-"""Names in an image that keep clear of one another and of the marks they name."""
+"""Names in an image, placed clear of one another and of the marks."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,18 +13,18 @@ from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 
-# Sides of a mark where a name may stand: rightwards and downwards.
+# Sides of a mark at which a name may stand, as steps to the right and down.
 _SIDES = np.array([(1.0, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)])
-# Of the top left corner of a view, so that no edge of the view runs through the name; and the corners.
+# Sides of the top left corner of a view at which no edge of the view crosses the name; then the corners.
 _OUTSIDE = np.array([(1.0, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)])
 _CORNERS = np.array([(-1.0, -1), (1, -1), (-1, 1), (1, 1)])
-_VEIL = 0.65  # opacity of what lies behind a name
-_GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
-_CLOSE = 1.0  # pixels from the corner of a view
+_VEIL = 0.65  # opacity of the image behind a name
+_GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels, distance from the mark, and larger ones in crowded places
+_CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
 def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
-    """The snapshot with its tracks under numbers, by id, which are easier to read; new tracks get the next ones."""
+    """The snapshot with readable numbers in place of track ids; new tracks are added to `numbers`."""
     for track in (track for held in snapshot.tracks for track in held):
         numbers.setdefault(track.id, len(numbers))
     tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
@@ -32,31 +32,31 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
 
 
 def track_name(track: Track) -> str:
-    """The name of a track under its number, with a question mark if it is not reported."""
+    """The name of a numbered track, with a question mark if it is not reported."""
     return f"{track.id}{'' if track.reported else '?'}"
 
 
 def numbered(recording: Recording, k: int) -> Snapshot:
-    """Scan k of a recording with its tracks under numbers."""
+    """Scan k of a recording with numbered tracks."""
     return with_numbers(recording.snapshot(k), recording.track_numbers)
 
 
 class Labels:
-    """Places names beside marks of one RGB image; marks are reserved before names are put."""
+    """Placement of names beside the marks of one RGB image; marks have to be reserved before names are put."""
 
     def __init__(self, image: Image, *, veil: bool = True) -> None:
-        """`veil`: names lie on a veil, for images that are full of detail."""
+        """Begin without marks; `veil` fades the image behind names, for images that are full of detail."""
         self._image, self._veil = image, veil
         self._taken: list[Array] = []  # left, top, right, bottom
 
     def reserve(self, centre: Array, reach: float) -> None:
-        """Keep names off a square round a mark at a pixel (2,)."""
+        """Keep names off a square around a mark at a pixel (2,)."""
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
     def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array = _SIDES) -> None:
-        """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away.
+        """Write a name where it covers least: `gap` pixels from its mark, or farther with a line to the mark.
 
-        sides (N, 2): those of the mark where it may stand, rightwards and downwards.
+        sides (N, 2): allowed sides of the mark, as steps to the right and down.
         """
         size = _size(text, style)
         away = [gap, *(gap + more for more in _FARTHER)]
@@ -75,9 +75,9 @@ class Labels:
         self._taken.append(box)
 
     def put_outside(self, text: str, view: Array, style: TextStyle, *, others: Sequence[Array]) -> None:
-        """Write the name of a view outside it, at a corner, where the least of the name lies in other views.
+        """Write the name of a view outside it, at the corner at which it overlaps other views least.
 
-        view: left, top, right, bottom; others: likewise.
+        view and others: left, top, right, bottom.
         """
         sides = _OUTSIDE[:, None] * -_CORNERS  # (5, 4, 2), of each corner
         corners = (view[:2] + view[2:] + _CORNERS * (view[2:] - view[:2])) / 2
@@ -89,11 +89,11 @@ class Labels:
         self.put(text, corners[at], style, gap=_CLOSE, sides=best)
 
     def _covered(self, box: Array) -> float:
-        """Pixels of other names and marks under a box, and those of it beyond the image."""
+        """Number of pixels of a box that cover other names and marks or lie beyond the image."""
         return float(3.0 * self._beyond(box) + sum(_overlap(box, other) for other in self._taken))
 
     def _beyond(self, boxes: Array) -> Array:
-        """Pixels of boxes (..., 4) beyond the image."""
+        """Number of pixels of boxes (..., 4) beyond the image."""
         limits = np.array([0.0, 0.0, self._image.shape[1], self._image.shape[0]])
         return np.asarray(np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1) - _overlap(boxes, limits))
 
@@ -104,12 +104,12 @@ def _size(text: str, style: TextStyle) -> Array:
 
 
 def _box(anchor: Array, size: Array, gap: float, side: Array) -> Array:
-    """Left, top, right, bottom (..., 4) of a text of a size (2,) on a side of its mark; marks and sides (..., 2)."""
+    """Left, top, right, bottom (..., 4) of a text with a size (2,) beside its mark; marks and sides (..., 2)."""
     middle = anchor + side * (gap + size / 2)
     return np.concatenate([middle - size / 2, middle + size / 2], axis=-1)
 
 
 def _overlap(one: Array, other: Array) -> Array:
-    """Pixels that boxes (..., 4) have in common with others."""
+    """Number of pixels that boxes (..., 4) have in common with others."""
     sides = np.minimum(one[..., 2:], other[..., 2:]) - np.maximum(one[..., :2], other[..., :2])
     return np.asarray(np.prod(np.maximum(sides, 0.0), axis=-1))

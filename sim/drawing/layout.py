@@ -23,14 +23,14 @@ class Box:
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of a film that are shown, and where: the map, and tiles by UAV."""
+    """Boxes of the shown parts of a film: the map, and tiles by UAV."""
 
     map: Box | None
     tiles: dict[int, Box]
 
 
 def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
-    """Boxes of a layout: map+cameras, map, cameras, or uav1 for one large camera beside the map."""
+    """Boxes of a layout: map+cameras, map, cameras, or for example uav1 for one large camera beside the map."""
     if layout == "cameras":
         return Parts(None, dict(enumerate(_grid(panel, uavs))))
     if layout.startswith("uav"):
@@ -43,7 +43,7 @@ def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
 
 
 def _grid(panel: Box, tiles: int) -> list[Box]:
-    """Square tiles, as large as can be, in rows in the middle of the panel."""
+    """Square tiles of the largest possible size, in rows in the middle of the panel."""
 
     def side(columns: int) -> int:
         rows = math.ceil(tiles / columns)
@@ -63,15 +63,15 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
 
 
 def _arranged(panel: Box, aspect: float, tiles: int) -> Parts:
-    """The arrangement of a map (width over height `aspect`) and square tiles that shows both large, the map first.
+    """The best arrangement of a map (width over height `aspect`) and square tiles; the map's size comes first.
 
-    Tiles stand in columns right of the map or in rows below it; whichever is better, right if equal.
+    Tiles are in columns right of the map or in rows below it, whichever is better; right if both are equal.
     """
     options = []
     for below in (False, True):
         along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
         for lines in range(1, tiles + 1):
-            # Tiles that fit along their lines, and leave the map a third of the panel or more across them.
+            # Tiles have to fit along their lines, and to leave the map at least a third of the panel across them.
             most = min((along + GAP) // math.ceil(tiles / lines), int(across * 2 / 3) // lines) - GAP
             options += [_beside(panel, aspect, (tiles, lines, side), below) for side in range(40, most + 1, 4)]
 
@@ -99,7 +99,7 @@ def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) 
 
 
 def _fitted(room: Box, aspect: float) -> Box:
-    """The largest box of the aspect in the middle of the room."""
+    """The largest box with this aspect in the middle of the room."""
     width = min(room.width, max(round(room.height * aspect), 1))
     height = min(room.height, max(round(width / aspect), 1))
     return Box(room.x + (room.width - width) // 2, room.y + (room.height - height) // 2, width, height)

@@ -18,9 +18,9 @@ _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
 def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -> None:
-    """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar.
+    """Fill an RGB strip with the marks that are shown, and a scale bar for the map's `scale` in pixels per metre.
 
-    owner: the UAV that has the tracks on the map; None for a film without the map.
+    owner: the UAV whose tracks are on the map; None for a film without the map.
     """
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
     if owner:
@@ -44,7 +44,7 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
 
 
 def _scale_bar(image: Image, scale: float, right: Array) -> None:
-    """A round length of 50 to 130 pixels, about."""
+    """Draw a bar with a round length of about 50 to 130 pixels."""
     metres = next(m for m in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5) if m * scale > 50)
     left = right - np.array([metres * scale, 0.0])
     for end in (left, right):
@@ -90,7 +90,7 @@ class Sparkline:
             self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
 
     def draw(self, image: Image) -> None:
-        """Draw all of them into an RGB image."""
+        """Draw all values into an RGB image."""
         height, extent = image.shape[0], image.shape[1] - 34
         metre = self._level(1.0)
         stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)

@@ -1,4 +1,4 @@
-"""Smooth text in images, with the font that comes with matplotlib."""
+"""Anti-aliased text in images, with matplotlib's font."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Group = tuple[str, list[str]]  # a heading, and sentences under it
 
 @dataclass(frozen=True)
 class TextStyle:
-    """The look of a text; a halo keeps it legible on any ground."""
+    """The look of a text; a halo keeps it legible on any background."""
 
     size: int = 13  # pixels per em
     colour: Colour = INK
@@ -33,12 +33,12 @@ _LINE, _GAP = 19, 12  # pixels: height of a line, and the gap between groups
 
 
 def width(text: str, style: TextStyle) -> int:
-    """Pixels that the text takes."""
+    """Width of a text [pixel]."""
     return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
 
 
 def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
-    """Lines of the text's words that take `room` pixels at most; those after the first are indented."""
+    """Lines of a text that are at most `room` pixels wide; all but the first are indented."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines[-1] else word
@@ -52,9 +52,9 @@ def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
 def listed(
     groups: Sequence[Group], room: int, top: float, heading: TextStyle = _HEADING
 ) -> tuple[list[tuple[str, float, TextStyle]], float]:
-    """Lines of headed groups of sentences from `top` down, each with the height of its middle; and that below all.
+    """Lines of groups of sentences from `top` down, each with the height of its middle; and the height below all.
 
-    Lines take `room` pixels at most; `heading` is the style of the first.
+    Lines are at most `room` pixels wide; `heading` is the style of the first heading.
     """
     found: list[tuple[str, float, TextStyle]] = []
     y = top
@@ -68,9 +68,9 @@ def listed(
 
 
 def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, align: float = 0.0) -> None:
-    """Write into an RGB image (H, W, 3), vertically centred on `at` (x, y) and moved to fit inside.
+    """Write into an RGB image (H, W, 3), vertically centred on `at` (x, y) but moved such that the text fits.
 
-    align 0 puts the text's left edge on x, 0.5 its centre, 1 its right edge.
+    align: 0 puts the text's left edge at x, 0.5 its centre, and 1 its right edge.
     """
     mask, descent = _mask(text, style.size, style.bold)
     height, extent = mask.shape
@@ -94,7 +94,7 @@ def _blend(area: Image, colour: Colour, mask: Mask) -> None:
 
 @lru_cache(maxsize=1024)
 def _mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
-    """Opacity in [0, 1] with a border of two pixels, and how far it reaches below the baseline [pixel]."""
+    """Opacity in [0, 1] of a text with a border of two pixels, and its depth below the baseline [pixel]."""
     font = _font(bold)
     font.set_size(size, 72)
     font.set_text(text, 0.0)

@@ -1,4 +1,4 @@
-"""The map of a mission, drawn from above, north up."""
+"""The map of a mission, drawn from above with north up."""
 
 import math
 from collections import deque
@@ -26,21 +26,21 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 
 MARGIN = 4.0  # m shown beyond the area
-TRAIL = 3.0  # s of the past that trails show
-ALERT = 1.0  # s for which a contact is marked
-ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that hold 95 % of a planar Gaussian
+TRAIL = 3.0  # s, length of trails
+ALERT = 1.0  # s, time for which a contact is marked
+ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 
 _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
 
 
 def ellipse(mean: Array, covariance: Array) -> Array:
-    """Points (48, 2) m on the curve that holds 95 % of a planar Gaussian: mean (2,) m, covariance (2, 2) m²."""
+    """Points (48, 2) m on the 95 % ellipse of a planar Gaussian with mean (2,) m and covariance (2, 2) m²."""
     variances, axes = np.linalg.eigh(covariance)
     return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
 
 
 def map_extent(scenario: Scenario) -> tuple[float, float]:
-    """Width and height of the map [m], its margin included."""
+    """Width and height of the map [m] with its margin."""
     return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN
 
 
@@ -57,22 +57,22 @@ class MapView:
         self._alert = round(ALERT * self._rate)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)
-        # s, of the past on which a picture depends: trails, the plans flown, the last frames of slow cameras
+        # s, length of the past on which a picture depends by trails, plans in flight and last frames of slow cameras
         self._reach = max(TRAIL, scenario.network.plan_delay + 1 / scenario.rates.planning)
-        self._last: dict[int, Snapshot] = {}  # at which each camera took its last frame
+        self._last: dict[int, Snapshot] = {}  # the snapshot of each camera's last frame
         self._ground = self._draw_ground(forest)
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Take note of one snapshot, for trails and intents, without drawing it."""
+        """Process one snapshot, for trails and intents, without drawing it."""
         self._intents.follow(snapshot)
         self._past.append(snapshot)
         k = round(snapshot.time * self._rate)
         self._last |= {i: snapshot for i in snapshot.working if self._scenario.has_frame(i, k)}
 
     def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> Labels:
-        """Draw one snapshot into an RGB image of the map's size; returns its labels, for further names.
+        """Draw one snapshot into an RGB image of the map's size; return its labels for further names.
 
-        holds (M,): states of people to tracks, indices into `HOLDS`; None marks no person as lost.
+        holds (M,): states of people, as indices into `HOLDS`; with None no person is marked as lost.
         """
         holds = np.zeros(len(snapshot.people), dtype=np.int64) if holds is None else holds
         self.follow(snapshot)
@@ -105,9 +105,9 @@ class MapView:
         return labels
 
     def recorded(self, recording: Recording, k: int, holds: Indices) -> tuple[Image, Labels]:
-        """The map (H, W, 3) of a recording at scan k, with trails and intents; and its labels, for further names.
+        """The map (H, W, 3) of a recording at scan k, with trails and intents, and its labels for further names.
 
-        holds (M,): states of people to tracks then, indices into `HOLDS`.
+        holds (M,): states of people at the scan, as indices into `HOLDS`.
         """
         for earlier in range(max(0, k - round(self._reach * self._rate)), k):
             self.follow(numbered(recording, earlier))
@@ -116,7 +116,7 @@ class MapView:
 
     @staticmethod
     def shown(snapshot: Snapshot) -> tuple[Track, ...]:
-        """The tracks that are drawn: those of the first UAV that works."""
+        """The tracks that are drawn: those of the first working UAV."""
         return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
     def pixels(self, points: Array) -> Array:
@@ -164,7 +164,7 @@ class MapView:
             stroke(image, self.pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
-        """Dots along the rest of each plan, from where the UAV is."""
+        """Draw dots along the rest of each plan, beginning at the UAV's position."""
         for i, intent in self._intents.paths(snapshot).items():
             path = self.pixels(intent)
             for dot in _spaced(path, 7.0)[2:]:
@@ -178,7 +178,7 @@ class MapView:
                 person(image, self.pixels(place), heading, view=view, hold=HOLDS[hold])
 
     def _people_views(self, snapshot: Snapshot) -> list[str]:
-        """States of people to the last frame of each camera, as `person` takes them."""
+        """States of people in the last frames of the cameras, in the form that `person` takes."""
         seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
         for i in snapshot.working:
             last = self._last.get(i, snapshot)
@@ -188,7 +188,7 @@ class MapView:
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
 
     def _draw_contacts(self, image: Image, snapshot: Snapshot, labels: Labels) -> None:
-        """A ring round each UAV that has just touched something, and what that was."""
+        """Draw a ring around each UAV that has just touched a body, and name the body."""
         latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for uav, contact in latest.items():
             centre = self.pixels(snapshot.poses[uav].position[:2])
@@ -197,7 +197,7 @@ class MapView:
             labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:
-        """Name UAVs, tracks and lost people, clear of all marks; views: corners of what each camera shows."""
+        """Name UAVs, tracks and lost people, clear of all marks; views: corners of each camera's field of view."""
         for track in self.shown(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(track_name(track), at, style, gap=11.0)
@@ -216,14 +216,14 @@ class MapView:
 
 
 def footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
-    """Corners (4, 2) m of what a UAV's camera shows of the ground; None where it has no bounds nearby."""
+    """Corners (4, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
     camera = camera_of(scenario.uavs[uav])
     bounded = scenario.sensing.field_of_view != "unlimited" and looks_down(camera, pose)
     return camera.footprint(pose) if bounded else None
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
-    """True if the rays through pixels (N, 2), or else through the four corners, meet the ground nearby."""
+    """True if the rays through pixels (N, 2), by default the four corners, meet the ground nearby."""
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
     return bool(np.all(camera.rays(pose, corners if pixels is None else pixels)[:, 2] < -0.1))

@@ -13,14 +13,14 @@ _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for 
 
 
 def cross(image: Image, centre: Array, colour: Colour) -> None:
-    """A track's mark at a pixel (2,), legible on any ground, open in the middle to show the person."""
+    """Draw a track's mark at a pixel (2,), legible on any background, and open in the middle to show the person."""
     for ink, thickness in ((PANEL, 4), (colour, 2)):
         for arm in _ARMS:
             stroke(image, centre + arm, ink, thickness=thickness)
 
 
 def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
-    """A UAV's mark at a pixel (2,)."""
+    """Draw a UAV's mark at a pixel (2,)."""
     rotors = [centre + np.array([dx, dy]) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)]
     for ink, wider in ((PANEL, 2), (colour, 0)):
         for rotor in rotors:
@@ -32,7 +32,7 @@ def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
 
 
 def broken(image: Image, centre: Array) -> None:
-    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
+    """Draw the mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
     for ink, thickness in ((PANEL, 6), (ALARM, 3)):
         for way in (1.0, -1.0):
             arm = np.array([14.0, 14.0 * way])
@@ -41,16 +41,15 @@ def broken(image: Image, centre: Array) -> None:
 
 
 def detection(image: Image, centre: Array, reach: float) -> None:
-    """The mark of a detection at a pixel (2,): a ring of radius `reach` pixels."""
+    """Draw the mark of a detection at a pixel (2,): a ring with a radius of `reach` pixels."""
     disc(image, centre, reach, INK, 4)
     disc(image, centre, reach, DETECTION, 2)
 
 
 def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "") -> None:
-    """A person's mark at a pixel (2,), with a ring round one that no UAV holds.
+    """Draw a person's mark at a pixel (2,), with a ring if no UAV holds the person.
 
-    view: "seen" for one that a camera shows, a full disc; "hidden", a hollow one; "out of view", grey.
-    hold: one of `HOLDS`.
+    view: "seen" gives a full disc, "hidden" a hollow one, and "out of view" a grey one. hold: one of `HOLDS`.
     """
     ink = FAINT if view == "out of view" else INK
     ahead = centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])

@@ -1,4 +1,4 @@
-"""Colours (RGB) of videos and figures; those that tell things apart are safe for colour-blind viewers (Okabe-Ito)."""
+"""Colours (RGB) of videos and figures; colours with a meaning are safe for colour-blind viewers (Okabe-Ito)."""
 
 Colour = tuple[int, int, int]
 
@@ -22,7 +22,7 @@ VERMILLION: Colour = (213, 94, 0)
 VIOLET: Colour = (94, 60, 153)
 BROWN: Colour = (140, 81, 10)
 
-# States, alike on the page, in the timeline, the film and Rerun. A UAV that sees a person has its own colour.
+# Colours of states on the page, in the timeline, the film and Rerun. UAVs that see a person have their own colours.
 HIDDEN = CANOPY
 OUT_OF_VIEW = LINE
 HELD = INK
@@ -30,7 +30,7 @@ HELD_BY_SOME = FAINT
 LOST = ALARM
 NOT_FOUND_YET: Colour = (238, 170, 160)
 FALSE: Colour = (136, 34, 85)
-# By names of `HOLDS`, in their order.
+# Colours by name of `HOLDS`, in the same order.
 HOLD_COLOURS: dict[str, Colour] = {
     "absent": FAINT,
     "not found yet": NOT_FOUND_YET,
@@ -41,27 +41,27 @@ HOLD_COLOURS: dict[str, Colour] = {
 UNHELD_COLOURS = {name: HOLD_COLOURS[name] for name in ("lost", "not found yet")}
 
 UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
-# Darker than most colours of UAVs, so that a track is read as one on paper, under a canopy and in a camera tile.
+# Darker than most colours of UAVs, so that tracks are recognised on paper, under canopies and in camera tiles.
 TRACK_COLOURS = (VERMILLION, (136, 34, 85), (51, 34, 136), (0, 98, 104), (112, 92, 0))
 
 
 def uav_colour(uav: int) -> Colour:
-    """One of six colours; beyond them the number beside it, or the lane, tells the UAV."""
+    """One of six colours; with more UAVs, the number beside it or the lane identifies the UAV."""
     return UAV_COLOURS[uav % len(UAV_COLOURS)]
 
 
 def track_colour(track: int) -> Colour:
-    """One of five colours; the number beside it tells the rest."""
+    """One of five colours; the number beside it identifies the track."""
     return TRACK_COLOURS[track % len(TRACK_COLOURS)]
 
 
 def on_dark(colour: Colour) -> Colour:
-    """The colour, lightened so that it is read on dark ground."""
+    """The colour, lightened so that it is legible on a dark background."""
     return mixed((255, 255, 255), colour, 0.45)
 
 
 def pale(colour: Colour) -> Colour:
-    """The colour for the lesser case of what it stands for: shown but not detected, or a duplicate."""
+    """The colour for a weaker case of its state: shown but not detected, or a duplicate."""
     return mixed(colour, PANEL, 0.3)
 
 

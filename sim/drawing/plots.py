@@ -19,16 +19,16 @@ _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
 
 
 def ospa_figure(times: Array, ospa: Array) -> Figure:
-    """OSPA over time of each UAV and their mean, on an axis linear below 1 m and logarithmic above.
+    """OSPA of each UAV and their mean over time, on an axis that is linear below 1 m and logarithmic above.
 
-    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is parted into
-    what localisation alone would give and what the wrong number of tracks adds. NaN, where a UAV has broken down,
-    ends its line and is left out of the mean.
+    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is divided into the
+    part of localisation alone and the rest due to a wrong number of tracks. After a UAV has broken down its OSPA is
+    NaN, which ends its line and is left out of the mean.
     """
     with new_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
         mean = mean_ospa(ospa)
-        broken: str | None = "broke down"  # once in the legend
+        broken: str | None = "broke down"  # only once in the legend
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -60,15 +60,15 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
 
 @contextmanager
 def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
-    """A figure of so many inches with letters of so many points, to be drawn in the block."""
+    """Yield a figure with this size in inches, and letters in points, to be drawn in the block."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
         figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)  # whose pixels can be asked for
+        FigureCanvasAgg(figure)  # a canvas whose pixels can be read
         yield figure
 
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
-    """Mean OSPA of the UAVs that work over time, with the line of 1 m; `width` of the curve in points."""
+    """Draw the mean OSPA of the working UAVs over time and a line at 1 m; `width` of the curve in points."""
     mean = mean_ospa(ospa)[:, 0]
     axes.plot(times, mean, color=rgb(INK), lw=width, marker=_dot(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
@@ -76,25 +76,25 @@ def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
 
 
 def _dot(times: Array) -> str:
-    """The marker of a curve, which a single scan has instead of a line."""
+    """The marker of a curve, which replaces the line if there is a single scan."""
     return "." if len(times) == 1 else ""
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+    """Write a figure as PNG, completely or not at all."""
     with whole(path) as part:
         # Without the version of matplotlib, equal figures are equal files.
         figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
 
 
 def _scale_errors(axes: Axes, largest: float) -> None:
-    """Axes of time and errors of up to `largest` m, linear below a line at 1 m and logarithmic above."""
+    """Set axes for time and errors of up to `largest` m, linear below a line at 1 m and logarithmic above."""
     axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
     axes.set_xlabel("time [s]")
     top = max(1.5, 1.15 * largest)
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     axes.set_ylim(0, top)
-    # One more shows that a short axis is logarithmic there.
+    # An additional tick shows that a short axis is logarithmic there.
     more = (1.5,) if top < 2.5 else (3,) if top < 8 else ()
     ticks = [tick for tick in (*_TICKS, *more) if tick <= top]
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -104,6 +104,6 @@ def _scale_errors(axes: Axes, largest: float) -> None:
 
 
 def rgb(colour: Colour) -> tuple[float, float, float]:
-    """A colour as matplotlib takes it."""
+    """A colour in the form that matplotlib takes."""
     red, green, blue = (channel / 255 for channel in colour)
     return red, green, blue

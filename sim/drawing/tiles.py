@@ -1,4 +1,4 @@
-"""One camera's frame with what was detected and what is believed."""
+"""One camera's frame with its detections and tracks."""
 
 import cv2
 import numpy as np
@@ -36,7 +36,7 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
 
 
 def draw_broken(image: Image, uav: int) -> None:
-    """Fill a square RGB image with what stands for the frame of a UAV that has broken down."""
+    """Fill a square RGB image with the placeholder for a UAV that has broken down."""
     image[:] = FAINT
     image[BORDER:-BORDER, BORDER:-BORDER] = LINE
     middle = image.shape[0] / 2
@@ -53,7 +53,7 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
 
 
 def _ink_on(colour: Colour) -> Colour:
-    """Black or white, the one that is read better on the colour."""
+    """Black or white, whichever is more legible on the colour."""
     red, green, blue = colour
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
 
