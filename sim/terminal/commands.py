@@ -1,4 +1,4 @@
-"""Commands of a terminal: options that several have, their help, their complaints and their exit codes."""
+"""Commands of the terminal: shared options, help, error messages and exit codes."""
 
 import errno
 import os
@@ -18,8 +18,8 @@ from sim.scenario.quantities import DAY, seconds
 from sim.terminal.console import fail
 from tracking.plugins.registry import InputError, check_known
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
-# A place that nothing can be written to, or read from.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # the disk is full or fails
+# Places that cannot be written or read.
 _NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
 
 
@@ -39,14 +39,14 @@ Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="A run's folder, o
 
 
 class Command(TyperCommand):
-    """A command whose help shows what a value stands for, not its type in Python."""
+    """A command whose help shows the meaning of a value rather than its Python type."""
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Arguments and options."""
         return _untyped(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - as above
-        """Read the arguments; InputError where an option that counts once is given again."""
+        """Parse the arguments; InputError if an option that may be given once is repeated."""
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
         again = [p for i, p in enumerate(given) if p in given[:i] and not p.multiple and p.param_type_name == "option"]
         if again:
@@ -55,21 +55,21 @@ class Command(TyperCommand):
 
 
 class _Commands(TyperGroup):
-    """Commands that answer an unknown name with the nearest one."""
+    """A group of commands that suggests the nearest name for an unknown one."""
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Options of the group."""
         return _untyped(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - types that differ between typer's versions
-        """The command of that name; InputError if there is none."""
+        """The command with this name; InputError if there is none."""
         if not cmd_name.startswith("-"):
             check_known("command", cmd_name, self.list_commands(ctx))
         return super().get_command(ctx, cmd_name)
 
 
 def _untyped(params: list[Any]) -> list[Any]:
-    """The parameters, those without a name for their value without one of its type."""
+    """The parameters, without the names of Python types in place of missing names of values."""
     for param in params:
         if param.param_type_name == "argument" or getattr(param, "is_flag", False):
             param.display_type_rich = lambda ctx: ""
@@ -77,7 +77,7 @@ def _untyped(params: list[Any]) -> list[Any]:
 
 
 def with_options(overrides: list[str] | None, duration: str | None, sensing: str | None = None) -> list[str]:
-    """The overrides, with those of --duration and --sensing; InputError where a key is given more than once."""
+    """The overrides together with those of --duration and --sensing; InputError if a key is given more than once."""
     keys = [override.partition("=")[0].strip() for override in overrides or ()]
     if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
         raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
@@ -105,11 +105,11 @@ def run_alone(function: Callable[..., None]) -> None:
 
 
 def concluded(app: Callable[..., Any]) -> None:
-    """Run a command line: exit code 0 done, 2 the input is wrong (one line says what), 1 anything else."""
-    sys.path.append(os.getcwd())  # so that a plug-in in the current folder can be named; last, so it hides nothing
+    """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure."""
+    sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _take_signals()
     try:
-        if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
+        if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes non-zero
             fail("interrupted; nothing new is kept", code=1)
     except (InputError, IsolationError, PlaceTaken) as error:
         fail(str(error), code=2 if isinstance(error, InputError) else 1)
@@ -121,20 +121,20 @@ def concluded(app: Callable[..., Any]) -> None:
         code = 1 if error.errno in _NO_ROOM else 2
         fail(f"{error.filename or 'a file'}: {error.strerror}; nothing is kept", code=code)
     except Exception as error:
-        # Typer's own complaints about arguments; their class differs between its versions.
+        # Typer's own errors about arguments have this method; their class differs between its versions.
         if not hasattr(error, "format_message"):
             raise
         fail(error.format_message(), code=2)
 
 
 def _take_signals() -> None:
-    """Make Ctrl-C and SIGTERM, which schedulers send, KeyboardInterrupts that say no more than that."""
+    """Turn Ctrl-C, and SIGTERM as sent by schedulers, into KeyboardInterrupts without further output."""
     signal.signal(signal.SIGTERM, _interrupted)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, or handled by a caller
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # otherwise the caller ignores or handles it
         signal.signal(signal.SIGINT, _interrupted)
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
-    # Objects that are half made now, such as a compiler's, would complain of it as they go.
+    # Half-made objects, such as those of a compiler, would print errors when they are deleted.
     sys.unraisablehook = lambda _: None
     raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""The terminal: messages of one line, and places."""
+"""Output to the terminal: messages of one line, and places of files."""
 
 import sys
 from pathlib import Path
@@ -12,35 +12,35 @@ _LONGEST = 2000  # characters of a message
 
 
 def fail(message: str, *, code: int) -> NoReturn:
-    """Say in one line why there is no result, and exit."""
+    """Print in one line why there is no result, and exit."""
     remark(message)
     sys.exit(code)
 
 
 def _line(message: str) -> str:
-    """A message as one printable line; a long one keeps its ends: the field at first, what is allowed at last."""
+    """A message as one printable line; a long one keeps its beginning, the field, and its end, the allowed values."""
     text = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
 
 
 def remark(*messages: str) -> None:
-    """Say what the user may not expect, one line each."""
+    """Print remarks on unexpected facts, one line each."""
     for message in messages:
         print(f"understory: {_line(message)}", file=sys.stderr)
 
 
 def say(message: str) -> None:
-    """Tell the user what takes so long."""
+    """Print a message about work that takes long."""
     console.print(escape(message), soft_wrap=True)
 
 
 def show_place(what: str, place: object) -> None:
-    """Print where something is, or the command that shows it."""
+    """Print the place of something, or the command that shows it."""
     console.print(f"{what}: [bold]{escape(str(place))}[/bold]", soft_wrap=True)
 
 
 def show_files(folder: Path) -> None:
-    """Print the files of a folder that was made; of many, the first and the last."""
+    """Print the files of a new folder; if there are many, the first and the last."""
     names = sorted(path.name for path in folder.iterdir())
     listed = ", ".join(names) if len(names) < 8 else f"{names[0]} to {names[-1]}, {len(names)} files"
     console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {escape(listed)}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Progress bars while something flies or is drawn."""
+"""Progress bars for flights and drawings."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -19,10 +19,10 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
-    total, count = 0.0, 0  # of the distances so far
+    total, count = 0.0, 0  # sum and number of the distances so far
     progress = Progress(*columns, console=console)
     task = progress.add_task("", total=len(scenario.scan_times))
-    with console.status(START_UP) as status:  # which goes away, whether a mission follows or a complaint
+    with console.status(START_UP) as status:  # disappears before a mission or an error message
 
         def show(moment: ScanProgress) -> None:
             nonlocal total, count
@@ -37,7 +37,7 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
         try:
             yield show
         finally:
-            if progress.live.is_started:  # else a refusal would follow an empty line
+            if progress.live.is_started:  # otherwise an empty line would precede an error message
                 progress.stop()
 
 
@@ -52,7 +52,7 @@ def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]
 
 @contextmanager
 def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
-    """A bar with the trials done; called with each one: whether it failed, and whether it was flown just now."""
+    """A bar with the number of trials done; called with two flags: the trial failed, and it was flown just now."""
     columns = (SpinnerColumn(), BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("trials{task.description}"))
     start, flown, failures = time.monotonic(), 0, 0
     with Progress(*columns, console=console) as progress:
