@@ -1,1 +1,1 @@
-"""Processes of their own, and signals that end them."""
+"""Separate processes, and signals that end them."""

@@ -1,4 +1,4 @@
-"""Work in a process and session of its own, which can be ended if it hangs."""
+"""Work in a separate process and session, which can be killed if it hangs."""
 
 import multiprocessing
 import os
@@ -20,16 +20,16 @@ from tracking.plugins.registry import InputError
 
 
 def lead_session() -> None:
-    """Make a session of this process and its later children, which ends with its parent.
+    """Make this process the leader of a session, with its later children, that ends with the parent process.
 
-    Without it, the children of a killed parent would wait for it for ever.
+    Otherwise the children of a killed parent would wait for it forever.
     """
     os.setsid()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def kill_session(process: BaseProcess) -> None:
-    """Kill a process, if it was started, and its session; children in a session or group of their own escape."""
+    """Kill a process, if it was started, and its session; children in other sessions or groups survive."""
     if process.pid is None:
         return
     with suppress(ProcessLookupError, PermissionError):
@@ -64,19 +64,19 @@ class _End(NamedTuple):
 
 
 def run_isolated(work: Work, *arguments: object, hear: Tell, listening: type, timeout: float | None) -> Any:  # noqa: ANN401 - what `work` returns
-    """Result of `work(*arguments, tell)` in a new process, which is killed afterwards with all that it has started.
+    """Run `work(*arguments, tell)` in a new process, return its result, and kill the process with all its children.
 
-    work: a module's function; it, its arguments and its result can be pickled. Messages given to `tell` there are given
-    to `hear` here. InputErrors and KeyboardInterrupt are raised here as they are; others become an IsolationError, as
-    do an early end of the process and `timeout` [s]. Ctrl-C and SIGTERM end the process until it has sent a message of
-    the class `listening`; from then on they are passed on, and the second one ends it a while later.
+    work: a function of a module; its arguments and its result must be picklable. Each message given to `tell` in the
+    process is given to `hear` here. InputErrors and KeyboardInterrupt are raised here; any other exception, an early
+    end of the process, or the `timeout` [s] raises IsolationError. Until the process has sent a message of the class
+    `listening`, Ctrl-C and SIGTERM end it; later they are passed on to it, and the second one ends it after a while.
     """
     ours, theirs = _CONTEXT.Pipe(duplex=False)
     process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments), daemon=True)
     interruption = _Interruption()
-    with stop_signals(interruption.note):  # signals do not interrupt the block, so the process is always ended
+    with stop_signals(interruption.note):  # signals do not interrupt the block, so that the process is always ended
         try:
-            with stop_signals(signal.SIG_IGN):  # inherited: the process handles Ctrl-C once it installs a handler
+            with stop_signals(signal.SIG_IGN):  # inherited by the process until it installs a handler
                 process.start()
             theirs.close()
             return _outcome(ours, process, hear, listening, interruption, timeout)
@@ -89,7 +89,7 @@ def run_isolated(work: Work, *arguments: object, hear: Tell, listening: type, ti
 
 
 class _Interruption:
-    """Times [s] at which the user has asked to stop, and the requests passed on to the process."""
+    """Times [s] of the user's requests to stop, and the number of requests passed on to the process."""
 
     def __init__(self) -> None:
         self.asked: list[float] = []
@@ -99,7 +99,7 @@ class _Interruption:
         self.asked.append(time.monotonic())
 
     def heed(self, process: SpawnProcess) -> None:
-        """Pass each request on to the process once; KeyboardInterrupt if it must be ended."""
+        """Pass each request on to the process once; KeyboardInterrupt if the process must be ended."""
         if self.asked and not self.listens:
             raise KeyboardInterrupt
         if len(self.asked) > 1 and time.monotonic() - self.asked[1] > _GRACE:
@@ -118,7 +118,7 @@ def _outcome(
     interruption: _Interruption,
     timeout: float | None,
 ) -> Any:  # noqa: ANN401 - what the work returns
-    """Receive messages until the result."""
+    """Receive messages until the result arrives, and return it."""
     until = None if timeout is None else time.monotonic() + timeout
     while until is None or time.monotonic() < until:
         interruption.heed(process)
@@ -151,13 +151,13 @@ def _ended(code: int | None) -> str:
 
 
 def _begin(theirs: Connection, work: Work, arguments: tuple[object, ...]) -> None:
-    """Main function of the process; its end does not wait for threads."""
+    """Main function of the process, whose end does not wait for threads."""
     lead_session()
-    multiprocessing.current_process().daemon = False  # daemons may start no processes
+    multiprocessing.current_process().daemon = False  # daemons may not start processes
     own = os.getpid()
 
     def tell(message: object) -> None:
-        if os.getpid() != own:  # a fork of the work, which returned here, too
+        if os.getpid() != own:  # a forked child of the work that also returned here
             os._exit(1)
         theirs.send(message)
 
@@ -179,5 +179,5 @@ def _outcome_of(work: Callable[[], Any]) -> _End:
         return _End(error=IsolationError(f"{error.filename or 'a file'}: {error.strerror or error}"))
     except ForeignError as error:
         return _End(error=IsolationError(error.explained))
-    except BaseException as error:  # KeyboardInterrupt, or an InputError
+    except BaseException as error:  # includes KeyboardInterrupt and InputError
         return _End(error=error)

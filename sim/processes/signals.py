@@ -1,4 +1,4 @@
-"""Signals that ask to stop: Ctrl-C and SIGTERM."""
+"""Handling of the signals that ask to stop, Ctrl-C and SIGTERM."""
 
 import signal
 import threading
@@ -9,7 +9,7 @@ from types import FrameType
 
 @contextmanager
 def stop_signals(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> Iterator[None]:
-    """Let `handler` receive Ctrl-C and SIGTERM in the block; only a main thread can receive signals."""
+    """Let `handler` receive Ctrl-C and SIGTERM in the block; has no effect outside of the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -23,7 +23,7 @@ def stop_signals(handler: Callable[[int, FrameType | None], None] | signal.Handl
 
 @contextmanager
 def ctrl_c_deferred() -> Iterator[None]:
-    """Let Ctrl-C in the block reach this process behind it, and processes that start in it once they ask for it."""
+    """Defer Ctrl-C to the end of the block; processes started in it receive it once they unblock the signal."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -33,7 +33,7 @@ def ctrl_c_deferred() -> Iterator[None]:
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """An event that the first signal sets, so that a mission stops at the next scan and its recording is kept.
+    """Yield an event that the first signal sets, so that a mission can stop at the next scan and keep its recording.
 
     The second signal raises KeyboardInterrupt.
     """
