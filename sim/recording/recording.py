@@ -128,7 +128,7 @@ class Recording:
         return Scan(uav, float(self.times[k]), self.camera_at(k, uav), z, R)
 
     def pixels_at(self, k: int, uav: int) -> Array:
-        """Pixels (N, 2) of the detections of one UAV at scan k; NaN or empty in ideal sensing."""
+        """Pixels (N, 2) of the detections of one UAV at scan k; (0, 2) in ideal sensing."""
         pixels = self.pixels[self._rows(self.measurement_offsets, k, uav)]
         return pixels[~np.isnan(pixels[:, 0])]
 
