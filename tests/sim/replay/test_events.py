@@ -73,6 +73,13 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
 
 
+def test_a_track_that_another_uav_still_has_is_not_said_to_be_gone():
+    on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
+    for after, words in (((gone, off), "track 0 is 3.0 m off at first"), ((gone, gone), "track 0 is gone")):
+        (lost,) = (e for e in Flight(recorded([(on, off), after])).events if e.kind == "person lost")
+        assert lost.why.endswith(f"; {words}")
+
+
 @pytest.mark.parametrize(("last", "when"), [(2, "0.4 to 0.6 s"), (3, "0.4 to 0.8 s"), (4, "from 0.4 s to the end")])
 def test_a_loss_lasts_until_the_scan_after_it_wherever_it_is_told(last, when):
     on, off = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0))
@@ -118,6 +125,21 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
         "outside every view (0.2 s); track 0 is gone"
     )
     assert lost.when == "from 0.2 s to the end" and lost.uavs == (0,)  # whose frame at 0.2 s has the person
+
+
+def test_a_cause_names_the_uavs_that_had_it_at_its_scans():
+    on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on)] + [(off, off)] * 3)
+    history, trees = History.of(recording), np.full((4, 2, 2), -1)
+    inside, none = np.zeros(trees.shape, dtype=np.bool_), np.zeros(trees.shape, dtype=np.bool_)
+    inside[1, 0, 0] = inside[2:, :, 0] = True
+    trees[1, 0, 0], trees[2, :, 0], trees[3, 1, 0] = 31, (32, 31), 32
+    history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
+    (lost,) = (e for e in events_of(recording, history) if e.kind == "person lost")
+    assert lost.why == (
+        "hidden by tree 31 from UAV 0 (0.2 s); hidden by tree 31 from UAV 1, by tree 32 from UAV 0 (0.2 s); "
+        "hidden by tree 32 from UAV 1; not shown to UAV 0, though no tree is in the way (0.2 s); track 0 is gone"
+    )
 
 
 def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
