@@ -94,6 +94,7 @@ def _links(recording: Recording) -> Iterator[Event]:
 def _lives(recording: Recording) -> Iterator[Event]:
     """UAVs that begin to hold each track, or cease to; a breakdown ends none."""
     uavs = range(recording.poses.shape[1])
+    given = recording.setting.tracking.initial_tracks == "known"
     known: set[int] = set()
     before: list[set[int]] = [set() for _ in uavs]
     for k in range(len(recording.times)):
@@ -101,8 +102,9 @@ def _lives(recording: Recording) -> Iterator[Event]:
         ended = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
         held = set().union(*now)
         for number, id_, fleet in _holders((now[i] - before[i] for i in uavs), recording):
-            kind, words = ("track taken up", "taken up") if id_ in known else ("track born", "born and confirmed")
-            yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)
+            first = "known at the start to" if given and k == 0 else "born and confirmed by"
+            kind, words = ("track taken up", "taken up by") if id_ in known else ("track born", first)
+            yield _at(recording, k, kind, f"track {number} {words} {fleet_text(fleet)}", track=number, uavs=fleet)
         for number, id_, fleet in _holders(ended, recording):
             kind, words = ("track dropped", "dropped") if id_ in held else ("track deleted", "deleted")
             yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)

@@ -19,6 +19,7 @@ from sim.replay.explain.explanation import stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.scenario.fleet import Cut, Network
+from sim.scenario.perception import Tracking
 from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track
 
@@ -49,12 +50,21 @@ def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
     one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
     assert [e for e in found if e[1].startswith("track")] == [
-        (0.0, "track born", "track 0 born and confirmed by UAV 0"),
-        (0.0, "track born", "track 1 born and confirmed by UAVs 0 and 1"),
+        (0.0, "track born", "track 0 known at the start to UAV 0"),
+        (0.0, "track born", "track 1 known at the start to UAVs 0 and 1"),
         (0.2, "track taken up", "track 0 taken up by UAV 1"),
         (0.4, "track dropped", "track 0 dropped by UAV 0"),
         (0.6, "track deleted", "track 0 deleted by UAV 1"),
     ]
+    unknown = msgspec.structs.replace(SETTING, tracking=Tracking(initial_tracks="none"))
+    found = told(recorded([(one, none), (held((70, 0.0), (30, 20.0), (80, 50.0)), none)], unknown))
+    assert [e[2] for e in found if e[1] == "track born"] == [
+        "track 0 born and confirmed by UAV 0",
+        "track 1 born and confirmed by UAVs 0 and 1",
+        "track 2 born and confirmed by UAV 0",
+    ]
+    found = told(recorded([(one, none), (held((70, 0.0), (30, 20.0), (80, 50.0)), none)]))
+    assert [e[2] for e in found if e[1] == "track born"][2] == "track 2 born and confirmed by UAV 0"
     straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
     found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
     assert [e[::2] for e in found if e[1] == "identity switch"] == [
