@@ -250,10 +250,11 @@ def test_nonsense_about_others_is_a_fault(random_team, others):
 def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     fleet = [s.own for s in random_team(0)]
     none = np.zeros((3, 3), dtype=bool)
-    intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
-    intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
-    sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-    assert sent.tolist() == [8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
+    for rounds in (1, 3):
+        intents = PlanExchange(Network(loss=1.0), Exchange(rounds, centre=True), np.random.default_rng(0))
+        intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
+        sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
+        assert sent.tolist() == [rounds * 8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
 def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):

@@ -12,13 +12,17 @@ from helpers.studies import task_of
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
+from planning.planner import Exchange
 from sim.evaluation.fleet_facts import disagreement
-from sim.mission.plan_exchange import lost_messages, open_links
+from sim.mission.knowledge import Knowledge
+from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
 from sim.study.trial import fly as fly_trial
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
 
 
@@ -52,6 +56,26 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
     assert lost_messages(Network(loss=1.0), 3, rng).all()
     assert np.all(lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
+
+
+def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
+    """Of two UAVs, what the second sends does not reach the first."""
+    fleet = "uavs=[{start=[-28, -14]}, {start=[-28, 14], footprint=22}]"
+    setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
+    bodies = [(Pose.level(*uav.start, uav.altitude), np.zeros(2)) for uav in setting.uavs]
+    pair = ~np.eye(2, dtype=bool)
+
+    def known(up, lost):
+        knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
+        return knowledge.situations(0, bodies, Links(up, lost), [0, 1])
+
+    alone, both = known(pair & False, None), known(pair, None)
+    deaf = known(pair, np.array([[[False, True], [False, False]]]))
+    assert [[v.id for v in s.neighbours] for s in deaf] == [[], [0]]
+    for found, expected in zip(deaf, (alone[0], both[1]), strict=True):
+        np.testing.assert_array_equal(found.undetected.people, expected.undetected.people)
+    people = [s.undetected.people for s in (*alone, *both)]
+    assert (people[0] != people[1]).any() and (people[0] > people[2]).any() and (people[2] == people[3]).all()
 
 
 def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
