@@ -191,13 +191,6 @@ def _fill(lanes: Array, values: Array) -> None:
             lanes[k * LANES + lane] = value
 
 
-@inlined
-def _take(values: Array, lanes: Array) -> None:
-    """Set m values to those of the first lane of (m LANES,)."""
-    for k in range(len(values)):
-        values[k] = lanes[k * LANES]
-
-
 @compiled
 def _penalise(
     belief: PredictedBelief, others: _Others, own: Array, traces: Array, work: Workspace, sums: Array
@@ -245,7 +238,7 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
         for k, (i, j) in enumerate(_TRIANGLE):
             P[k * LANES : (k + 1) * LANES] = belief.covariances[index * targets // each, i, j]
         for row in range(index, rows, each):
-            _take(others.before[row], P)
+            others.before[row] = P[::LANES]
             _fill(information, others.information[row])
             _advance(P, belief, information, measure, trace)
             others.costs[row] = trace[0]
@@ -269,4 +262,4 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
             if near[row]:
                 _fill(information, others.information[row])
                 add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information, free)
-                _take(others.information[row], information)
+                others.information[row] = information[::LANES]

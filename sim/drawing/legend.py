@@ -1,10 +1,11 @@
-"""The legend below the map, and the running error above it."""
+"""The legend below the map, the running error above it, and the order of legends of figures."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+from matplotlib.artist import Artist
 
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, detection, person, quadrotor
@@ -41,6 +42,11 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
         x += 34 + width(text, _TEXT) + 8
     if owner:
         _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
+
+
+def by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
+    """Entries of a legend in the order that Matplotlib, which fills its columns one by one, shows row by row."""
+    return [entry for column in range(columns) for entry in entries[column::columns]]
 
 
 def _scale_bar(image: Image, scale: float, right: Array) -> None:

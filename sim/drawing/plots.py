@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
 from sim.evaluation.fleet_facts import mean_ospa
 from sim.recording.atomic_files import whole
@@ -54,7 +55,8 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
             fontsize=12,
             fontweight="bold",
         )
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
+        rows = by_rows(axes.get_legend_handles_labels()[0], 6)
+        axes.legend(handles=rows, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
     return figure
 
 

@@ -19,7 +19,7 @@ KINDS = (
     "link restored",
     "messages lost",  # all of a scan, from one UAV to another
     "messages heard",
-    "track born",  # recorded tracks are confirmed ones
+    "track born",  # recorded tracks are confirmed ones, or known at the start
     "track taken up",
     "track dropped",
     "track deleted",

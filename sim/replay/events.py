@@ -94,6 +94,7 @@ def _links(recording: Recording) -> Iterator[Event]:
 def _lives(recording: Recording) -> Iterator[Event]:
     """UAVs that begin to hold each track, or cease to; a breakdown ends none."""
     uavs = range(recording.poses.shape[1])
+    given = recording.setting.tracking.initial_tracks == "known"
     known: set[int] = set()
     before: list[set[int]] = [set() for _ in uavs]
     for k in range(len(recording.times)):
@@ -101,8 +102,9 @@ def _lives(recording: Recording) -> Iterator[Event]:
         ended = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
         held = set().union(*now)
         for number, id_, fleet in _holders((now[i] - before[i] for i in uavs), recording):
-            kind, words = ("track taken up", "taken up") if id_ in known else ("track born", "born and confirmed")
-            yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)
+            first = "known at the start to" if given and k == 0 else "born and confirmed by"
+            kind, words = ("track taken up", "taken up by") if id_ in known else ("track born", first)
+            yield _at(recording, k, kind, f"track {number} {words} {fleet_text(fleet)}", track=number, uavs=fleet)
         for number, id_, fleet in _holders(ended, recording):
             kind, words = ("track dropped", "dropped") if id_ in held else ("track deleted", "deleted")
             yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)
@@ -186,32 +188,34 @@ def _unheld(recording: Recording, history: History) -> Iterator[Event]:
 def _causes(history: History, loss: Loss) -> str:
     """The best states that cameras had of a lost person, in order of time, with how long each lasted."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
-    uavs: defaultdict[tuple[str, int], set[int]] = defaultdict(set)  # by state and tree
+    uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by that and the tree
     for k in range(loss.first, loss.last + 1):
         states, trees = (t[k, :, loss.person] for t in (history.camera_states, history.hiding_trees))
         state, having = views_at(states, trees)[0]
         key = (state, tuple(sorted(having)))
         scans[key] = scans.get(key, 0) + 1
         for tree, fleet in having.items():
-            uavs[state, tree].update(fleet)
+            uavs[key, tree].update(fleet)
     most = sorted(scans, key=lambda key: -scans[key])[:_MOST_CAUSES]
     begin, end = ends(history.times, 0, 0)  # of one scan
     parts = []
-    for state, between in (key for key in scans if key in most):
-        text = view_text(state, {tree: sorted(uavs[state, tree]) for tree in between})
+    for key in (key for key in scans if key in most):
+        state, between = key
+        text = view_text(state, {tree: sorted(uavs[key, tree]) for tree in between})
         text += f", but no reported track within {HELD:g} m" if state == "seen" else ""
-        parts.append(text + (f" ({scans[state, between] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
+        parts.append(text + (f" ({scans[key] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 
 
 def _track(recording: Recording, history: History, loss: Loss) -> str:
     column = history.tracks[loss.first - 1, :, loss.person]
-    uav = int(np.argmax(column >= 0))
-    number = recording.track_numbers.get(int(column[uav]))
+    uavs = np.argsort(column < 0, kind="stable").tolist()  # those that held the person before come first
+    id_ = int(column[uavs[0]])
+    number = recording.track_numbers.get(id_)
     if number is None:
         return ""
-    for track in recording.tracks_at(loss.first, uav):
-        if track.id == column[uav]:
+    for track in (track for uav in uavs for track in recording.tracks_at(loss.first, uav)):
+        if track.id == id_:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
             doubt = "" if track.reported else f", but not reported (existence {track.existence:.2f})"
             return f"; track {number} is {gap:.1f} m off at first{doubt}"

@@ -12,7 +12,7 @@ from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken, hiding_forest
-from sim.replay.frames.sightings import inside_and_hiding
+from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.numerics.arrays import Array, Flags, Indices
 
@@ -157,8 +157,11 @@ def view_text(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
     if state == "missed":
         return f"shown to {fleet_text(uavs[-1])}, not detected"
     if state == "hidden":
-        hiding = ((f"tree {tree}" if tree >= 0 else "a person", fleet_text(uavs[tree])) for tree in sorted(uavs))
-        return "hidden " + ", ".join(f"by {what} from {fleet}" for what, fleet in hiding)
+        hiding = [f"by tree {tree} from {fleet_text(uavs[tree])}" for tree in sorted(uavs) if tree >= 0]
+        parts = ["hidden " + ", ".join(hiding)] if hiding else []
+        if -1 in uavs:
+            parts.append(f"not shown to {fleet_text(uavs[-1])}, {NO_TREE}")
+        return "; ".join(parts)
     return "no UAV works" if state == "broken" else "outside every view"
 
 

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sim.drawing import palette
+from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
@@ -54,7 +55,7 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         handles = _legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
-        figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+        figure.legend(handles=by_rows(handles, 6), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 

@@ -75,7 +75,9 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     tracks = [_resampled(path, person, rows, times) for person, rows in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
-        raise InputError(f"{path}: column time: nobody is there between 0 and {duration:g} s")
+        known = [time for rows in people.values() for time in rows]
+        rows = f"rows are from {min(known):.12g} to {max(known):.12g} s"
+        raise InputError(f"{path}: column time: nobody is there between 0 and {duration:g} s; {rows}")
     return Trajectories(times, np.stack(present, axis=1))
 
 

@@ -208,7 +208,7 @@ def test_the_commands_and_the_python_on_rerun_run(shell, tmp_path, capsys):
     for line in commands.splitlines():
         shell.line(line, *(["--duration", "1", "--no-video"] if " run " in line else []))
     exec(compile(python, "rerun.md", "exec"), {})
-    assert "0.0 s  track born: track 0 born and confirmed by UAVs 0, 1 and 2" in capsys.readouterr().out
+    assert "0.0 s  track born: track 0 known at the start to UAVs 0, 1 and 2" in capsys.readouterr().out
     paths = {str(part.entity_path) for part in chunk.RrdReader(tmp_path / "found.rrd").stream().to_chunks()}
     named = re.findall(r"`((?:world/|association/|people/|plots|events)[\w/]*)`", page)
     assert len(named) > 10

@@ -133,9 +133,9 @@ def _detected(tangents: Array, footprints: Array, error: WholeError) -> Array:
     rounding = error.rounding * error.rounding / 12
     growths = error.radial_posture, error.radial_rounding, error.tangential_posture, error.tangential_rounding
     growth = np.empty(4)
+    excess = np.interp(tangents, np.array(error.tangents), np.array(error.excess))
     out = np.empty((len(tangents), 2))
     for k in range(len(tangents)):
-        excess = _interpolated(tangents[k], error.tangents, error.excess)
         within, beyond = min(tangents[k], error.corner), max(tangents[k] / error.corner, 1.0)
         for j in range(4):
             growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
@@ -146,16 +146,5 @@ def _detected(tangents: Array, footprints: Array, error: WholeError) -> Array:
         for j in range(2):
             grain = area * power(longer, j * error.stretch)
             pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
-            out[k, j] = excess * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
+            out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
     return out
-
-
-@compiled
-def _interpolated(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> float:
-    """As `np.interp`, which takes a second to compile."""
-    if x >= xs[-1]:
-        return ys[-1]
-    x, k = max(x, xs[0]), 0
-    while x >= xs[k + 1]:
-        k += 1
-    return (ys[k + 1] - ys[k]) / (xs[k + 1] - xs[k]) * (x - xs[k]) + ys[k]

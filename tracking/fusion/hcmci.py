@@ -37,23 +37,16 @@ def _contribution(local: LocalBeliefs) -> Contribution:
     means, covariances = local.prior
     omega = inverses(P)
     q = products(omega, local.means.reshape(-1, 4, 1))
-    averaged, shares = np.empty((len(P), INFORMATION)), np.empty(len(P))
-    novel = np.zeros((len(P), INFORMATION + local.uav + 1))
-    for t in range(len(P)):
-        shares[t] = weights[t] / (P[t, 0, 0] + P[t, 1, 1])
-        for c in range(INFORMATION):
-            averaged[t, c] = q[t, c, 0] if c < 4 else omega[t, c // 4 - 1, c % 4]
+    averaged = np.concatenate((q.reshape(-1, 4), omega.reshape(-1, 16)), axis=1)
+    novel, shares = np.zeros((len(P), INFORMATION + local.uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
     if len(seen):
         reach = largest_innovation(means, covariances, local.measurements, local.gates)[seen]
         before, spreads = means[seen], covariances[seen]
-        known, gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
+        averaged[seen], gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
+        novel[seen, :INFORMATION] = gained
+        shares[seen] = weights[seen] / (spreads[:, 0, 0] + spreads[:, 1, 1])
         for k in range(len(seen)):
-            t = seen[k]
-            shares[t] = weights[t] / (spreads[k, 0, 0] + spreads[k, 1, 1])
-            for c in range(INFORMATION):
-                averaged[t, c], novel[t, c] = known[k, c], gained[k, c]
-                if gained[k, c] != 0.0:
-                    novel[t, -1] = 1.0
+            novel[seen[k], -1] = np.any(gained[k] != 0.0)
     return Contribution(averaged, novel, shares)
 
 

@@ -90,25 +90,14 @@ class Message:
 
 @compiled
 def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
-    q, omega = np.empty((len(shares), 4, 1)), np.empty((len(shares), 4, 4))
-    for t in range(len(shares)):
+    packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
+    for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
         # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where it
         # has converged, and counts no information more than once where it has not.
-        most = 0.0
-        for share in novel[t, INFORMATION:]:
-            most = max(most, share)
-        if most <= 0.0:
-            most = 1.0
-        for c in range(INFORMATION):
-            number = shares[t, 1 + c] / shares[t, 0]
-            if novel.shape[1] > INFORMATION:
-                number += novel[t, c] / most
-            if c < 4:
-                q[t, c, 0] = number
-            else:
-                omega[t, c // 4 - 1, c % 4] = number
-    covariances = inverses(omega)
-    return products(covariances, q)[:, :, 0].copy(), covariances
+        most = novel[t, INFORMATION:].max()
+        packed[t] += novel[t, :INFORMATION] / (most if most > 0.0 else 1.0)
+    covariances = inverses(packed[:, 4:].copy().reshape(-1, 4, 4))
+    return products(covariances, packed[:, :4].copy().reshape(-1, 4, 1))[:, :, 0].copy(), covariances
 
 
 @compiled

@@ -1,10 +1,8 @@
 """Track-to-track association: tracks of different UAVs that are of one person, and the id that each keeps."""
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -138,7 +136,8 @@ def _joined(
     tracks after all others, as one and a lost one of a UAV may both be of the person that another UAV has. A group out
     of sight ends if its person was seen later, within reach, as another track of its only id.
     """
-    common = _common(labels)
+    common = np.array([[not one.isdisjoint(other) for other in labels] for one in labels], dtype=np.bool_)
+    common = common.reshape(len(labels), len(labels))
     seen = states.sightings[:, 2]
     together = seen[:, None] == seen
     ratios = likelihood_ratios(states, max_speed) + _LABELLED * (common & together)
@@ -146,47 +145,20 @@ def _joined(
     group, known = every.copy(), np.zeros(len(labels), dtype=np.bool_)
     for held in (*(holders & ~begun[:, None]).T, *(holders & begun[:, None]).T):
         new = np.flatnonzero(held & ~known)
-        if not len(new):
-            continue
-        if known.any():
-            heads, cost = _costs_of_joining(new, np.flatnonzero(known), group, (seen, ratios), holders)
-            for a, b in pairs_within(cost, 0.0):
-                group[new[a]] = heads[b]
+        old = np.flatnonzero(known & (group == every)) if len(new) else new
+        cost = np.full((len(new), len(old)), np.inf)
+        for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
+            last = members[seen[members] == seen[members].max()]
+            free = ~np.any(holders[new] & holders[last].any(axis=0), axis=1)
+            cost[free, b] = -ratios[np.ix_(new[free], last)].max(axis=1, initial=-np.inf)
+        for a, b in pairs_within(cost, 0.0):
+            group[new[a]] = old[b]
         known[new] = True
     later = np.any(common & _reach(states, max_speed)[1] & (group[:, None] != group), axis=1)
     ends = np.zeros(len(labels), dtype=np.bool_)
     for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group[later])]:
         ends[rows] = later[rows].all() and len({id for k in rows for id in labels[k]}) == 1
     return group, ends
-
-
-def _common(labels: Sequence[set[int]]) -> Flags:
-    """Flags (G, G) of tracks that share a label."""
-    common, rows = np.zeros((len(labels), len(labels)), dtype=np.bool_), defaultdict(list)
-    for k, own in enumerate(labels):
-        for id in own:
-            rows[id].append(k)
-    pairs = [pair for of in rows.values() for pair in product(of, repeat=2)]
-    common[tuple(zip(*pairs, strict=True))] = True
-    return common
-
-
-def _costs_of_joining(
-    new: Indices, known: Indices, group: Indices, pairs: tuple[Array, Array], holders: Flags
-) -> tuple[Indices, Array]:
-    """Groups (B,) of the known tracks, and costs (A, B) at which new tracks join them; infinite where they may not.
-
-    pairs: time of each track's last detection (G,) and likelihood ratios (G, G). Of a group the tracks with its last
-    detection count.
-    """
-    seen, ratios = pairs
-    known = known[seen[known] == _latest([group[known]], [seen[known]], len(group))[group[known]]]
-    known = known[np.argsort(group[known], kind="stable")]
-    heads, first = np.unique(group[known], return_index=True)
-    held = np.logical_or.reduceat(holders[known], first, axis=0)
-    cost = -np.maximum.reduceat(ratios[np.ix_(new, known)], first, axis=1)
-    cost[np.any(holders[new][:, None] & held, axis=2)] = np.inf
-    return heads, cost
 
 
 def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:

@@ -19,6 +19,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 
+NO_TREE = "though no tree is in the way"  # of a person who is small, or covered by a person or a UAV
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
 
@@ -49,7 +50,7 @@ class Sighting:
             return "cut by the edge" if self.pixels else "outside the view"
         if self.hidden_by:
             return f"{'partly ' * bool(self.pixels)}hidden by tree {' and '.join(map(str, self.hidden_by))}"
-        return "in view" if self.pixels else "covered by another person"
+        return "in view" if self.pixels else f"not shown, {NO_TREE}"
 
     @staticmethod
     def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":

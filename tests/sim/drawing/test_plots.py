@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+from helpers.legends import words
 from matplotlib.colors import to_rgb
 
 from sim.drawing.plots import ospa_figure, save
@@ -51,6 +52,12 @@ def test_the_title_tells_mean_median_and_share():
     ospa[:, :, 0] = [[0.5, 0.25], [0.75, 4.5]]
     title = ospa_figure(times, ospa).axes[0].get_title(loc="left")
     assert title == "OSPA: mean 1.50 m, median 0.62 m, under 1 m 75.0 %"
+
+
+def test_the_legend_reads_row_by_row_in_the_order_of_uavs():
+    figure = ospa_figure(*errors(uavs=4))
+    uavs = [f"UAV {i}" for i in range(4)]
+    assert words(figure, figure.axes[0].get_legend()) == ["localisation", "added by cardinality", *uavs, "mean of UAVs"]
 
 
 @pytest.mark.parametrize(("scans", "uavs"), [(1, 1), (201, 20)])

@@ -11,6 +11,7 @@ from helpers.teams import Spy
 from planning.loading import load_planner
 from planning.planner import Plan
 from sim.mission.mission import Mission
+from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.running.run import run
@@ -142,12 +143,19 @@ def test_a_planner_that_fails_does_not_end_the_mission():
     assert [(f.time, f.uav) for f in mission.faults] == [(1.0, None), (2.0, 0), (3.0, 2), (4.0, None)]
     for fault, words in zip(mission.faults, ("lost", "finite", "clipped", "1 plans for 3"), strict=True):
         assert words in fault.message
+    assert [(s.time, *s.faults) for s in snapshots if s.faults] == [(fault.time, fault) for fault in mission.faults]
     plans = {s.time: [plan.controls for plan in s.plans] for s in snapshots if s.plans}
     np.testing.assert_array_equal(plans[1.0][0], np.tile([3.0, 0.0], (2, 1)))  # the rest of the last intent
     np.testing.assert_array_equal(plans[2.0][0], [[3.0, 0.0]])
     np.testing.assert_allclose(plans[3.0][2], [[3.0, 4.0]])  # shortened to the limit of 5 m/s
     np.testing.assert_array_equal(plans[4.0][2], [[0.0, 0.0]])  # nothing is left of the intent: hover
     assert len(snapshots) == 26
+
+
+def test_known_at_the_start_is_who_is_there_at_both_of_the_first_scans():
+    here, there = np.array([[0.0, 0], [1, 1], [np.nan, np.nan]]), np.array([[0.2, 0], [np.nan, np.nan], [3, 3]])
+    (track,) = initial_tracks(load("forest"), here, there)
+    assert track.id == 0 and track.belief.mean.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
 def test_known_tracks_start_on_all_people_and_unknown_ones_soon():

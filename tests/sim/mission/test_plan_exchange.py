@@ -250,10 +250,11 @@ def test_nonsense_about_others_is_a_fault(random_team, others):
 def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     fleet = [s.own for s in random_team(0)]
     none = np.zeros((3, 3), dtype=bool)
-    intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
-    intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
-    sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-    assert sent.tolist() == [8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
+    for rounds in (1, 3):
+        intents = PlanExchange(Network(loss=1.0), Exchange(rounds, centre=True), np.random.default_rng(0))
+        intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
+        sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
+        assert sent.tolist() == [rounds * 8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
 def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
@@ -274,12 +275,13 @@ def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
         exchange.end({i: Plan(commands) for i in range(2)})
 
 
-@pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
-def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
+@pytest.mark.parametrize(("rate", "delay"), [(5, 0.2), (5, 1.0), (5, 2.4), (25, 1.16)])  # 25 times 1.16 is below 29
+def test_a_delayed_plan_is_flown_exactly_so_much_later(rate, delay):
     """Of a planner with plans that depend on the time of the decision alone."""
-    given = [fly_ideal(f"network.plan_delay={later}", planner=Drawn(), duration=5)[1] for later in (0, delay)]
+    rates = "rates.physics=200", f"rates.sensing={rate}"
+    given = [fly_ideal(*rates, f"network.plan_delay={later}", planner=Drawn(), duration=5)[1] for later in (0, delay)]
     commands, delayed = (np.array([s.commands for s in snapshots]) for snapshots in given)
-    scans = round(5 * delay)
+    scans = round(rate * delay)
     np.testing.assert_array_equal(delayed[: scans + 1], 0.0)  # commands are those in force up to a scan
     np.testing.assert_array_equal(delayed[scans:], commands[: len(commands) - scans])
     assert np.all(np.any(commands[1:], axis=(1, 2)))

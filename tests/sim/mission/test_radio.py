@@ -2,6 +2,7 @@
 
 import dataclasses
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,14 +13,20 @@ from helpers.studies import task_of
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
+from planning.planner import Exchange
 from sim.evaluation.fleet_facts import disagreement
-from sim.mission.plan_exchange import lost_messages, open_links
+from sim.mission.knowledge import Knowledge
+from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
+from sim.sensing.sensors import Sensors
 from sim.study.trial import fly as fly_trial
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
+from tracking.track import Scan
 
 
 def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
@@ -52,6 +59,62 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
     assert lost_messages(Network(loss=1.0), 3, rng).all()
     assert np.all(lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
+
+
+def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
+    """Of two UAVs, what the second sends does not reach the first."""
+    fleet = "uavs=[{start=[-28, -14]}, {start=[-28, 14], footprint=22}]"
+    setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
+    bodies = [(Pose.level(*uav.start, uav.altitude), np.zeros(2)) for uav in setting.uavs]
+    pair = ~np.eye(2, dtype=bool)
+
+    def known(up, lost):
+        knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
+        return knowledge.situations(0, bodies, Links(up, lost), [0, 1])
+
+    alone, both = known(pair & False, None), known(pair, None)
+    deaf = known(pair, np.array([[[False, True], [False, False]]]))
+    assert [[v.id for v in s.neighbours] for s in deaf] == [[], [0]]
+    for found, expected in zip(deaf, (alone[0], both[1]), strict=True):
+        np.testing.assert_array_equal(found.undetected.people, expected.undetected.people)
+    people = [s.undetected.people for s in (*alone, *both)]
+    assert (people[0] != people[1]).any() and (people[0] > people[2]).any() and (people[2] == people[3]).all()
+
+
+def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
+    """UAV 0 has broken down, and the last one detects a person."""
+    setting = load("forest", IDEAL)
+    poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
+    (person,) = people = np.array([[-28.0, 14.0]])
+    looks = [Sensors.rest(i, 0.0, pose, people) for i, pose in enumerate(poses)]
+    measured = Scan(2, 0.0, poses[2], person[None] + 0.5, np.eye(2)[None] * 0.1)
+    looks[2] = replace(looks[2], scan=measured, taken=True)
+
+    def known(*arrives):
+        """Places of the tracks of UAVs 1 and 2, if messages from one to another arrive."""
+        lost = np.ones((5, 3, 3), dtype=bool)
+        for sender, receiver in arrives:
+            lost[:, receiver, sender] = False
+        at = [track(0, *person, 0.0, 0.0)]
+        knowledge = Knowledge(setting, Forest(()), at, exchange=Exchange(), rng=np.random.default_rng(0))
+        tracks, _ = knowledge.track(0.0, looks, Links(~np.eye(3, dtype=bool), lost), [1, 2])
+        assert tracks[0] == ()
+        return [tracks[i][0].belief.mean[:2] for i in (1, 2)]
+
+    np.testing.assert_allclose(known((1, 2))[0], person, atol=1e-9)
+    assert np.all(known((2, 1))[0] > person + 0.1) and np.all(known()[1] > person + 0.1)
+
+
+def test_between_frames_of_a_slow_camera_undetected_people_only_spread():
+    fleet = "uavs=[{start=[-28, -14], rate=1}]"
+    setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", "rates.planning=5", fleet])
+    knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
+    links, found = Links(np.zeros((1, 1), dtype=bool), None), []
+    for k in range(6):
+        body = Pose.level(3.0 * k, 0.0, setting.uavs[0].altitude)
+        (situation,) = knowledge.situations(k, [(body, np.zeros(2))], links, [0])
+        found.append(situation.undetected.people.sum())
+    assert found[:5] == pytest.approx([found[0]] * 5) and found[5] < found[0] - 0.01
 
 
 def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():

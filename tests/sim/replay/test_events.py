@@ -12,12 +12,14 @@ from helpers.recordings import broken, record
 
 from sim.mission import mission
 from sim.mission.plan_exchange import Links
+from sim.replay import events
 from sim.replay.event import KINDS, when_text
 from sim.replay.events import events_of, links_of
 from sim.replay.explain.explanation import stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.scenario.fleet import Cut, Network
+from sim.scenario.perception import Tracking
 from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track
 
@@ -48,12 +50,21 @@ def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
     one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
     assert [e for e in found if e[1].startswith("track")] == [
-        (0.0, "track born", "track 0 born and confirmed by UAV 0"),
-        (0.0, "track born", "track 1 born and confirmed by UAVs 0 and 1"),
+        (0.0, "track born", "track 0 known at the start to UAV 0"),
+        (0.0, "track born", "track 1 known at the start to UAVs 0 and 1"),
         (0.2, "track taken up", "track 0 taken up by UAV 1"),
         (0.4, "track dropped", "track 0 dropped by UAV 0"),
         (0.6, "track deleted", "track 0 deleted by UAV 1"),
     ]
+    unknown = msgspec.structs.replace(SETTING, tracking=Tracking(initial_tracks="none"))
+    found = told(recorded([(one, none), (held((70, 0.0), (30, 20.0), (80, 50.0)), none)], unknown))
+    assert [e[2] for e in found if e[1] == "track born"] == [
+        "track 0 born and confirmed by UAV 0",
+        "track 1 born and confirmed by UAVs 0 and 1",
+        "track 2 born and confirmed by UAV 0",
+    ]
+    found = told(recorded([(one, none), (held((70, 0.0), (30, 20.0), (80, 50.0)), none)]))
+    assert [e[2] for e in found if e[1] == "track born"][2] == "track 2 born and confirmed by UAV 0"
     straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
     found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
     assert [e[::2] for e in found if e[1] == "identity switch"] == [
@@ -71,6 +82,13 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.8 s", 0)
     assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
+
+
+def test_a_track_that_another_uav_still_has_is_not_said_to_be_gone():
+    on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
+    for after, words in (((gone, off), "track 0 is 3.0 m off at first"), ((gone, gone), "track 0 is gone")):
+        (lost,) = (e for e in Flight(recorded([(on, off), after])).events if e.kind == "person lost")
+        assert lost.why.endswith(f"; {words}")
 
 
 @pytest.mark.parametrize(("last", "when"), [(2, "0.4 to 0.6 s"), (3, "0.4 to 0.8 s"), (4, "from 0.4 s to the end")])
@@ -111,13 +129,51 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
     parts["inside"][1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
     parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
     parts["shown"][4, 1, 0] = True
-    events = events_of(recording, replace(history, hidden_by=hidden_by, **parts))
-    (lost,) = (e for e in events if e.kind == "person lost")
+    found = events_of(recording, replace(history, hidden_by=hidden_by, **parts))
+    (lost,) = (e for e in found if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
         "outside every view (0.2 s); track 0 is gone"
     )
     assert lost.when == "from 0.2 s to the end" and lost.uavs == (0,)  # whose frame at 0.2 s has the person
+
+
+def test_a_cause_names_the_uavs_that_had_it_at_its_scans():
+    on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on)] + [(off, off)] * 3)
+    history, trees = History.of(recording), np.full((4, 2, 2), -1)
+    inside, none = np.zeros(trees.shape, dtype=np.bool_), np.zeros(trees.shape, dtype=np.bool_)
+    inside[1, 0, 0] = inside[2:, :, 0] = True
+    trees[1, 0, 0], trees[2, :, 0], trees[3, 1, 0] = 31, (32, 31), 32
+    history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
+    (lost,) = (e for e in events_of(recording, history) if e.kind == "person lost")
+    assert lost.why == (
+        "hidden by tree 31 from UAV 0 (0.2 s); hidden by tree 31 from UAV 1, by tree 32 from UAV 0 (0.2 s); "
+        "hidden by tree 32 from UAV 1; not shown to UAV 0, though no tree is in the way (0.2 s); track 0 is gone"
+    )
+
+
+def test_of_a_person_in_no_frame_the_nearest_uav_that_works_comes_first():
+    on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on), (off, off), (off, ())])
+    poses, unseen = recording.poses.copy(), np.zeros_like(recording.visible)
+    poses[:, 0, :2], poses[:, 1, :2] = (40.0, 40.0), (30.0, 30.0)
+    recording = replace(recording, poses=poses, cameras=poses, visible=unseen, matched=unseen > 0)
+    for flown, uav in ((recording, 1), (broken(recording, 1, 1), 0)):
+        lost = [e for e in Flight(flown).events if e.kind == "person lost" and e.person == 0]
+        assert [e.uavs for e in lost] == [(uav,)] and "outside every view" in lost[0].why
+
+
+def test_the_longest_three_causes_of_a_loss_are_told():
+    on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on)] + [(off, off)] * 7)
+    history, trees = History.of(recording), np.full((8, 2, 2), -1)
+    trees[1:, 0, 0] = 4, 5, 5, 6, 6, 7, 7
+    none, inside = np.zeros(trees.shape, dtype=np.bool_), trees >= 0
+    history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
+    (lost,) = (e for e in events_of(recording, history) if e.kind == "person lost")
+    causes = [f"hidden by tree {tree} from UAV 0 (0.4 s)" for tree in (5, 6, 7)]
+    assert lost.why == "; ".join([*causes, "track 0 is gone"])
 
 
 def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
@@ -159,6 +215,24 @@ def test_breakdowns_faults_contacts_and_links_are_told_once():
     ]
 
 
+def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatch):
+    on, pair = held((1, 0.0), (2, 20.0)), ~np.eye(2, dtype=np.bool_)
+    recording, none = recorded([(on, on)] * 8), np.zeros((2, 2), dtype=np.bool_)
+    silent = np.array([[[True, True], [False, True]]])  # of one round; nothing of UAV 1 reaches UAV 0
+    scans = [Links(pair, ~pair[None])] + [Links(pair, silent)] * 3 + [Links(none, silent)] + [Links(pair, silent)] * 2
+    scans.append(Links(pair, ~pair[None]))
+    monkeypatch.setattr(events, "links_of", lambda _: scans)
+    assert [e[:2] for e in told(recording, ()) if e[1].startswith(("link", "messages"))] == [
+        (0.2, "messages lost"),
+        (0.8, "link lost"),
+        (1.0, "link restored"),
+        (1.0, "messages lost"),
+        (1.4, "messages heard"),
+    ]
+    scans[:] = [Links(pair, None)] * 4 + [Links(none, None)] * 4
+    assert [e[1] for e in told(broken(recording, 1, 4), ()) if e[1].startswith("link")] == []
+
+
 def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     flown = []
     monkeypatch.setattr(mission, "Links", lambda *parts: flown.append(Links(*parts)) or flown[-1])
@@ -173,11 +247,11 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
         np.testing.assert_array_equal(now.up, then.up & both)
         silent += np.count_nonzero(now.up & ~now.contact)
     assert silent > 5 and not recording.working[-1, 1]
-    events = Flight(recording).events
-    assert all(e.kind in KINDS for e in events)
-    began = [e for e in events if e.kind == "messages lost"]
+    found = Flight(recording).events
+    assert all(e.kind in KINDS for e in found)
+    began = [e for e in found if e.kind == "messages lost"]
     first = next(k for k, now in enumerate(again) if (now.up & ~now.contact).any())
     i, j = np.argwhere(again[first].up & ~again[first].contact)[0]
     assert (began[0].time, began[0].text) == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
-    ended = [e for e in events if e.kind == "messages heard"]
+    ended = [e for e in found if e.kind == "messages heard"]
     assert 0 < len(ended) <= len(began) <= silent

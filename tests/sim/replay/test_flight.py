@@ -73,6 +73,11 @@ def test_people_sightings_and_losses_are_those_of_the_history(flight):
     seen = sightings["inside"]
     assert seen.sum() == history.inside.sum()
     assert (sightings["hidden_by_tree"][seen] >= 0).sum() == (history.hidden_by >= 0).sum() > 0
+    outside = np.argwhere(history.present & ~history.inside.any(axis=1) & ~history.held.astype(bool))[0]
+    visible = flight.recording.visible.copy()
+    visible[outside[0], 1, outside[1]] = 3  # at the edge of the frame
+    cut = Flight(dataclasses.replace(flight.recording, visible=visible)).columns("sightings")
+    assert len(cut["uav"]) == len(sightings["uav"]) + 1
     assert (sightings["held_by_track"] >= 0).sum() == (history.tracks >= 0).sum()
     assert [tuple(row) for row in zip(*losses.values(), strict=True)] == [
         (loss.person, 0.2 * loss.first, pytest.approx(0.2 * (loss.last + 1)), loss.found) for loss in history.losses

@@ -51,6 +51,30 @@ def test_ideal_sensing_shows_exactly_those_inside_whom_no_tree_hides(occlusion):
     assert [min(person.hidden_by, default=-1) for person in last] == history.hidden_by[-1, 1].tolist()
 
 
+def test_between_frames_a_slow_camera_has_what_its_last_frame_had():
+    uavs = [{"start": [-28.0, y], "footprint": 25.0, "rate": rate} for y, rate in ((-10.0, 1), (10.0, 5))]
+    settings = {"duration": 10, "sensing.mode": "ideal", "trees.density": 75, "uavs": uavs}
+    history = understory.run("forest", "greedy", seed=5, settings=settings).history
+    last = np.arange(51) // 5 * 5
+    for m in range(4):
+        for table in (history.camera_states, history.hiding_trees):
+            np.testing.assert_array_equal(table[:, 0, m], table[last, 0, m])
+    hidden = history.camera_states[:, 0] == STATES.index("hidden")
+    assert (hidden == (history.hiding_trees[:, 0] >= 0)).all() and hidden[last != np.arange(51)].any()
+
+
+def test_a_lone_person_too_small_for_a_pixel_is_not_said_to_be_covered():
+    fleet = [{"start": [-28.0, -14.0], "footprint": 20.0, "pixels": 16}]
+    settings = {"duration": 2, "people.count": 1, "trees.density": 0, "uavs": fleet}
+    flight = understory.run("forest", "hover", seed=1, settings=settings)
+    unshown = flight.history.inside[:, 0, 0] & ~flight.history.shown[:, 0, 0]
+    assert unshown.any()
+    words = "not shown to UAV 0, though no tree is in the way"
+    np.testing.assert_array_equal([text == words for text in flight.history.view_texts(0)], unshown)
+    k = int(unshown.argmax())
+    assert Sight.of(flight.recording, k, 0).people[0].status == "not shown, though no tree is in the way"
+
+
 def test_each_tree_hides_by_itself():
     rng = np.random.default_rng(0)
     trees = tuple(Tree(*rng.uniform(-20, 20, 2), rng.uniform(1, 5)) for _ in range(20))

@@ -52,9 +52,15 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
     one, two = {1: (0.0, 0.0)}, {1: (0.0, 0.0), 2: (0.5, 0.0)}
     (event,) = found(standing_still([[one], [two], [two], [two]], np.zeros((1, 2))))
     assert (event.kind, event.when, math.isinf(event.until)) == ("duplicate track", "from 0.2 s to the end", True)
-    spans = ((0, 5), (2, 3), (4, 9), (6, 7), (8, 8))
+    spans = ((0, 5), (2, 3), (4, 9), (6, 7), (7, 8))
     events = [Event("false track", "", first, last, first, last) for first, last in spans]
-    assert [lane for _, lane in lanes(events)] == [0, 1, 1, 0, 0]
+    assert [lane for _, lane in lanes(events)] == [
+        0,
+        1,
+        1,
+        0,
+        2,
+    ]  # the last scan of the fourth is the first of the fifth
 
 
 def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):

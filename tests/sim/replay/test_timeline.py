@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.histories import history
+from helpers.legends import words as words_of
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
 
@@ -75,7 +76,7 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
 
 
 def legend_of(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
+    return words_of(figure, figure.legends[0])
 
 
 def test_the_legend_lists_what_is_drawn_and_nothing_else():

@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+from helpers.legends import words
 from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
@@ -89,6 +90,7 @@ def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     assert len({(s.colour, s.dash) for s in styles}) == 9
     figure = ecdf_figure(sheet)
     assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
+    assert words(figure, figure.legends[0]) == [f"p{i}" for i in range(9)]
 
 
 def factored(**factors):

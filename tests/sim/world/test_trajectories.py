@@ -113,7 +113,10 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
         (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
         (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
-        (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column time: nobody is there between 0 and 40 s"),
+        (
+            table([(90, 1, 0, 0), (95, 1, 1, 0)]),
+            "column time: nobody is there between 0 and 40 s; rows are from 90 to 95 s",
+        ),
         ("\n0,1,0,0\n", "line 1: columns are missing, not time,id,x,y"),
         (table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]), "id 2 has rows at 0 and 9.99989e-321 s"),
         (table([*GOOD, (1.00005, 1, 0, 0)]), "column time: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),

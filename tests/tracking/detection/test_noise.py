@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from tracking.detection.detection_errors import _interpolated
 from tracking.detection.noise import NoiseModel
 
 
@@ -43,9 +42,3 @@ def test_the_covariance_is_positive_definite_also_below_the_camera():
         assert np.linalg.eigvalsh(model.covariance(np.zeros(2), target)).min() > 0
     R = NoiseModel.range_bearing(0.1).covariance(np.zeros(2), np.zeros(2))
     np.testing.assert_allclose(R, 0.1 * np.diag([0.2, 0.2 * math.pi]), rtol=1e-12)
-
-
-def test_excess_variances_between_angles_are_those_of_linear_interpolation():
-    angles, excess = (0.0, 0.15, 0.3, 0.75), (1.3, 1.0, 0.8, 1.1)
-    for x in (-0.1, 0.0, 0.15, 0.3, 0.75, 2.0, *np.random.default_rng(0).uniform(0.0, 0.8, 100)):
-        assert _interpolated(x, angles, excess) == np.interp(x, angles, excess)

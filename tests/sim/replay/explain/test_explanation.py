@@ -296,3 +296,17 @@ def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
     with Observer(Flight(renamed)) as other:
         holder = PersonFacts.of(other, k, m).holder
     assert holder.belief is not None and holder.number == whole.number
+
+
+def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
+    recording, history, _ = mission
+    k, m = np.argwhere(history.held == 3)[0].tolist()
+    row = np.flatnonzero(recording.track_ids_at(k, 0) == history.tracks[k, 0, m]) + recording.track_offsets[3 * k]
+    ids = recording.track_ids + 1
+    ids[row] = 0
+    with Observer(Flight(replace(recording, track_ids=ids))) as observer:
+        facts = PersonFacts.of(observer, k, m)
+    ((_, uavs),) = facts.holder.others
+    assert facts.holder.holds == (1, 2) and uavs == (0,)
+    said = explanation(facts)[0][1]
+    assert f"held by UAVs 1 and 2 as track {facts.holder.number}" in said

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
+from helpers.recordings import broken
 from msgspec import structs
 
 from sim.evaluation.score import held_by
@@ -18,7 +19,7 @@ from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.flight import Flight
 from sim.scenario.scenario import resolved
 from tracking.metrics.ospa import ospa
-from tracking.parameters import SEEN
+from tracking.parameters import EXPECTED, SEEN
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +125,36 @@ def test_a_track_whose_uavs_broke_down_was_not_deleted():
     with Observer(Flight(recording)) as observer:
         story = dict(track_story(TrackFacts(observer, 0)))
     assert story["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
+
+
+def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
+    recording = recorded(*IDEAL, duration=2)
+    offsets, uavs = recording.track_offsets, recording.poses.shape[1]
+    last = 4
+    kept = np.ones(len(recording.track_ids), dtype=np.bool_)
+    kept[offsets[(last + 1) * uavs] :] = recording.track_ids[offsets[(last + 1) * uavs] :] != 0
+    rows = np.concatenate([[0], np.cumsum(kept)])[offsets]
+    names = ("track_ids", "track_means", "track_covariances", "track_existence", "track_sightings")
+    tables = {name: getattr(recording, name)[kept] for name in names}
+    ended = broken(replace(recording, track_offsets=rows, **tables), 0, last + 1)
+    with Observer(Flight(ended)) as observer:
+        story = dict(track_story(TrackFacts(observer, 0)))
+    assert story["ended"][0] == "deleted at 1.0 s"
+
+
+def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
+    recording, observer, _ = mission
+    counted = 0
+    for event in (e for e in observer.flight.events if e.kind == "false track"):
+        id_ = list(recording.track_numbers)[event.track]
+        found = [Association.of(recording, k, i) for k in range(event.first, event.last + 1) for i in range(3)]
+        rows = [(a, a.ids.tolist().index(id_)) for a in found if id_ in a.ids]
+        without = [float(a.before.visible[t]) for a, t in rows if a.beta[t, 0] > 1.0 - SEEN]
+        missed = sum(visible >= EXPECTED for visible in without)
+        (line,) = (n for n in dict(track_story(TrackFacts(observer, event.track)))["kept"] if n.startswith(event.when))
+        assert f"missed in {missed} that should have shown it" in line
+        counted += missed < len(without)
+    assert counted > 0
 
 
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):

@@ -84,7 +84,7 @@ def test_every_person_and_track_is_named_with_trees_that_hide_people():
         "outside the view",
         "hidden by tree 3",
         "partly hidden by tree 4",
-        "covered by another person",
+        "not shown, though no tree is in the way",
     ]
     assert [person.detected for person in seen.people] == [False, True, False, True, False, False, False, False]
     # The line to (0, 8, 0.85) passes y = 5.2 at 6.6 m, y = 5.6 at 5.8 m and y = 6.7 at 3.5 m.
