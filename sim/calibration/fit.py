@@ -45,10 +45,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 
 
 def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
-    """Tangents (N,) off nadir of people who are taken as whole, with pixel footprints and errors (N, 2) m.
-
-    The axes are those of `sight_axes`.
-    """
+    """Tangents (N,) off nadir, and pixel footprints and errors (N, 2) m by `sight_axes`, of people taken as whole."""
     rows = []
     for sample in people:
         if places_of(sample.frame, sample.blob, sample.forest) is None:

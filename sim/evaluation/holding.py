@@ -50,8 +50,7 @@ class Holding:
 def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags) -> Indices:
     """States of people, as indices into `HOLDS`.
 
-    held: number of UAVs that hold each person; found: True if the person has been held so far; fleet: number of working
-    UAVs.
+    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs.
     """
     states = np.where(found, HOLDS.index("lost"), HOLDS.index("not found yet"))
     states[held > 0] = HOLDS.index("held by some")

@@ -222,10 +222,7 @@ class Mission:
         return _Sensed(snapshot, links, known)
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
-        """OSPA and its two parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m.
-
-        NaN for UAVs that have broken down.
-        """
+        """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m; NaN after a breakdown."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
             errors[i] = ospa(reported_positions(tracks[i]), present)

@@ -1,8 +1,8 @@
 """One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns.
 
-A scan stands for the time from its instant until that of the next, the last scan for as long as the one before it. So a
-state that a person or a track has at the scans k to m lasts m - k + 1 scans, from the instant of scan k to that of
-scan m + 1. Timeline, page, `understory explain`, tables and Rerun tell and draw it so, and the film shows it so.
+A scan represents the time from its own instant to that of the next scan; the last scan lasts as long as the previous
+one. A state at the scans k to m therefore lasts m - k + 1 scans, from the instant of scan k to that of scan m + 1.
+Timeline, page, `understory explain`, tables, Rerun and film all follow this rule.
 """
 
 import math
@@ -17,14 +17,14 @@ KINDS = (
     "contact",
     "link lost",
     "link restored",
-    "messages lost",  # all of a scan, from one UAV to another
+    "messages lost",  # all messages of a scan from one UAV to another
     "messages heard",
-    "track born",  # recorded tracks are confirmed ones, or known at the start
+    "track born",  # only confirmed tracks are recorded, or known at the start
     "track taken up",
     "track dropped",
     "track deleted",
-    "identity switch",  # a person has another track than before, as CLEAR MOT counts
-    "identity transfer",  # a track passes to a person that had none before
+    "identity switch",  # a person has a different track than before, as counted by CLEAR MOT
+    "identity transfer",  # a track passes to a person who had none before
     "person not found yet",
     "person lost",
     "person found",
@@ -39,25 +39,25 @@ INCIDENTS = ("breakdown", "fault", "contact")
 
 @dataclass(frozen=True)
 class Event:
-    """One event, from one scan to another, both included."""
+    """One event, from a first to a last scan, both included."""
 
     kind: str  # one of `KINDS`
-    text: str  # tracks under their numbers
+    text: str  # description, with numbered tracks
     first: int
     last: int
-    time: float  # s, of the beginning; a breakdown has its own, which may lie between two scans
+    time: float  # s, beginning; that of a breakdown may lie between two scans
     # s, of the end: `time` for what takes no time, infinite for a state that lasts to the end; of contacts and faults
     # that of the last one
     until: float
     why: str = ""
     person: int | None = None
-    former: int | None = None  # the person for whom the track stood before
+    former: int | None = None  # person for whom the track stood before
     track: int | None = None  # number
-    uavs: tuple[int, ...] = ()  # the one with the most telling frames comes first
+    uavs: tuple[int, ...] = ()  # the one with the most informative frames comes first
 
     @property
     def sentence(self) -> str:
-        """The text and its reason."""
+        """The text together with its reason."""
         return f"{self.text}: {self.why}" if self.why else self.text
 
     @property
@@ -67,9 +67,9 @@ class Event:
 
 
 def ends(times: Array, first: int, last: int) -> tuple[float, float]:
-    """Beginning and end [s] of the time that scans stand for, from one to another, both included; times (K,) s.
+    """Beginning and end [s] of the time that a first to a last scan represent, both included; times (K,) s.
 
-    The only scan of a mission stands for a second.
+    If a mission has a single scan, it represents one second.
     """
     if last + 1 < len(times):
         return float(times[first]), float(times[last + 1])
@@ -77,20 +77,20 @@ def ends(times: Array, first: int, last: int) -> tuple[float, float]:
 
 
 def lasting(times: Array, first: int, last: int) -> tuple[float, float]:
-    """The same for words: a state at the last scan of a mission has no end, which is infinite."""
+    """Beginning and end [s] as for texts: the end is infinite if the last scan is that of the mission."""
     begin, end = ends(times, first, last)
     return begin, math.inf if last == len(times) - 1 else end
 
 
 def when_text(begin: float, end: float) -> str:
-    """Times [s] in words; an infinite end is that of the mission."""
+    """Times [s] in words; an infinite end means the mission's end."""
     if math.isinf(end):
         return f"from {begin:.1f} s to the end"
     return f"at {begin:.1f} s" if begin == end else f"{begin:.1f} to {end:.1f} s"
 
 
 def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
-    """Events of tracks that stand for no person, each with the first lane that is free, so that none covers another."""
+    """Events of tracks that stand for no person, each with its lane in a drawing, such that no two overlap."""
     ends: list[int] = []
     found = []
     for event in (event for event in events if event.kind in UNMATCHED):

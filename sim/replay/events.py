@@ -1,4 +1,4 @@
-"""Events of a recorded mission, worked out once for the page, the timeline, `understory explain` and Rerun."""
+"""Events of a recorded mission, computed once for the page, the timeline, `understory explain` and Rerun."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -19,7 +19,7 @@ from tracking.numerics.arrays import Indices
 
 
 def events_of(recording: Recording, history: History) -> tuple[Event, ...]:
-    """All events, in order of time, then of `KINDS`."""
+    """All events, sorted by time, then in the order of `KINDS`."""
     found = [
         *_breakdowns(recording),
         *_faults(recording),
@@ -34,13 +34,13 @@ def events_of(recording: Recording, history: History) -> tuple[Event, ...]:
 
 
 def _at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
-    """A change, which takes no time."""
+    """An event that takes no time."""
     time = float(recording.times[k])
     return Event(kind, text, k, k, time, time, **concerned)
 
 
 def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401
-    """A state from one scan to another, both included."""
+    """An event that lasts from a first to a last scan, both included."""
     return Event(kind, text, *span, *lasting(recording.times, *span), **concerned)
 
 
@@ -53,7 +53,7 @@ def _breakdowns(recording: Recording) -> Iterator[Event]:
 
 
 def _faults(recording: Recording) -> Iterator[Event]:
-    """Faults of planner and detectors, each kind once for all its UAVs; breakdowns are events of their own."""
+    """Faults of planner and detectors, each kind once for all its UAVs; breakdowns are separate events."""
     times, grouped = recording.times, defaultdict(list)
     for fault in recording.all_faults:
         k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
@@ -92,7 +92,7 @@ def _links(recording: Recording) -> Iterator[Event]:
 
 
 def _lives(recording: Recording) -> Iterator[Event]:
-    """UAVs that begin to hold each track, or cease to; a breakdown ends none."""
+    """UAVs that begin or cease to have each track; a breakdown does not count as an end."""
     uavs = range(recording.poses.shape[1])
     given = recording.setting.tracking.initial_tracks == "known"
     known: set[int] = set()
@@ -112,7 +112,7 @@ def _lives(recording: Recording) -> Iterator[Event]:
 
 
 def _holders(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, int, tuple[int, ...]]]:
-    """Number, id and UAVs of each track in any of the UAVs' sets, by number."""
+    """Number, id and UAVs of each track in any of the UAVs' sets, sorted by number."""
     fleet = defaultdict(list)
     for i, ids in enumerate(sets):
         for id_ in ids:
@@ -121,7 +121,7 @@ def _holders(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, 
 
 
 def _identities(recording: Recording, history: History) -> Iterator[Event]:
-    """Changes of the track that stands for a person, and of the person for whom it does, each with its UAVs."""
+    """Changes of a person's track and of a track's person, each with the UAVs for which it happens."""
     fleet = defaultdict(list)
     for i in range(history.tracks.shape[1]):
         for change in _changes(history.tracks[:, i], recording.track_numbers):
@@ -132,9 +132,9 @@ def _identities(recording: Recording, history: History) -> Iterator[Event]:
 
 
 def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
-    """Scan, kind, person, former person, number of the track and words of each change in the tracks (K, M) of one UAV.
+    """Scan, kind, person, former person, number of the track and text of each change in the tracks (K, M) of one UAV.
 
-    Switches are those that `tracking.metrics.clearmot.switches` counts.
+    Switches are those of `tracking.metrics.clearmot.switches`.
     """
     last: dict[int, int] = {}  # by person
     owner: dict[int, int] = {}  # by track
@@ -156,7 +156,7 @@ def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, st
 
 
 def links_of(recording: Recording) -> list[Links]:
-    """The links of each scan, as the mission had them: they follow from places, scenario, seed and repeat alone."""
+    """The links of each scan, computed again from places, scenario, seed and repeat, which alone determine them."""
     network = recording.setting.network
     rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
     found = []
@@ -170,7 +170,7 @@ _MOST_CAUSES = 3
 
 
 def _unheld(recording: Recording, history: History) -> Iterator[Event]:
-    """People lost or not found yet, with what cameras had of them meanwhile, and people found."""
+    """People lost or not found yet, with their states in the cameras meanwhile, and people found."""
     times = history.times
     for loss in history.losses:
         end, what = loss.last + 1, "lost" if loss.found else "not found yet"
@@ -186,7 +186,7 @@ def _unheld(recording: Recording, history: History) -> Iterator[Event]:
 
 
 def _causes(history: History, loss: Loss) -> str:
-    """The best states that cameras had of a lost person, in order of time, with how long each lasted."""
+    """The best states of a lost person in the cameras, in order of time, each with its duration."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by that and the tree
     for k in range(loss.first, loss.last + 1):
@@ -223,9 +223,9 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
 
 
 def _nearest(recording: Recording, history: History, loss: Loss) -> int:
-    """The UAV with the most telling frames of a loss; the nearest one, if the person is inside none.
+    """The UAV with the most informative frames of a loss; the nearest one if the person is inside no frame.
 
-    The person is inside its frame at first, and inside most of its others.
+    The person is inside its first frame, and inside most of its other frames.
     """
     inside = history.camera_states[loss.first : loss.last + 1, :, loss.person] >= STATES.index("hidden")
     if inside.any():

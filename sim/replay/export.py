@@ -1,4 +1,4 @@
-"""A recording in the formats of other tools: scans, tracks and truth as text, every number to its last digit."""
+"""A recording in the formats of other tools: scans, tracks and truth as text, without rounding of numbers."""
 
 import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,15 +20,15 @@ from tracking.plugins.registry import check_known
 Row = Sequence[float | int | str]
 Rows = Iterable[tuple[Any, ...]]
 STATE = ("x", "y", "vx", "vy")  # m, m/s
-# Upper triangle of a covariance by rows, named by the states that it is of.
+# Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 _TRACK = ("id", *STATE, *COVARIANCE, "existence")
 
 
 def export(recording: Recording, target: str, out: Path) -> None:
-    """Write a recording into the new folder `out`, whole or not at all; InputError where target or folder is wrong.
+    """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md tells files and columns.
+    target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md describes files and columns.
     """
     check_known("--to", target, TARGETS)
     with new_folder(out) as folder:
@@ -36,7 +36,7 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 
 def _csv(recording: Recording, folder: Path) -> None:
-    """Tables that `tracking.measurement_files` reads; the truth can be flown again as `people.trajectories`."""
+    """Tables for `tracking.measurement_files`; that of the truth also works as `people.trajectories`."""
     _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
     tracks = sorted([time, uav, *row] for _, uav, time, _, *row in _tracks(recording))
     _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)
@@ -47,9 +47,9 @@ def _csv(recording: Recording, folder: Path) -> None:
 
 
 def _stonesoup(recording: Recording, folder: Path) -> None:
-    """Files for the CSV readers of `stonesoup.reader.generic`, one of detections and tracks for each UAV.
+    """Files for the CSV readers of `stonesoup.reader.generic`: detections and tracks of each UAV separately.
 
-    A reader makes a set of the rows of one time, and Stone Soup's association takes a set for the scan of one sensor.
+    A reader makes a set of all rows of one time, and Stone Soup's association takes a set as one sensor's scan.
     """
     found, tracks = list(_measurements(recording)), list(_tracks(recording))
     for uav in range(recording.poses.shape[1]):
@@ -65,7 +65,7 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
 
 
 def _mot(recording: Recording, folder: Path) -> None:
-    """MOTChallenge's text in its 3-D variant: a sequence for each UAV, boxes -1, positions on the ground in m."""
+    """Files in MOTChallenge's 3-D text format: a sequence for each UAV, boxes -1, positions on the ground in m."""
     scenario, found, tracks = recording.setting, list(_measurements(recording)), list(_tracks(recording))
     truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
     for uav in range(recording.poses.shape[1]):
@@ -82,7 +82,7 @@ def _mot(recording: Recording, folder: Path) -> None:
 
 
 def _mot_row(k: int, id: int, position: Sequence[float]) -> Row:
-    """Frame from 1, id from 1 or -1, box -1, confidence 1, position on the ground."""
+    """A row: frame (from 1), id (from 1, or -1), box -1, confidence 1, position on the ground."""
     return [k + 1, id, -1, -1, -1, -1, 1, *position, 0]
 
 
@@ -90,7 +90,7 @@ TARGETS: dict[str, Callable[[Recording, Path], None]] = {"csv": _csv, "stonesoup
 
 
 def _scan_rows(recording: Recording) -> Iterator[Row]:
-    """A row for each measurement, and one without for each scan that has none."""
+    """A row for each measurement, and an empty one for each scan without measurements."""
     for k, uav in np.argwhere(frames_taken(recording)).tolist():
         scan = recording.scan_at(k, uav)
         pose = recording.cameras[k, uav].tolist()
@@ -107,9 +107,9 @@ def _measurements(recording: Recording) -> Rows:
 
 
 def _tracks(recording: Recording) -> Rows:
-    """Scan, UAV, time, and a row for each track of UAVs that work.
+    """A row for each track of working UAVs: scan, UAV and time.
 
-    A row tells if the track is reported, and its id, state, covariance and existence (NaN if unknown).
+    Then come the mark of a reported track, id, state, covariance and existence (NaN if unknown).
     """
     row, column = np.triu_indices(4)
     covariances = recording.track_covariances[:, row, column]
@@ -120,19 +120,19 @@ def _tracks(recording: Recording) -> Rows:
 
 
 def _truth(recording: Recording) -> Rows:
-    """Scan, number, time, and position and velocity of all people present."""
+    """A row for each person present: scan, number, time, position and velocity."""
     cells = np.nonzero(~np.isnan(recording.people[:, :, 0]))
     return _rows(recording, cells, *recording.people[cells].T, *velocities(recording)[cells].T)
 
 
 def _rows(recording: Recording, cells: tuple[Indices, ...], *columns: Array | Indices | Flags) -> Rows:
-    """Scan, index among UAVs or people, time [s] and further columns (N,), row by row, as Python's numbers."""
+    """Rows of scan, index of UAV or person, time [s] and further columns (N,), as Python numbers."""
     table = (*cells, recording.times[cells[0]], *columns)
     return zip(*(column.tolist() for column in table), strict=True)
 
 
 def _table(path: Path, header: Sequence[str], rows: Iterable[Row]) -> None:
-    """A CSV file; Python writes a float with as many digits as it takes to read the same float again."""
+    """Write a CSV file, in which floats have as many digits as are needed to read the same values."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")

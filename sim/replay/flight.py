@@ -1,4 +1,4 @@
-"""A recorded mission to look into: its history, events, arrays and tables with units, figures and facts."""
+"""A recorded mission with its history, events, arrays and tables with units, figures and facts."""
 
 import base64
 import html
@@ -37,13 +37,13 @@ _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 
 
 def load(run: str | Path) -> "Flight":
-    """The mission in a run's folder, or a `mission.npz`; InputError if there is none that can be read."""
+    """Load the mission in a run's folder or a file `mission.npz`; InputError if none can be read."""
     _show_figures()
     return Flight(find(Path(run)))
 
 
 class Flight:
-    """One recorded mission with its tables and figures: `recording` holds the arrays, `scenario` the settings."""
+    """One recorded mission with its tables and figures; `recording` has the arrays, and `scenario` the settings."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -51,7 +51,7 @@ class Flight:
 
     @cached_property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays by name, read-only; units are in the names, docs/how-to/notebooks.md has their shapes."""
+        """Read-only arrays by names with units; docs/how-to/notebooks.md lists their shapes."""
         return arrays(self.recording)
 
     @cached_property
@@ -65,12 +65,12 @@ class Flight:
         return events_of(self.recording, self.history)
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
-        """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
+        """The columns of a table, one of `TABLES`, by names with units; InputError suggests the nearest table."""
         check_known("table", table, TABLES)
         return event_columns(self.events) if table == "events" else columns(table, self.recording, self.history)
 
-    def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
-        """A table, one of `TABLES`, as a pandas frame, or a polars one where there is no pandas."""
+    def table(self, table: str) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
+        """A table, one of `TABLES`, as a pandas data frame, or a polars one if pandas is not installed."""
         return dataframe(self.columns(table))
 
     def ospa_figure(self) -> Figure:
@@ -78,22 +78,22 @@ class Flight:
         return ospa_figure(self.recording.times, self.recording.ospa)
 
     def timeline_figure(self) -> Figure:
-        """The timeline: each person as seen by each UAV and held by tracks."""
+        """The timeline: the states of each person in the cameras and to the tracks."""
         return timeline_figure(self.history, self.recording.ospa, self.events)
 
     def map_figure(self, time: float) -> Figure:
-        """The map at the scan nearest to `time` s, with the trails of the seconds before; its axes are in metres."""
+        """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""
         (k,) = scans_between(self.recording, time, None, name="time")
         width, height = map_extent(self.scenario)
         size = (_MAP, round(_MAP / (width / height)))
         view = MapView(self.scenario, self.recording.forest, size)
-        edges = np.array([(0, 0), size]) - 0.5  # of the first and the last pixel, whose centres are whole numbers
+        edges = np.array([(0, 0), size]) - 0.5  # edges of the first and the last pixel, whose centres are integers
         (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
         image, _ = view.recorded(self.recording, k, self.history.hold_states[k])
         return _picture(image, (left, right, -bottom, -top))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
-        """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
+        """The annotated image of a UAV's camera at the scan nearest to `time` s, rendered again."""
         uavs = len(self.scenario.uavs)
         if not 0 <= uav < uavs:
             raise InputError(f"uav: there is no UAV {uav}; allowed are 0 to {uavs - 1}")
@@ -103,7 +103,7 @@ class Flight:
 
     @cached_property
     def facts(self) -> dict[str, str]:
-        """The results of the mission, as a summary shows them."""
+        """The results of the mission in the form of the summary."""
         r = self.recording
         lost = [loss for loss in self.history.losses if loss.found]
         spans = [ends(r.times, loss.first, loss.last) for loss in lost]
@@ -135,7 +135,7 @@ class Flight:
         return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
 
     def _repr_html_(self) -> str:
-        """The facts, and OSPA over time, as a notebook shows them."""
+        """The facts and OSPA over time, for notebooks."""
         rows = "".join(
             f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
             for name, value in self.facts.items()
@@ -151,7 +151,7 @@ class Flight:
 
 
 def _picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:
-    """An image (H, W, 3) as a figure of its own size, pixel by pixel; `extent` as Matplotlib's."""
+    """A figure with the pixels of an image (H, W, 3) and its size; `extent` as in Matplotlib."""
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
     FigureCanvasAgg(figure)  # whose pixels can be asked for
@@ -163,7 +163,7 @@ def _picture(image: Image, extent: tuple[float, float, float, float] | None = No
 
 
 def _show_figures() -> None:
-    """Let a notebook show figures, which it does by itself only once pyplot has been imported there."""
+    """Let notebooks show figures, which they do by themselves only after an import of pyplot."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
     if shell is not None:

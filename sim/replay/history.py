@@ -1,4 +1,4 @@
-"""History of each person, scan by scan: in view of a camera, hidden by a tree, detected, and held by a track."""
+"""History of each person, scan by scan: shown or detected by cameras, hidden by trees, and held by tracks."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -17,32 +17,32 @@ from sim.sensing.cameras import view_of
 from tracking.numerics.arrays import Array, Flags, Indices
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
-BROKEN = -1  # stands for a UAV that has broken down where others have a state
-_View = tuple[str, dict[int, list[int]]]  # a state, and the UAVs that have it by the tree between, -1 for none
+BROKEN = -1  # in place of a state for a UAV that has broken down
+_View = tuple[str, dict[int, list[int]]]  # a state, and its UAVs by the hiding tree, -1 for none
 
 
 @dataclass(frozen=True)
 class Loss:
-    """A person that no UAV held, from one scan to another, both included."""
+    """A person whom no UAV held from a first to a last scan, both included."""
 
     person: int
     first: int
     last: int
-    found: bool  # whether the person was held before; if not, no UAV has found them yet
+    found: bool  # True if the person was held before; otherwise no UAV has found them yet
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """M people at K scans, as n UAVs had them."""
+    """States of M people at K scans in the cameras of n UAVs and to their tracks."""
 
     times: Array  # (K,) s
     present: Flags  # (K, M)
     working: Flags  # (K, n)
-    looked: Flags  # (K, n), frames taken
-    inside: Flags  # (K, n, M), a frame was taken with the mid-height in it, occlusion aside
-    # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
+    looked: Flags  # (K, n), the camera took a frame
+    inside: Flags  # (K, n, M), the camera took a frame that contains the person's mid-height, hidden or not
+    # (K, n, M), first tree between the camera and the mid-height of a person inside; -1 for none
     hidden_by: Indices
-    shown: Flags  # (K, n, M), the frame showed some of the person
+    shown: Flags  # (K, n, M), the frame showed a part of the person
     detected: Flags  # (K, n, M)
     tracks: Indices  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
 
@@ -77,17 +77,17 @@ class History:
 
     @cached_property
     def states(self) -> Indices:
-        """State of each person to all cameras of a scan (K, M), an index into `STATES`.
+        """State (K, M) of each person in the cameras of a scan, as an index into `STATES`.
 
-        The best that any UAV has: seen if one detected them, missed if a frame showed them without a detection, hidden
-        if they were inside a frame that showed none of them.
+        The best state in any camera counts: seen if the person was detected, missed if a frame showed them without a
+        detection, and hidden if they were inside a frame that did not show them.
         """
         best = self._frame_states.max(axis=1, initial=STATES.index("out of view"))
         return np.where(self.present, best, STATES.index("absent"))
 
     @cached_property
     def _frame_states(self) -> Indices:
-        """State of each person in the frame of each camera at each scan (K, n, M), out of view where none was taken."""
+        """State (K, n, M) of each person in each camera's frame at each scan; out of view if none was taken."""
         found = np.full(self.inside.shape, STATES.index("out of view"))
         for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
             found[having] = STATES.index(name)
@@ -95,13 +95,13 @@ class History:
 
     @cached_property
     def last_frames(self) -> Indices:
-        """The last scan up to each at which a UAV's camera took a frame (K, n); 0 before the first."""
+        """The scan (K, n) of each camera's last frame up to each scan; 0 before the first frame."""
         scans = np.arange(len(self.times))[:, None]
         return np.asarray(np.maximum.accumulate(np.where(self.looked, scans, 0), axis=0), dtype=np.int64)
 
     @cached_property
     def camera_states(self) -> Indices:
-        """State of each person in the last frame of each camera (K, n, M), an index into `STATES`, or `BROKEN`."""
+        """State (K, n, M) of each person in each camera's last frame, as an index into `STATES`, or `BROKEN`."""
         found = np.take_along_axis(self._frame_states, self.last_frames[:, :, None], axis=0)
         found[np.broadcast_to(~self.present[:, None], found.shape)] = STATES.index("absent")
         found[~self.working] = BROKEN
@@ -109,18 +109,18 @@ class History:
 
     @cached_property
     def hiding_trees(self) -> Indices:
-        """The tree between each camera and each person in its last frame (K, n, M); -1 for none."""
+        """The tree (K, n, M) between each camera and each person in its last frame; -1 for none."""
         return np.asarray(np.take_along_axis(self.hidden_by, self.last_frames[:, :, None], axis=0), dtype=np.int64)
 
     @cached_property
     def hold_states(self) -> Indices:
-        """State of each person to the tracks of the UAVs that work (K, M), an index into `HOLDS`."""
+        """State (K, M) of each person to the tracks of the working UAVs, as an index into `HOLDS`."""
         fleet = np.count_nonzero(self.working, axis=1)[:, None]
         return hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet, self.present)
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
-        """Spans in which a present person was held by no UAV, by scan, then person."""
+        """Spans in which no UAV held a person who was present, sorted by scan, then person."""
         found = []
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)
@@ -129,7 +129,7 @@ class History:
         return tuple(sorted(found, key=lambda loss: (loss.first, loss.person)))
 
     def view_texts(self, person: int) -> list[str]:
-        """The states of one person to the cameras in words, scan by scan; empty where the person is absent."""
+        """The states of one person in the cameras in words, scan by scan; empty while the person is absent."""
         rows = np.hstack([self.camera_states[:, :, person], self.hiding_trees[:, :, person]])
         kinds, which = np.unique(rows, axis=0, return_inverse=True)
         texts = ["; ".join(view_text(*view) for view in views_at(*np.split(kind, 2))) for kind in kinds]
@@ -137,7 +137,7 @@ class History:
 
 
 def views_at(states: Indices, trees: Indices) -> list[_View]:
-    """States that cameras have of one person, the best first; out of view only if no camera has another.
+    """States of one person in the cameras, the best first; out of view only if no camera has another state.
 
     states (n,) and trees (n,) as in `History.camera_states` and `History.hiding_trees`.
     """
@@ -151,7 +151,7 @@ def views_at(states: Indices, trees: Indices) -> list[_View]:
 
 
 def view_text(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
-    """A state of a person to cameras in words; `uavs` are those that have it, by the tree between, -1 for none."""
+    """A person's state in cameras, in words; uavs: the UAVs with this state by the hiding tree, -1 for none."""
     if state == "seen":
         return f"seen by {fleet_text(uavs[-1])}"
     if state == "missed":

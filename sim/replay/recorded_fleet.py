@@ -1,4 +1,4 @@
-"""The UAVs of a recording and the map of trees, nearly as planners knew them."""
+"""The UAVs of a recording and the map of trees, approximately as planners knew them."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -13,14 +13,14 @@ from tracking.geometry.visibility import Forest
 
 @lru_cache(maxsize=1)  # with its grid
 def known_forest(recording: Recording) -> Forest:
-    """The map of trees as trackers and planners took it to hide people."""
+    """The map of trees with the occlusion that trackers and planners assumed."""
     return Forest(recording.forest.trees, recording.setting.sensing.occlusion)
 
 
 def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
     """All UAVs at scan k, by id.
 
-    Note: velocities are means since the scan before, as recordings hold none; at the first they are zero.
+    Note: velocities are means since the previous scan, because recordings have none; at the first scan they are zero.
     """
     setting = recording.setting
     moved = recording.poses[k, :, :2] - recording.poses[max(k - 1, 0), :, :2]
@@ -29,11 +29,11 @@ def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
 
 
 def motion_at(recording: Recording, k: int, uav: int) -> MotionModel:
-    """Motion model of one UAV's tracker after scan k, with what it had seen of people's speeds until then."""
+    """Motion model of one UAV's tracker after scan k, with the speeds of people that it had learned until then."""
     return _motions(recording)[k][uav]
 
 
-@lru_cache(maxsize=1)  # what looks into a mission asks about each of its scans
+@lru_cache(maxsize=1)  # because callers ask about all scans of one mission
 def _motions(recording: Recording) -> list[list[MotionModel]]:
     """Motion model of each UAV's tracker after each scan."""
     uavs, (k, _) = recording.poses.shape[1], recording.cells(recording.track_offsets)

@@ -1,4 +1,4 @@
-"""The film of a recorded mission, drawn again from its recording alone."""
+"""The film of a recorded mission, drawn again from its recording only."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -16,7 +16,7 @@ from tracking.plugins.registry import InputError, check_known
 
 
 def check_layout(layout: str, scenario: Scenario) -> None:
-    """InputError unless `layout` is one that a mission's film can have."""
+    """InputError if the film of a mission cannot have this layout."""
     uavs = [f"uav{i}" for i in range(len(scenario.uavs))]
     check_known("--layout", layout, [AS_FLOWN, "map", "cameras", *uavs])
     if not scenario.sensing.renders and layout not in (AS_FLOWN, "map"):
@@ -32,11 +32,10 @@ def write_film(
     speed: float = 1.0,
     progress: Callable[[int], None],
 ) -> None:
-    """Write the film of successive scans to the new file `out`, whole or not at all.
+    """Write the film of successive scans to the new file `out`, completely or not at all.
 
-    It has one picture for each scan, shown `speed` times as fast as flown. Those of the whole mission in the layout
-    flown are what `understory run` drew; those of a part are the same pictures, with trails and intents of before.
-    `progress` is called with each scan.
+    It has one picture per scan, shown `speed` times as fast as flown. With the layout `AS_FLOWN`, pictures are equal to
+    those of `understory run`, also in the film of a part of the mission. `progress` is called with each scan.
     """
     scenario = recording.setting
     film = Film(scenario, recording.forest, planner=marked(recording.planner, recording.sees_truth), layout=layout)

@@ -1,4 +1,4 @@
-"""A recording as arrays and tables, with units in their names."""
+"""Arrays and tables of a recording, with units in their names."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plan
 
 
 def arrays(r: Recording) -> dict[str, NDArray[Any]]:
-    """A recording's arrays, read-only, under names with units; docs/how-to/notebooks.md lists them with shapes."""
+    """Read-only arrays of a recording by names with units; docs/how-to/notebooks.md lists them with shapes."""
     measured, tracked = r.cells(r.measurement_offsets), r.cells(r.track_offsets)
     found: dict[str, NDArray[Any]] = {
         "time_s": r.times,
@@ -58,7 +58,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
 
 
 def columns(name: str, recording: Recording, history: History) -> Columns:
-    """The columns of a table, one of `TABLES` but that of events."""
+    """The columns of a table, one of `TABLES` except that of events."""
     if name in ("people", "sightings", "losses"):
         return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
     plain = {"uavs": _uavs, "measurements": _measurements, "tracks": _tracks, "ospa": _ospa, "plans": _plans}

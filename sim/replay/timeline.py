@@ -1,4 +1,4 @@
-"""The timeline of a mission: each person as seen by each UAV and held by tracks, over the error of the fleet."""
+"""The timeline of a mission: states of each person in the cameras and to the tracks, above the error of the fleet."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,7 @@ from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
 
 _WIDTH = 11.0  # inches
-_BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
+_BAR, _GAP = 1.0, 0.8  # lanes, height of the bar of the tracks, and of the gap to the next person
 _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 _HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
@@ -33,10 +33,10 @@ Box = tuple[float, float, float, float]  # left, right [s], top, height [lanes]
 
 
 def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
-    """The timeline: for each person a lane for each UAV and a bar for the fleet's tracks, and beneath them mean OSPA.
+    """The timeline: a lane per UAV and a bar for the fleet's tracks for each person, and below them mean OSPA.
 
-    ospa (K, n, 3) m, as recorded. Lanes tell the state to each camera, bars that to the tracks. The last row has the
-    tracks that stand for no person, if there are any, those at one time beneath one another.
+    ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. The last row
+    shows the tracks that stand for no person, if there are any; simultaneous ones are below one another.
     """
     uavs, people = history.tracks.shape[1:]
     unmatched = lanes(events)
@@ -62,7 +62,7 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
 def _draw_people(
     axes: Axes, history: History, events: Sequence[Event], unmatched: Sequence[tuple[Event, int]]
 ) -> set[Shade]:
-    """Draw the rows; returns the colours that are in them."""
+    """Draw the rows and return the colours in them."""
     uavs, people = history.tracks.shape[1:]
     pitch, times = uavs + _BAR + _GAP, history.times
     boxes = [_box(times, event, max(people, 1) * pitch + lane * _BAR) for event, lane in unmatched]
@@ -113,7 +113,7 @@ def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box
 
 
 def _bar(times: Array, states: Indices, top: float, uavs: int) -> list[tuple[Box, Shade]]:
-    """The states of a person to the tracks, below the lanes of so many UAVs; on a veil over all while lost."""
+    """Boxes of a person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all while lost."""
     boxes: list[tuple[Box, Shade]] = []
     for first, last, value in episodes(states):
         span, hold = ends(times, first, last), HOLDS[value]
@@ -136,7 +136,7 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
 
 
 def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
-    """Handles of what is drawn: shades, and marks of switched tracks."""
+    """Handles of the legend for the drawn shades, and for marks of switched tracks."""
     if uavs <= len(UAV_COLOURS):
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
@@ -169,7 +169,7 @@ def _share(history: History, person: int) -> str:
 
 
 def _held_share(history: History, people: slice) -> float:
-    """Share of scans and UAVs that work at which people who are there are held, as in the summary."""
+    """Share of scans and working UAVs at which people who are present are held, as in the summary."""
     working = np.count_nonzero(history.working, axis=1)[:, None]
     pairs = (working * history.present[:, people]).sum()
     return float(history.held[:, people].sum() / max(pairs, 1))

@@ -1,4 +1,4 @@
-"""A recorded mission in PyBullet's own window, to look at from any side."""
+"""A recorded mission in PyBullet's window, which shows it from any side."""
 
 import math
 import os
@@ -21,23 +21,23 @@ from tracking.plugins.registry import InputError
 
 _SIZE = (1280, 800)
 _GRASS = (0.46, 0.51, 0.36, 1.0)
-_GLASS = 0.22  # opacity of what a camera looks through
+_GLASS = 0.22  # opacity of a camera's pyramid of view
 _ENDS = (ord("q"), 27)  # Q and Esc
 _TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.disconnect()"
 
 
 def refusal() -> str:
-    """The reason that no window can be opened here; empty where one can."""
+    """Reason why no window can be opened here; empty if one can."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         return "DISPLAY is not set"
     return refusal_of("the display", _TRIAL)
 
 
 def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say: Callable[[str], None]) -> None:
-    """Show successive scans in a window, `speed` times as fast as flown; InputError where no window can be opened.
+    """Show successive scans in a window, `speed` times as fast as flown; InputError if no window can be opened.
 
-    People and UAVs move evenly between scans. It ends with the last scan, with Q or Esc, or when the window is closed;
-    the space bar stops and goes on.
+    People and UAVs move evenly between scans. The show ends with the last scan, by Q or Esc, or when the window is
+    closed; the space bar pauses and continues it.
     """
     reason = refusal()
     if reason:
@@ -52,12 +52,12 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
                 _place(world, cones, recording, moment)
         except pybullet.error:
             if world.engine.isConnected():
-                raise  # else the window was closed
+                raise  # otherwise the window was closed
 
 
 @contextmanager
 def _world(recording: Recording) -> Iterator[World]:
-    """The world of a recording in a window; what the engine prints meanwhile goes nowhere."""
+    """The world of a recording in a window, without the engine's output."""
     options = f"--width={_SIZE[0]} --height={_SIZE[1]}"
     with quiet():
         client = pybullet.connect(pybullet.GUI, options=options)
@@ -68,7 +68,7 @@ def _world(recording: Recording) -> Iterator[World]:
     try:
         yield world
     finally:
-        with silenced(1, 2), quiet():  # nothing else in the process prints from C
+        with silenced(1, 2), quiet():  # no other C code of the process prints here
             world.close()
 
 
@@ -84,7 +84,7 @@ def _set_scene(engine: Engine, area: Area) -> None:
 
 
 def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
-    """A pyramid of coloured glass as a camera at the origin, looking down, sees it; its id."""
+    """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
     half = length * math.tan(camera.fov / 2)
     corners = [[x * half, y * half, -length] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
@@ -128,7 +128,7 @@ def _place(world: World, cones: Sequence[int], recording: Recording, moment: flo
 
 
 def _poses(rows: Array, following: Array, share: float) -> list[Pose]:
-    """Poses from rows (n, 7) on the way to those that follow."""
+    """Poses at a share of the way from rows (n, 7) to the following ones."""
     same = np.sign(np.sum(rows[:, 3:] * following[:, 3:], axis=1, keepdims=True))
     turned = (1 - share) * rows[:, 3:] + share * same * following[:, 3:]
     turned /= np.linalg.norm(turned, axis=1, keepdims=True)

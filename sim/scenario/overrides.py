@@ -29,8 +29,7 @@ def override_in(data: dict[str, Any], override: str) -> None:
     for i, part in enumerate(path):
         if isinstance(node, dict):
             default = default.get(part) if isinstance(default, dict) else None
-            # An override of one row of a list keeps the other rows of the default.
-            node.setdefault(part, default if isinstance(default, list) else {})
+            node.setdefault(part, default if isinstance(default, list) else {})  # a list keeps its other rows
         node = node[_place(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")

@@ -17,8 +17,7 @@ from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
 from tracking.plugins.registry import Registry
 
-# m: least distance of UAVs at the start, as rotors reach 0.3 m out, and of cameras from canopies, as images leave out
-# the nearest 0.5 m.
+# m, least distance of UAVs at the start (rotors reach 0.3 m) and of cameras from canopies (images begin at 0.5 m)
 _CLEARANCE = 1.0
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
@@ -46,8 +45,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """Everything that defines a mission except planner, seed and repeat."""
 
     version: Literal[1] = 1  # version of this format; results are comparable only within one version
-    # s, simulated time; the first scan is at its start and the last at its end, or before it if the time between scans
-    # does not divide it; the mission ends with the last scan
+    # s, simulated time; the mission ends with the last scan that fits into it, while the first one is at its start
     duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0
     # s, time of the first decision, a multiple of the time between decisions; UAVs hover until then
     first_decision: Time = 0.0

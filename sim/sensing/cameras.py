@@ -43,8 +43,7 @@ def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehic
 def camera_pose(uav: Uav, body: Pose) -> Pose:
     """Pose of a UAV's camera, which turns with the body, unless a gimbal holds it as on a level body that faces east.
 
-    On a level body that faces east, a camera with a mounting angle of zero looks straight down with north up; other
-    angles pitch it towards the body's x axis.
+    On such a body it looks straight down with north up, or is pitched towards the body's x axis by its mounting angle.
     """
     carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
     return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))

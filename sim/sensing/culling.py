@@ -8,8 +8,7 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
-# m along the optical axis: the near plane, which leaves out the carrier's own body, and the least far plane.
-NEAR, FAR = 0.5, 500.0
+NEAR, FAR = 0.5, 500.0  # m, near plane, which leaves out the camera's own UAV, and least distance of the far plane
 # Radii of meshes relative to their nominal cylinders: corners lie outside of the cylinder, and faces inside.
 _OUTER, _INNER = 1.01, 0.99
 _PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person

@@ -58,10 +58,7 @@ class Ground:
 
 @compiled
 def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[np.uint64], plane: Array) -> None:
-    """Interpolate bilinearly with integer weights out of 32 x 32.
-
-    plane (3, 3) maps pixels to texels in homogeneous coordinates.
-    """
+    """Interpolate with integer bilinear weights out of 32 x 32; plane (3, 3) maps homogeneous pixels to texels."""
     tile, width = len(texels) - 1, image.shape[1]
     ys, xs = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32)
     for row in range(image.shape[0]):

@@ -127,8 +127,7 @@ class Sensors:
         alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
-        # A detector's order is that of the image; that of a mode without images may reveal identities.
-        if len(ground) or output.frame is None:
+        if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
             order = self._clutter.order(len(z))
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels

@@ -130,8 +130,7 @@ def connected(address: str) -> Iterator[Cluster]:
     except ImportError as error:
         raise InputError("--dask: needs dask.distributed: pip install distributed") from error
     try:
-        # Checked here, because a client with an invalid address fails 20 s later with a traceback.
-        scheme, place = parse_address(address)
+        scheme, place = parse_address(address)  # otherwise an invalid address fails 20 s later, with a traceback
         get_backend(scheme)
         parse_host_port(place)
         client: Any = cast(Any, Client)(address, timeout=_CONNECT, set_as_default=False)

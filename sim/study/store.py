@@ -82,8 +82,7 @@ class Store:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
-                # SQLite would wait for a pipe.
-                raise InputError(f"--out: {path}: cannot be used: is not a file")
+                raise InputError(f"--out: {path}: cannot be used: is not a file")  # SQLite would wait for a pipe
             if (folder / "mission.npz").exists():
                 raise InputError(f"--out: {folder} holds a mission; allowed is a new folder, or that of a study")
         except OSError as error:
@@ -158,8 +157,7 @@ def frame(path: Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars
 def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
     """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
-    There is one row per trial and a column for each factor, such as `factor.lambda`, and each metric, but no OSPA over
-    time.
+    There is one row per trial, with a column for each factor, such as `factor.lambda`, and for each metric.
     """
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}

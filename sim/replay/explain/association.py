@@ -1,4 +1,4 @@
-"""Data association of one UAV at one scan, computed again from the recording as its tracker did."""
+"""Data association of one UAV at one scan, computed again from the recording in the same way as by its tracker."""
 
 from dataclasses import dataclass
 
@@ -22,24 +22,24 @@ class Association:
     """T tracks, predicted to the time of a scan, and its N measurements."""
 
     ids: Indices  # (T,)
-    numbers: Indices  # (T,), as tracks are shown: by first appearance; -1 for one that ended before it was recorded
-    before: ScanPrediction  # beliefs and existence before the scan, and the probability to be in plain view
+    numbers: Indices  # (T,), displayed numbers of the tracks; -1 for one that ended before it was recorded
+    before: ScanPrediction  # beliefs, existence and probability of plain view before the scan
     measurements: Array  # (N, 2) m
     covariances: Array  # (N, 2, 2) m²
-    distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
+    distances: Array  # (T, N), squared Mahalanobis distances of measurements, by the innovation covariance
     gated: Flags  # (T, N)
-    beta: Array  # (T, N + 1), probability that none of the measurements is the person's, and that each is
-    existence: Array  # (T,), after the scan, before the fleet's fusion
+    beta: Array  # (T, N + 1), probability that no measurement is the person's, then that of each measurement
+    existence: Array  # (T,), after the scan but before fusion
 
     @staticmethod
     def of(recording: Recording, k: int, uav: int) -> "Association | None":
-        """The association of one UAV at scan k; None where its camera took no frame or the UAV had broken down.
+        """The association of one UAV at scan k; None if its camera took no frame or the UAV had broken down.
 
-        Beliefs are those that the fleet agreed on at scan k - 1, predicted by the tracker's motion model. At the
-        first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
+        Beliefs are those after fusion at scan k - 1, predicted by the tracker's motion model; at the first scan they
+        are the initial tracks. If the mission has a single scan, people are assumed to stand still.
 
-        Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
-        rounds differently. A recording of an earlier version is read by the rules of this one.
+        Note: for more than 10 000 pairs the tracker uses independent gating clusters, which round differently.
+        Recordings of earlier versions are interpreted by the rules of this one.
         """
         scenario, works = recording.setting, recording.working[:, uav]
         taken = [j for j in range(k + 1) if works[j] and scenario.has_frame(uav, j)]

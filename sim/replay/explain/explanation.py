@@ -1,4 +1,4 @@
-"""Explanation of one person at one scan, and of a whole mission, in words."""
+"""Explanations in words: of one person at one scan, and over a whole mission."""
 
 import math
 from itertools import groupby
@@ -18,11 +18,11 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.track import UNLIKELY
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
-_LEAST = 0.005  # probability below which a measurement is not worth a line
+_LEAST = 0.005  # least probability of a measurement that gets a line
 
 
 def explanation(facts: PersonFacts) -> list[Group]:
-    """Facts of one person at one scan: the person, each UAV, the track, the mission's events then, and intents."""
+    """Sentences on one person at one scan: the person, each UAV, the track, events at that time, and intents."""
     groups = [(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
     if np.isnan(facts.place[0]):
         return groups
@@ -50,7 +50,7 @@ def _person(facts: PersonFacts) -> list[str]:
 
 
 def _holding(facts: PersonFacts) -> list[str]:
-    """UAVs that hold the person, or else the loss: since when and until when."""
+    """UAVs that hold the person or, if none does, the beginning and end of the loss."""
     history, holder = facts.flight.history, facts.holder
     times = history.times
     if holder and holder.holds:
@@ -109,7 +109,7 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
 
 
 def _detection(found: PersonMeasurement, a: Association) -> list[str]:
-    """The detection of the person, and the tracks that may have taken it for theirs, the likeliest first."""
+    """The detection of the person, and the tracks that may be associated with it, the likeliest first."""
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
     lines = [f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
     weights, sigmas = a.beta[:, 1 + found.measurement], np.sqrt(a.distances[:, found.measurement])
@@ -121,7 +121,7 @@ def _detection(found: PersonMeasurement, a: Association) -> list[str]:
 
 
 def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> list[str]:
-    """The scan as the person's track expected it, and other measurements that it may have taken for its own."""
+    """The scan that the person's track predicted, and other measurements that may be associated with the track."""
     lines = []
     for t in np.flatnonzero(a.numbers == holder.number):
         lines.append(f"expected track {holder.number} in plain view with {percent_text(float(a.before.visible[t]))}")
@@ -167,7 +167,7 @@ def _intents(facts: PersonFacts) -> list[str]:
 
 
 def _ahead(planned: PlannedVisibility, states: Indices) -> str:
-    """The first time at which a place is in view on the way, or else its state."""
+    """The first time at which a place is in view on the planned path, or its state if it never is."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in episodes(states) if e.value == state]
         if ahead:
@@ -177,9 +177,9 @@ def _ahead(planned: PlannedVisibility, states: Indices) -> str:
 
 
 def stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
-    """A person's mission in stretches of one wording: beginning and end [s], state to tracks, and to cameras.
+    """Periods of equal description of a person: beginning and end [s], state to tracks, and state in cameras.
 
-    The end of the last one is infinite.
+    The end of the last period is infinite.
     """
     holds, views = history.hold_states[:, person].tolist(), history.view_texts(person)
     runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
@@ -192,12 +192,12 @@ def source_text(person: int) -> str:
 
 
 def place_text(place: Array) -> str:
-    """A place (2,) m in words."""
+    """A position (2,) m in words."""
     return f"({place[0]:.1f}, {place[1]:.1f}) m"
 
 
 def percent_text(probability: float) -> str:
-    """A probability in per cent; rounding makes none certain."""
+    """A probability in per cent, never rounded to certainty."""
     if 0.0 < probability < 0.001:
         return "under 0.1 %"
     if 0.999 < probability < 1.0:

@@ -1,4 +1,4 @@
-"""One person to one UAV at one scan: the view, the pixels, the detection, and its data association."""
+"""Observation of one person by one UAV at one scan: view, pixels, detection and data association."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -25,36 +25,36 @@ class PersonMeasurement:
     """The measurement of a person."""
 
     measurement: int
-    pixel: Array | None  # (2,); None in ideal sensing
+    pixel: Array | None  # (2,), None in ideal sensing
     place: Array  # (2,) m
     error: float  # m
-    sigmas: float  # of the error, in the standard deviations that the measurement claims
+    sigmas: float  # the error in standard deviations of the measurement
 
 
 @dataclass(frozen=True, eq=False)
 class PersonObservation:
-    """One person to one UAV at one scan."""
+    """Observation of one person by one UAV at one scan."""
 
     uav: int
     works: bool
     sighting: Sighting
-    away: float  # m on the ground, from below the camera to the person; NaN where absent
-    whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
+    away: float  # m, horizontal distance from the camera to the person; NaN if absent
+    whole: int | None  # number of pixels of the person in the frame without trees; None if it was not rendered
     found: PersonMeasurement | None
-    owners: Indices  # (N,), the person of each measurement; -1 for a false alarm
-    association: Association | None  # of all tracks and measurements; None where the camera took no frame
+    owners: Indices  # (N,), person of each measurement; -1 for a false alarm
+    association: Association | None  # of all tracks and measurements; None if the camera took no frame
 
 
 class Observer(ExitStack):
-    """Observations of people in a flight; renders frames again where these were rendered."""
+    """Observations of people in a flight; rendered frames are rendered again."""
 
     def __init__(self, flight: Flight) -> None:
         super().__init__()
         self.flight, self.recording = flight, flight.recording
         tracker = flight.scenario.tracking.tracker
-        self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on what recordings do not tell
+        self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on facts that recordings lack
         self.again = self.enter_context(Rerenderer(self.recording))
-        # Of a scan k and a UAV; stories ask for some of the last again.
+        # Called with a scan k and a UAV; cached, because track stories ask for the same scans again.
         self.association = lru_cache(1024)(partial(Association.of, self.recording))
         self.owners = lru_cache(1024)(self._owners)
 
@@ -77,23 +77,23 @@ class Observer(ExitStack):
 
     @cached_property
     def _treeless(self) -> Rerenderer:
-        """The same world without its trees."""
+        """Renderer of the same world without trees."""
         return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
 
     def _renders(self, k: int, uav: int) -> bool:
         return self.recording.setting.sensing.renders and self.recording.setting.has_frame(uav, k)
 
     def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
-        """Pixels of the person in the same frame of the same world without its trees."""
+        """Number of pixels of the person in the same frame without trees."""
         if not self._renders(k, uav) or not sighting.in_image:
             return None
         people = self._treeless.rendered(k, uav).people
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 
     def _owners(self, k: int, uav: int) -> Indices:
-        """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm.
+        """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.
 
-        Rendered frames tell as they did in flight, by the detection's pixel. In ideal sensing it is the nearest.
+        With rendered frames, pixels of detections decide as in flight; in ideal sensing, it is the nearest person.
         """
         recording, z = self.recording, self.recording.scan_at(k, uav).measurements
         seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)

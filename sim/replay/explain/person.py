@@ -1,4 +1,4 @@
-"""Facts of one person at one scan of a recording, and of what the last plans of UAVs would show of them."""
+"""Facts about one person at one scan of a recording, and the person's visibility on the plans of UAVs."""
 
 import math
 from collections.abc import Iterable
@@ -20,19 +20,19 @@ from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 
-OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # of a place, to a camera
+OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # states of a place in a camera
 _SLACK = 1e-6  # s
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedVisibility:
-    """The rest of one UAV's plan from a scan on, at S instants that are as far apart as scans."""
+    """Visibility on the rest of one UAV's plan from a scan on, at S instants with the interval of scans."""
 
-    made: float  # s, when the plan was made
+    made: float  # s, time of the plan's decision
     times: Array  # (S,) s
-    path: Array  # (S, 2) m, of the UAV
-    person: Indices  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
-    track: Indices | None  # (S,), the same of the track, if its person walks as planners expect; None without a track
+    path: Array  # (S, 2) m, path of the UAV
+    person: Indices  # (S,), state of the true person: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
+    track: Indices | None  # (S,), state of the track as planners predict it; None without a track
 
 
 def planned_visibility(
@@ -40,7 +40,7 @@ def planned_visibility(
 ) -> PlannedVisibility | None:
     """Visibility of a person, and of a track with `belief`, on the plan of a UAV from scan k on.
 
-    None where there is no plan, and where nothing of it is left.
+    None if there is no plan or nothing of it is left.
     """
     scenario, now = recording.setting, float(recording.times[k])
     rate = scenario.rates.sensing
@@ -65,10 +65,9 @@ def planned_visibility(
 
 
 def _flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Array, Pose]:
-    """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its first.
+    """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its beginning.
 
-    The path begins where the UAV was when the plan was due, and follows the commands as planners take it to. The camera
-    is held as planners take it to be held.
+    The path begins at the UAV's position when the plan was due. UAV and camera move as planners assume.
     """
     setting = recording.setting
     step, begun = 1 / setting.rates.planning, setting.due(float(recording.plan_times[plan]))
@@ -82,7 +81,7 @@ def _flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Array, Po
 
 
 def _states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
-    """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
+    """States (S,) of places (S, 2) m in the camera at S or more poses; `OUTSIDE` for NaN."""
     setting, trees = recording.setting, known_forest(recording)
     camera = view_of(setting.uavs[uav], setting)
     found = np.full(len(places), OUTSIDE)
@@ -95,15 +94,15 @@ def _states(recording: Recording, uav: int, views: list[Pose], places: Array) ->
 
 @dataclass(frozen=True, eq=False)
 class HoldingTrack:
-    """The track that stands for a person, or that did last, as one UAV has it after a scan."""
+    """The present or last track that stands for a person, in the state that one UAV has after a scan."""
 
-    number: int  # by first appearance
+    number: int  # displayed number, by first appearance
     holds: tuple[int, ...]  # UAVs for which it stands for the person now
-    others: tuple[tuple[int, tuple[int, ...]], ...]  # other tracks that do now, and for which UAVs
-    since: float  # s, of its first scan
-    belief: Gaussian | None  # None where it has ended
-    existence: float  # existence probability; NaN where it is not estimated
-    until: float  # s, of the last scan at which it stood for the person
+    others: tuple[tuple[int, tuple[int, ...]], ...]  # other tracks that stand for the person now, with their UAVs
+    since: float  # s, time of its first scan
+    belief: Gaussian | None  # None if the track has ended
+    existence: float  # existence probability; NaN if it is not estimated
+    until: float  # s, time of the last scan at which it stood for the person
 
     @property
     def axes(self) -> Array:
@@ -112,7 +111,7 @@ class HoldingTrack:
         return np.asarray(np.sqrt(np.linalg.eigvalsh(self.belief.covariance[:2, :2])[::-1]))
 
     def error(self, place: Array) -> tuple[float, float]:
-        """Distance [m] of its position from a place (2,) m, and its square in its own standard deviations (NEES)."""
+        """Distance [m] of the track's position from a place (2,) m, and the NEES of this error."""
         assert self.belief is not None
         off = self.belief.mean[:2] - place
         return float(np.hypot(*off)), float(squared_distance(off, self.belief.covariance[:2, :2]))
@@ -120,21 +119,21 @@ class HoldingTrack:
 
 @dataclass(frozen=True, eq=False)
 class PersonFacts:
-    """One person at one scan, and n UAVs."""
+    """Facts about one person at one scan, given n UAVs."""
 
     k: int
     person: int
-    place: Array  # (2,) m, NaN where absent
-    velocity: Array  # (2,) m/s, NaN where unknown
-    holder: HoldingTrack | None  # None for a person that no track has stood for yet
+    place: Array  # (2,) m, NaN if absent
+    velocity: Array  # (2,) m/s, NaN if unknown
+    holder: HoldingTrack | None  # None if no track has stood for the person yet
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     flight: Flight
-    note: str  # on what the recording does not tell of its tracker; empty: none
+    note: str  # on facts about the tracker that the recording lacks; empty if there are none
 
     @staticmethod
     def of(observer: Observer, k: int, person: int) -> "PersonFacts":
-        """The facts of a person at scan k."""
+        """The facts about a person at scan k."""
         recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
         holder = _holder(observer.flight, k, person)
         belief = holder.belief if holder else None
@@ -152,7 +151,7 @@ class PersonFacts:
 
 
 def _holder(flight: Flight, k: int, person: int) -> HoldingTrack | None:
-    """The track by which most UAVs hold the person; where none does, the last that did."""
+    """The track by which most UAVs hold the person; if none does, the last track that held them."""
     recording, held = flight.recording, flight.history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:

@@ -1,4 +1,4 @@
-"""The picture of an explanation: the map and the frames round a person, and beside them the words."""
+"""The picture of an explanation: the map and the frames around a person, and the words beside them."""
 
 import math
 from collections.abc import Sequence
@@ -21,17 +21,17 @@ from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
-_TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, between parts, width of words
+_TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, gap between parts, width of words
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in an inset, and its edge
 _SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
-_FRAMES = 3  # at most
+_FRAMES = 3  # largest number of frames
 _TITLE = TextStyle(14, bold=True)
 
 
 def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
-    """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words.
+    """The picture (H, W, 3) RGB: the map, the frames of up to three UAVs nearest to the person, and the words.
 
-    Below the words are the pixels round the person, as the cameras gave them.
+    Below the words are the cameras' original pixels around the person.
     """
     picture, tracks = _map(facts)
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
@@ -60,7 +60,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 
 
 def _nearest(facts: PersonFacts) -> list[PersonObservation]:
-    """The UAVs with frames to show: first those with the person inside, then the nearest."""
+    """Observations of the UAVs whose frames are shown: those with the person inside first, then the nearest."""
     working = [w for w in facts.observations if w.works]
     return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
 
@@ -71,7 +71,7 @@ def _heading(w: PersonObservation) -> str:
 
 
 def _near(image: Image, place: Array) -> Image:
-    """The pixels round a place (2,) of an image, enlarged."""
+    """The pixels around a place (2,) of an image, enlarged."""
     edge = 2 * _NEAR + 1
     low = np.clip(np.floor(place).astype(int) - _NEAR, 0, len(image) - edge)
     part = image[low[1] : low[1] + edge, low[0] : low[0] + edge]
@@ -79,7 +79,7 @@ def _near(image: Image, place: Array) -> Image:
 
 
 def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
-    """A row of insets under their headings, as wide as the words; no row without any."""
+    """A row of insets under their headings, as wide as the words; empty without insets."""
     row = np.full((_HEAD + _INSET + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
     for n, (heading, inset) in enumerate(insets):
         x = _GAP + n * (_INSET + _GAP)
@@ -89,7 +89,7 @@ def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
 
 
 def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
-    """A tile of an image round a pixel (2,), or as near as there is image, blank beyond; and its first pixel (2,)."""
+    """A tile of an image, centred on a pixel (2,) as far as possible and blank beyond it; and its first pixel (2,)."""
     tile = np.full((_TILE, _TILE, 3), PANEL, dtype=np.uint8)
     low = np.clip(middle - _TILE / 2, 0, np.maximum(np.array(image.shape[1::-1]) - _TILE, 0)).astype(int)
     part = image[low[1] : low[1] + _TILE, low[0] : low[0] + _TILE]
@@ -98,9 +98,9 @@ def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
 
 
 def _map(facts: PersonFacts) -> tuple[Image, bool]:
-    """The map round the person, or what there is of it, with lines of sight and the trees in their way.
+    """The part of the map around the person, with lines of sight and the trees in their way.
 
-    True, if there are tracks on it.
+    The second value is True if there are tracks on it.
     """
     recording, metres = facts.flight.recording, np.array(map_extent(facts.flight.scenario))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
@@ -129,7 +129,7 @@ def _draw_person(view: MapView, image: Image, labels: Labels, facts: PersonFacts
 
 
 def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) -> None:
-    """A line from each camera that has the person inside, in dashes where something hides them; and a ring."""
+    """Draw a ring, and a line from each camera with the person inside, dashed if the person is hidden."""
     for w in facts.observations:
         if not w.works or not w.sighting.inside:
             continue
@@ -143,7 +143,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 
 
 def _words(groups: Sequence[Group], shown: set[str]) -> Image:
-    """The words, and a legend of the marks with the names `shown`."""
+    """Image of the words, and of a legend of the marks with the names `shown`."""
     lines, bottom = listed(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
     marks = marks_of(shown)
     rows = -(-len(marks) // 2)

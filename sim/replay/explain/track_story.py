@@ -1,4 +1,4 @@
-"""The story of one track over a whole mission: its birth, the measurements that fed it, why it was kept, its end."""
+"""The story of one track over a whole mission: its birth, its measurements, why it was kept, and its end."""
 
 import math
 from collections import defaultdict
@@ -26,7 +26,7 @@ from tracking.parameters import EXPECTED, SEEN
 
 
 class Origin(NamedTuple):
-    """A measurement that a track was made of before it was recorded."""
+    """A measurement from which a track was initiated, before it was confirmed and recorded."""
 
     k: int
     uav: int
@@ -36,12 +36,12 @@ class Origin(NamedTuple):
 
 
 class TrackObservation(NamedTuple):
-    """A frame of one UAV, as the track expected it."""
+    """A frame of one UAV with its data association to the track."""
 
     k: int
     uav: int
-    weights: Array  # (N,), probability that each of the measurements is of the track's person
-    weight: float  # that any of them is
+    weights: Array  # (N,), probability of each measurement to be the track's person's
+    weight: float  # probability that any of them is
     visible: float  # probability of plain view
 
 
@@ -58,7 +58,7 @@ class TrackFacts:
     """One track of a recording."""
 
     def __init__(self, observer: Observer, number: int) -> None:
-        """Facts of the track of that number; the observer has to stay open."""
+        """Facts about the track with this number; the observer has to stay open."""
         self.observer, self.recording, self.number = observer, observer.recording, number
         recording = observer.recording
         self.id = list(recording.track_numbers)[number]
@@ -66,11 +66,11 @@ class TrackFacts:
         scans, _ = recording.cells(recording.track_offsets)
         own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
-        self.scans = (first, last)  # the first and the last at which any UAV had it
+        self.scans = (first, last)  # first and last scan at which any UAV had the track
         self.known = first == 0 and recording.setting.tracking.initial_tracks == "known"  # given at the start
         holders = self.holders(first)
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
-        # UAVs that had it first; the one that confirmed it, by its label.
+        # The UAV that confirmed the track, by its label, or else the UAVs that had it first.
         self.makers = confirmed or holders
 
     def holders(self, k: int) -> tuple[int, ...]:
@@ -79,14 +79,14 @@ class TrackFacts:
         return tuple(i for i in uavs if self.id in self.recording.track_ids_at(k, i))
 
     def held_at(self, k: int) -> tuple[int, Gaussian, float]:
-        """The first UAV that has the track after scan k, its belief, and its existence; NaN if not estimated."""
+        """The first UAV that has the track after scan k, its belief, and its existence (NaN if not estimated)."""
         found = track_at(self.recording, k, range(self.recording.poses.shape[1]), self.id)
         assert found is not None
         return found
 
     @cached_property
     def observations(self) -> list[TrackObservation]:
-        """The frames of UAVs that had the track before them."""
+        """The frames of UAVs that had the track before the frame."""
         found = []
         for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self.recording.poses.shape[1])):
             a = self.observer.association(k, i)
@@ -98,7 +98,7 @@ class TrackFacts:
 
     @cached_property
     def detections(self) -> list[TrackDetection]:
-        """The measurements that count as detections of its person."""
+        """The measurements that count as detections of the track's person."""
         return [
             TrackDetection(o.k, o.uav, int(self.observer.owners(o.k, o.uav)[j]), float(o.weights[j]))
             for o in self.observations
@@ -107,11 +107,11 @@ class TrackFacts:
 
     @cached_property
     def origins(self) -> list[Origin]:
-        """The measurements of the UAV that confirmed the track, back from its first scan: each in reach of the next.
+        """Measurements of the UAV that confirmed the track, from its first scan backwards, each in reach of the next.
 
-        A person may have gone anywhere up to the largest speed between two. Those that another track explains are left
-        out. They end where they suffice to confirm a track, or where there is none for a second. Of a track that was
-        known at the start, none.
+        The reach is the largest speed of people. Measurements that another track explains are left out. The chain ends
+        once it suffices to confirm a track, or if there is no measurement for a second. It is empty for a track that
+        was known at the start.
         """
         return [] if self.known else max(map(self._chain, self.makers), key=len)
 
@@ -120,7 +120,7 @@ class TrackFacts:
         (track,) = (t for t in recording.tracks_at(begun, uav) if t.id == self.id)
         place, spread, now = track.belief.mean[:2], track.belief.covariance[:2, :2], begun
         found: list[Origin] = []
-        odds = p.birth_density / p.clutter_density  # of a person against false alarms
+        odds = p.birth_density / p.clutter_density  # odds of a person against a false alarm
         for k in range(begun, -1, -1):
             away = float(recording.times[now] - recording.times[k])
             apart = away > PATIENCE + p.motion.dt + 1e-6
@@ -145,7 +145,7 @@ class TrackFacts:
         return count > 1 and odds >= p.confirmation_threshold / (1.0 - p.confirmation_threshold)
 
     def _explained(self, k: int, uav: int) -> Flags:
-        """Flags (N,) of the measurements that are rather another track's, one that is new perhaps, than of no track."""
+        """Mask (N,) of the measurements that probably belong to another track, such as a new one."""
         a, scan = self.observer.association(k, uav), self.recording.scan_at(k, uav)
         found = np.zeros(len(scan.measurements), dtype=np.bool_)
         if a is None:
@@ -159,7 +159,7 @@ class TrackFacts:
 
 
 def track_story(facts: TrackFacts) -> list[Group]:
-    """Groups of sentences on one track over the whole mission."""
+    """Groups of sentences about one track over the whole mission."""
     own = [event for event in facts.observer.flight.events if event.track == facts.number]
     groups = [
         ("note", list(filter(None, [facts.observer.note]))),
@@ -189,7 +189,7 @@ def _birth(facts: TrackFacts) -> Iterator[str]:
 
 
 def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
-    """The track that was nearest to the person whose measurement began this one, and that did not explain it."""
+    """The track nearest to the person whose measurement began this one, which did not explain the measurement."""
     a = facts.observer.association(begun.k, begun.uav)
     if a is None or begun.person < 0 or len(a.ids) == 0:
         return
@@ -210,7 +210,7 @@ def _source(origin: Origin, facts: TrackFacts) -> str:
 
 
 def _fed(facts: TrackFacts) -> Iterator[str]:
-    """Sources of measurements, the most frequent first."""
+    """Sources of the track's measurements, the most frequent first."""
     sources: defaultdict[tuple[int, int], list[TrackDetection]] = defaultdict(list)
     for detection in facts.detections:
         sources[detection.person, detection.uav].append(detection)
@@ -225,7 +225,7 @@ def _fed(facts: TrackFacts) -> Iterator[str]:
 
 
 def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
-    """Evidence for the track and against it while it stood for no person, and when it was not reported."""
+    """Evidence for and against the track while it stood for no person, and times when it was not reported."""
     for event in own:
         if event.kind not in UNMATCHED:
             continue

@@ -1,4 +1,4 @@
-"""One camera's frame, enlarged, with what was detected, what is believed and what is true drawn over it."""
+"""One camera's frame, enlarged, with detections, tracks and ground truth drawn over it."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -17,15 +17,15 @@ from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
 
 Mark = Callable[[Image, Array], None]
-_LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
+_LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, possible lengths of scale bars
 _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 
 
 def annotated(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
-    """The frame (P, P, 3) RGB as a larger square, with everything drawn, and the names of the marks that it shows.
+    """The frame (P, P, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
 
-    Its edge is the largest multiple of P within `size` pixels, so that each pixel of the camera is a square; a frame
-    of more than `size` pixels is shrunk.
+    Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square; a
+    frame with more than `size` pixels is shrunk.
     """
     pixels = frame.shape[0]
     side = max(size // pixels * pixels, min(size, pixels))
@@ -37,13 +37,13 @@ def annotated(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
 
 
 class _View:
-    """Draws over the frame of one camera: marks first, then their names, clear of all marks."""
+    """Drawing over the frame of one camera: marks first, then their names, clear of all marks."""
 
     def __init__(self, image: Image, sight: Sight) -> None:
         self._image, self._sight = image, sight
         self._scale = image.shape[0] / sight.camera.pixels
         self._labels = Labels(image)
-        self.shown: set[str] = set()  # names of marks, as far as they lie in the image
+        self.shown: set[str] = set()  # names of the marks that lie in the image
         outlines = hidden_outlines(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
@@ -77,10 +77,10 @@ class _View:
             self._name_person(sighting)
         self._name_tracks()
         self._name_trees()
-        self._draw_scale(*scale)  # on top, as a crowd may leave no other place to a name
+        self._draw_scale(*scale)  # on top, because in a crowd names may be placed here
 
     def _pixels(self, ground: Array) -> Array:
-        """Pixels (N, 2) of points (N, 2) m at the height that stands for a person; NaN behind the camera."""
+        """Pixels (N, 2) of points (N, 2) m at `TARGET_HEIGHT`; NaN behind the camera."""
         return np.asarray(self._scale * self._sight.camera.project(self._sight.pose, at_target_height(ground))[0])
 
     def _person(self, sighting: Sighting) -> Array:
@@ -126,15 +126,15 @@ class _View:
 
     def _name_trees(self) -> None:
         for tree, parts in enumerate(self._outlines):
-            for part in parts[-1:]:  # the canopy, or the trunk where only that is in view
+            for part in parts[-1:]:  # the canopy, or the trunk if only the trunk is in view
                 shown = np.clip(part, 0, self._image.shape[0])
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
                 self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))
 
     def _scale_marks(self) -> tuple[list[Array], list[tuple[str, Array]]]:
-        """Lines and words of a bar of a round length on the ground, and of north, in the lower corners.
+        """Lines (N, 2) and words at pixels (2,) of the scale bar and the north arrow in the lower corners.
 
-        Names keep off them. Lines are pixels (N, 2), words stand at pixels (2,).
+        The bar has a round length on the ground. Names keep clear of both.
         """
         camera, pose, n = self._sight.camera, self._sight.pose, self._sight.camera.pixels
         corners = np.array([[0.04 * n, 0.96 * n], [0.34 * n, 0.96 * n], [0.96 * n, 0.96 * n]])
@@ -162,7 +162,7 @@ class _View:
 
 
 def _arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
-    """Lines, pixels (N, 2), of an arrow of 26 pixels along a unit vector (2,), and the place (2,) beyond its tip."""
+    """Lines (N, 2) of an arrow with 26 pixels along a unit vector (2,), and the place (2,) beyond its tip."""
     side = np.array([-ahead[1], ahead[0]])
     tip, tail = middle + 13 * ahead, middle - 13 * ahead
     head = np.array([tip - 7 * ahead + 5 * side, tip, tip - 7 * ahead - 5 * side])
@@ -170,7 +170,7 @@ def _arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
 
 
 def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
-    """The mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
+    """Draw the mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
     for k in range(0, len(ring), 6):
         outlined(image, ring[k : k + 4], DETECTION, INK)
     disc(image, at, 4.0, INK)
@@ -178,20 +178,20 @@ def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
 
 
 def _draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
-    """The mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
+    """Draw the mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
     outlined(image, ring, track_colour(track), PANEL, closed=True)
     cross(image, at, track_colour(track))
 
 
 def _draw_truth(image: Image, outline: Array) -> None:
-    """The mark of a true person: their outline, pixels (N, 2)."""
+    """Draw the mark of a true person: the outline, pixels (N, 2)."""
     outlined(image, outline, INK, PANEL, closed=True)
 
 
 def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
-    """The mark of ground that trees hide: a rim round the union of outlines, pixels (N, 2), that covers none of it.
+    """Draw the mark of hidden ground: a rim outside of the union of outlines, pixels (N, 2).
 
-    hiding: a broader rim, of a tree that hides a person.
+    hiding: True for a tree that hides a person, whose rim is broader.
     """
     inside = np.zeros(image.shape[:2], dtype=np.uint8)
     for outline in outlines:
@@ -217,5 +217,5 @@ _MARKS: dict[str, Mark] = {
 
 
 def marks_of(names: Iterable[str]) -> list[tuple[str, Mark]]:
-    """Marks that a picture shows, by their names, each as a legend draws it at a pixel (2,)."""
+    """The marks with these names, each with the function that draws it in a legend at a pixel (2,)."""
     return [(name, mark) for name, mark in _MARKS.items() if name in names]

@@ -1,4 +1,4 @@
-"""Annotated frames of a recording as pages: the frame, and a panel with time, field of view, people and tracks."""
+"""Pages of annotated frames: the frame, and a panel with time, field of view, people and tracks."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,13 +21,13 @@ from sim.replay.frames.sightings import Sight, Sighting
 from tracking.geometry.camera import Camera, Pose
 from tracking.plugins.registry import InputError
 
-_WIDTH = 340  # pixels of the panel
-MARK = 36  # pixels: height of a mark in the legend
+_WIDTH = 340  # pixels, width of the panel
+MARK = 36  # pixels, height of a mark in the legend
 _TITLE = TextStyle(20, bold=True)
-_MOST = 12  # people or tracks that are listed
+_MOST = 12  # largest number of people or tracks that are listed
 
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
-_SLACK = 1e-6  # s, for times that were typed
+_SLACK = 1e-6  # s, tolerance for times that were typed
 
 
 def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
@@ -52,7 +52,7 @@ def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
 
 
 def png(image: Image) -> bytes:
-    """An image (H, W, 3) RGB as a PNG file has it."""
+    """The content of a PNG file of an image (H, W, 3) RGB."""
     done, data = cv2.imencode(".png", image[..., ::-1], _PNG)
     assert done
     return data.tobytes()
@@ -61,7 +61,7 @@ def png(image: Image) -> bytes:
 def write_frames(
     recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
 ) -> None:
-    """Annotated frames of one UAV as PNG files in the new folder `out`, all or none; `progress` is called with each."""
+    """Write a UAV's annotated frames as PNG files into the new folder `out`, all or none; `progress` gets each scan."""
     with new_folder(out) as folder, Rerenderer(recording) as again:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
@@ -72,9 +72,9 @@ def write_frames(
 def scans_between(
     recording: Recording, start: float, end: float | None, uav: int | None = None, *, name: str = "--time"
 ) -> list[int]:
-    """Scans from `start` to `end` s, or the one nearest to `start`; `name` is that of the time in complaints.
+    """Scans from `start` to `end` s, or only the one nearest to `start`; `name` of the time in error messages.
 
-    InputError if a time is not in the recording, or if the UAV, where one is named, had broken down at one of them.
+    InputError if a time is not in the recording, or the UAV, if given, had broken down at one of the scans.
     """
     times, last = recording.times, float(recording.times[-1])
     for time in (start, *([] if end is None else [end])):
@@ -95,7 +95,7 @@ def scans_between(
 
 
 def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
-    """The numbers of a view: altitude, tilt, edges on the ground, ground sample distance at the centre."""
+    """Numbers of a view: altitude, tilt, edges on the ground, and ground sample distance at the centre."""
     tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
     height = f"altitude {pose.position[2]:.1f} m, {tilt:.1f}° off nadir"
     lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", height]
@@ -117,7 +117,7 @@ def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
 def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high.
 
-    `notes` begin its first section; `shown` are the names of the marks in its legend.
+    notes: the beginning of its first section; shown: the names of the marks in its legend.
     """
     lines, bottom = listed(_sections(sight, notes), _WIDTH - 28, 44.0)
     marks = marks_of(shown)
@@ -151,7 +151,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
 
 
 def _people(sight: Sight, ideal: bool) -> list[str]:
-    """Those in the view one by one, the rest together."""
+    """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
     lines = _shortened([_described(sighting, ideal) for sighting in near])
     for status in ("outside the view", "absent"):

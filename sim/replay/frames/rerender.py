@@ -1,4 +1,4 @@
-"""Frames for the eye: images of a recorded mission, rendered again from its poses and annotated."""
+"""Images of a recorded mission, rendered again from its poses."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -18,10 +18,10 @@ from tracking.plugins.registry import InputError
 
 
 class Rerenderer(ExitStack):
-    """The world of a recording, in which any of its frames can be rendered again; nothing flies.
+    """The world of a recording, in which any of its frames can be rendered again without a flight.
 
-    The images are those of the mission, byte for byte: they follow from the scenario, seed, repeat and the poses
-    of cameras, people and UAVs alone.
+    The images are equal to those of the mission, byte for byte, because scenario, seed, repeat and the poses of
+    cameras, people and UAVs determine them.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -33,11 +33,11 @@ class Rerenderer(ExitStack):
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
-        """The image of the UAV's camera at scan k (P, P, 3) RGB; in ideal sensing, as it would have been."""
+        """The image (P, P, 3) RGB of the UAV's camera at scan k; in ideal sensing, the one that it would have taken."""
         return self.rendered(k, uav).image
 
     def rendered(self, k: int, uav: int) -> Rendered:
-        """The same, and the person in each of its pixels."""
+        """The same image with the mask of people."""
         r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
@@ -45,9 +45,9 @@ class Rerenderer(ExitStack):
         return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
-        """The images that UAVs of the mission took at scan k, at each one's place; None for the rest, and for others.
+        """The images that the given UAVs took at scan k, by UAV of the mission; None for a UAV without one.
 
-        A UAV takes none when it has broken down, between those of a slow camera, and in ideal sensing.
+        A UAV takes none in ideal sensing, after it has broken down, and between the frames of a slow camera.
         """
         setting = self.recording.setting
         taken: list[Image | None] = [None] * len(setting.uavs)
@@ -59,20 +59,20 @@ class Rerenderer(ExitStack):
 
 
 def frames_taken(recording: Recording) -> Flags:
-    """Flags (K, n) of the scans at which the camera of a UAV that works took a frame."""
+    """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
     scans, uavs = recording.working.shape
     due = [[recording.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
     return np.logical_and(recording.working, due)
 
 
 def hiding_forest(recording: Recording) -> Forest:
-    """The map of trees as they hid people from cameras: in ideal sensing as `sensing.occlusion` says, else exactly."""
+    """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
     sensing, exact = recording.setting.sensing, recording.forest
     return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
 
 
 def find(folder: Path) -> Recording:
-    """The recording in a run's folder, or the file itself; InputError if there is none that can be read."""
+    """The recording in a run's folder or file; InputError if there is none that can be read."""
     try:
         path = folder / "mission.npz" if folder.is_dir() else folder
         if not path.exists():

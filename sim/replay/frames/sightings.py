@@ -1,4 +1,4 @@
-"""One camera at one scan of a recording: people shown, the trees that hide people, and the outline of hidden ground."""
+"""The view of one camera at one scan: people shown, trees that hide people, and outlines of hidden ground."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,17 +20,17 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 
 NO_TREE = "though no tree is in the way"  # of a person who is small, or covered by a person or a UAV
-PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
+PERSON_RADIUS = 0.25  # m, radius of the cylinder that represents a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """One true person, as one camera had them."""
+    """One true person in one camera."""
 
     person: int
-    place: tuple[float, float]  # m; NaN where absent
-    inside: bool  # the mid-height lies inside the image, occlusion aside
+    place: tuple[float, float]  # m; NaN if absent
+    inside: bool  # the mid-height lies inside the image, hidden or not
     hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
     pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
     detected: bool
@@ -38,12 +38,12 @@ class Sighting:
 
     @property
     def in_image(self) -> bool:
-        """True if some of the person is in the image, or would be but for what stands before them."""
+        """True if a part of the person is in the image, or would be if nothing hid it."""
         return self.inside or self.pixels > 0
 
     @property
     def status(self) -> str:
-        """The person's state to the camera, in words."""
+        """The person's state in the camera, in words."""
         if math.isnan(self.place[0]):
             return "absent"
         if not self.inside:
@@ -54,11 +54,11 @@ class Sighting:
 
     @staticmethod
     def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
-        """All people to a camera at the pose of a UAV's at scan k."""
+        """All people in a camera at the pose of a UAV's camera at scan k."""
         pose, people = recording.camera_at(k, uav), recording.people[k]
         looked = recording.setting.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, hiding_forest(recording))
-        # Without a frame, geometry tells what it would have shown.
+        # Without a frame, geometry decides who would have been shown.
         pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
         return tuple(
             Sighting(
@@ -76,7 +76,7 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Facts of one camera's view, the truth included; tracks are numbered as in the film."""
+    """Facts about one camera's view with ground truth; tracks are numbered as in the film."""
 
     scenario: Scenario
     forest: Forest
@@ -105,7 +105,7 @@ class Sight:
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
-    """People (M, 2) m, NaN where absent, inside one frame (M,), and the trees (M, T) that hide each of those."""
+    """Masks (M,) of people (M, 2) m, NaN if absent, inside a frame, and (M, T) of the trees that hide each of them."""
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     parts = len(forest.blockers) // max(len(forest.trees), 1)  # of a tree
@@ -117,7 +117,7 @@ def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest)
 
 @compiled
 def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
-    """Flags (M, B) of the cylinders (B, 5) that segments from a camera (3,) to points (M, 3) touch."""
+    """Mask (M, B) of the cylinders (B, 5) that segments from a camera (3,) to points (M, 3) touch."""
     touched = np.empty((len(points), len(cylinders)), dtype=np.bool_)
     for j in range(len(points)):
         for b in range(len(cylinders)):
@@ -126,9 +126,9 @@ def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
-    """Outlines in the image, for each tree, of what its blockers hide at `TARGET_HEIGHT`, as pixels (N, 2).
+    """Outlines in the image, pixels (N, 2), of the area at `TARGET_HEIGHT` that the blockers of each tree hide.
 
-    From a camera above, a point at that height is hidden where the image shows a part of a blocker from there on.
+    A camera above does not see a point at this height if the part of a blocker above this height covers it.
     """
     found: list[list[Array]] = [[] for _ in forest.trees]
     for n, cylinder in enumerate(forest.blockers):
@@ -144,7 +144,7 @@ def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Arr
 def silhouette(camera: Camera, pose: Pose, cylinder: Array) -> Array:
     """Outline in the image, pixels (N, 2), of a vertical cylinder (5,): x, y, radius, bottom, top [m].
 
-    Being convex, it shows as the hull of its two rims; what is nearer than `NEAR` is cut off, and all may be.
+    It is the convex hull of the two rims; parts nearer than `NEAR` are cut off, so that it may be empty.
     """
     x, y, radius, bottom, top = cylinder.tolist()
     rim = np.column_stack([x + radius * np.cos(_TURN), y + radius * np.sin(_TURN)])

@@ -1,4 +1,4 @@
-"""Data that the script of a mission's page draws: plain numbers, rounded to centimetres, scan by scan."""
+"""Data for the script of a mission's page: plain numbers by scan, rounded to centimetres."""
 
 import math
 from itertools import pairwise
@@ -16,9 +16,9 @@ from sim.replay.flight import Flight
 
 
 def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
-    """The content of the page's JSON; `parts` are those of the film, None where there is none.
+    """The content of the page's JSON; parts: those of the film, or None without a film.
 
-    Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
+    Lists run over scans, then UAVs, then people or tracks; null means absent or broken down.
     """
     recording, scenario, history, events = flight.recording, flight.scenario, flight.history, flight.events
     view_texts = [history.view_texts(m) for m in range(recording.people.shape[1])]
@@ -47,7 +47,7 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "plans": _plans(recording),
         "colours": {
             **colours(),
-            "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further ones begin again
+            "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further UAVs repeat these colours
             "pale_uavs": [css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
             "pale_false": css(palette.pale(palette.FALSE)),
             "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
@@ -57,14 +57,14 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
 
 
 def _views(recording: Recording) -> list[list[list[float] | None]]:
-    """Corners x, y [m] of what each camera shows of the ground; null where it has no bounds nearby."""
+    """Corners x, y [m] of each camera's field of view on the ground; null if it has no bounds nearby."""
     scans, uavs = recording.poses.shape[:2]
     shown = ([footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans))
     return [[None if corners is None else _rounded(corners.ravel()) for corners in row] for row in shown]
 
 
 def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
-    """Number, x, y, half axes [m] and turn [rad] of the ellipse that holds 95 % of each track, and 1 if reported."""
+    """Number of each track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is reported."""
     variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
     half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
@@ -76,7 +76,7 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
 
 
 def _plans(recording: Recording) -> dict[str, Any]:
-    """Times from which plans are flown [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    """Times [s] from which plans are flown, duration [s] of a step, and velocities [m/s] of each UAV's steps."""
     setting = recording.setting
     return {
         "times": _rounded([setting.due(time) for time in recording.plan_times.tolist()], 3),
@@ -86,13 +86,13 @@ def _plans(recording: Recording) -> dict[str, Any]:
 
 
 def colours() -> dict[str, str]:
-    """Colours of the palette by their names in lower case, as CSS has them."""
+    """Colours of the palette in CSS, by their names in lower case."""
     named = {name.lower(): value for name, value in vars(palette).items() if name.isupper()}
     return {name: css(v) for name, v in named.items() if isinstance(v, tuple) and isinstance(v[0], int)}
 
 
 def css(colour: palette.Colour) -> str:
-    """A colour as CSS writes it."""
+    """A colour in CSS."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 

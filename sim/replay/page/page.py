@@ -1,4 +1,4 @@
-"""`mission.html`: a mission on one page that needs nothing else."""
+"""`mission.html`: a mission on one self-contained page."""
 
 import base64
 import hashlib
@@ -36,22 +36,22 @@ _RESULTS = {  # metrics at the top, by their label there
     "GOSPA mean": "gospa.mean_m",
     "people held": "share_held",
 }
-_SHOWN = 3  # faults at the top, of different kinds
+_SHOWN = 3  # number of faults of different kinds at the top
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 
 
 def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None, place: str = "DIR") -> None:
-    """Write a mission's page, whole or not at all.
+    """Write a mission's page, completely or not at all.
 
-    video: the film that a run makes, a frame for each scan, or None for a page without; InputError if it is another's.
-    place: the run's folder, as commands on the page name it.
+    video: the film of the run with a frame for each scan, or None for a page without a film; InputError if it is the
+    film of another mission. place: name of the run's folder in the commands on the page.
     """
     with whole(path) as part:
         part.write_text(page(flight, video=video, place=place), encoding="utf-8")
 
 
 def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
-    """The text of a mission's page; as for `write_page`."""
+    """The text of a mission's page; arguments as in `write_page`."""
     recording, scenario, events = flight.recording, flight.scenario, flight.events
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
@@ -79,7 +79,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
 
 
 def _check(film: bytes, recording: Recording) -> None:
-    """InputError unless it is a film of the size and the number of frames that this recording's has."""
+    """InputError unless the film has the size and the number of frames of this recording's film."""
     try:
         with av.open(io.BytesIO(film)) as container:
             stream = container.streams.video[0]
@@ -102,17 +102,17 @@ def _style() -> str:
 
 
 def _script() -> str:
-    """All scripts as one, in a scope of their own."""
+    """All scripts as one, in its own scope."""
     return '"use strict";\n(() => {\n' + "\n".join(map(_asset, _SCRIPTS)) + "})();\n"
 
 
 def _hash(text: str) -> str:
-    """The source expression by which a policy allows this inline text and no other."""
+    """The source expression with which a content security policy allows only this inline text."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def _json(data: object) -> str:
-    """JSON that no parser of HTML takes for anything else."""
+    """JSON without characters that an HTML parser would interpret."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
@@ -126,7 +126,7 @@ def _film(film: bytes) -> str:
 
 
 def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
-    """Lines on what the results lack: the part that was not flown, and the first faults of planner and detector."""
+    """Warnings about the results: the part that was not flown, and the first faults of planner and detector."""
     lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_SHOWN]]
     if (more := len(faults) - _SHOWN) > 0:
         lines.append(f"{more} more {'kind of fault is' if more == 1 else 'kinds of fault are'} listed below.")
@@ -136,7 +136,7 @@ def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
 
 
 def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
-    """Facts to know before looking: results first, then the setting."""
+    """Facts for the top of the page: results first, then the setting."""
     outcome, scenario = Outcome(recording), recording.setting
     for label, metric in _RESULTS.items():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
@@ -165,13 +165,13 @@ def _span(lengths: Iterable[float]) -> str:
 
 
 def _packaged(scenario: Scenario) -> str | None:
-    """The packaged scenario that was flown, for whatever time; None if it is none of these."""
+    """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
     settings, flown = msgspec.to_builtins(scenario), {"duration": scenario.duration}
     return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
 
 
 def _settings(scenario: Scenario) -> str:
-    """Settings that are not the defaults, folded, as a fleet or paths of people are long."""
+    """Settings that differ from the defaults, folded because a fleet or paths of people are long."""
     own = [_fleet(scenario) if text.startswith("uavs=") else text for text in changed(scenario)]
     if not own:
         return '<p class="settings">All settings are the defaults.</p>'
@@ -180,7 +180,7 @@ def _settings(scenario: Scenario) -> str:
 
 
 def _fleet(scenario: Scenario) -> str:
-    """The fleet as `--set` takes it: a line for each UAV, without what is as by default."""
+    """The fleet in the form of `--set`: a line for each UAV, without defaults."""
     default = {field.name: field.default for field in msgspec.structs.fields(Uav)}
     rows = [{k: v for k, v in msgspec.to_builtins(uav).items() if v != default[k]} for uav in scenario.uavs]
     return "\n".join(["uavs=[", *(f"  {toml(row)}," for row in rows), "]"])
@@ -191,7 +191,7 @@ def _codes(lines: Iterable[str]) -> str:
 
 
 def _listed(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
-    """Events as buttons in a list, each with the commands that tell more."""
+    """A list of events as buttons, each with the commands that explain it."""
     if not events:
         return f'<p id="{name}">None.</p>'
     items = "\n".join(_item(event, recording, place) for event in events)

@@ -1,4 +1,4 @@
-"""Each camera's image for the Rerun viewer: detections, projected tracks, and their data association."""
+"""Images of the cameras for the Rerun viewer, with detections, projected tracks and data association."""
 
 from collections.abc import Sequence
 
@@ -18,21 +18,21 @@ from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
 
-_QUALITY = 90  # of JPEG
-_BOX = 0.035  # of the image, half the width of what marks a detection
-_TILE = 160  # pixels, of a drawing with words that can be read
-_SLIGHT = 0.01  # a weight below which no line is drawn
+_QUALITY = 90  # JPEG quality
+_BOX = 0.035  # half the width of a detection's mark, as a share of the image
+_TILE = 160  # pixels, edge of a drawing with legible words
+_SLIGHT = 0.01  # weight below which no line is drawn
 
 
 class Cameras:
-    """Logs the images of one scan after another."""
+    """Logs camera images scan by scan."""
 
     def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
         self._recording, self._uavs = again.recording, again.recording.setting.uavs
 
     def log(self, k: int) -> None:
-        """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
+        """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         tracks = numbered(self._recording, k).tracks
@@ -44,7 +44,7 @@ class Cameras:
             self._log_image(i, self._again.image(k, i))
             spots = self._spots(k, i)
             inside = spots[~np.isnan(spots).any(axis=1)]
-            half = np.full(inside.shape, _BOX * uav.pixels)  # as large in all images
+            half = np.full(inside.shape, _BOX * uav.pixels)  # equally large in all images
             frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
             self._stream.log(f"{root}/detections", frames)
             self._log_tracks(k, i, tracks[i])
@@ -67,13 +67,13 @@ class Cameras:
             self._stream.log(path, rr.Clear(recursive=False))
 
     def _project(self, k: int, uav: int, places: Array) -> Array:
-        """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
+        """Pixels (N, 2) of the mid-height of people at places (N, 2 or more) m; NaN outside the image."""
         camera, pose = camera_of(self._uavs[uav]), self._recording.camera_at(k, uav)
         points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 
     def _spots(self, k: int, uav: int) -> Array:
-        """Pixels (N, 2) of the measurements; in ideal sensing of their places on the ground."""
+        """Pixels (N, 2) of the measurements; in ideal sensing, of their ground points."""
         pixels = self._recording.pixels_at(k, uav)
         places = self._recording.scan_at(k, uav).measurements
         return pixels if len(pixels) == len(places) else self._project(k, uav, places)
@@ -91,7 +91,7 @@ class Cameras:
         self._stream.log(f"world/camera/{uav}/tracks", points)
 
     def _log_weights(self, path: str, association: Association, spots: Array, marks: Array) -> None:
-        """Lines from where tracks were expected to the measurements that may be theirs, the wider the likelier."""
+        """Log lines from predicted tracks to measurements, which are wider for larger association weights."""
         beta = association.beta[:, 1:]
         ends = ~np.isnan(marks[:, :1]) & ~np.isnan(spots[:, 0])
         pairs = np.argwhere((beta >= _SLIGHT) & ends).tolist()
@@ -106,7 +106,7 @@ class Cameras:
 
 
 def table(association: Association) -> str:
-    """The weights in Markdown: a row for each track, a column for each measurement."""
+    """The association weights in Markdown, with a row for each track and a column for each measurement."""
     heads = ["track", "none", *(f"detection {n}" for n in range(len(association.measurements)))]
     lines = [heads, ["---"] * len(heads)]
     for number, gated, beta in zip(association.numbers.tolist(), association.gated, association.beta, strict=True):

@@ -1,4 +1,4 @@
-"""Matches of UAVs and unseen tracks at the end of the plans of a recording, as the MWTP makes them."""
+"""Matches of UAVs and unseen tracks by the MWTP at the end of the plans of a recording."""
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from tracking.numerics.arrays import Array
 
 
 def matches_at(recording: Recording, k: int, uav: int) -> tuple[tuple[Match, Array], ...]:
-    """The matches at the end of the plans made at scan k on what one UAV believed then, the strongest first.
+    """Matches at the end of the plans made at scan k, by one UAV's belief at that scan, the strongest first.
 
-    They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
-    make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
+    Each match of a UAV id and a track id comes with the track's expected position (2,) m at that end. Matches follow
+    from the plans by [Li22] Algorithm 2, whether or not the planner used the MWTP as cost-to-go.
     """
     plans, situation = recording.plans_at(k), situation_at(recording, k, uav)
     if plans is None or not situation.tracks:
@@ -26,8 +26,8 @@ def matches_at(recording: Recording, k: int, uav: int) -> tuple[tuple[Match, Arr
     horizon = max(map(len, planned))
     if not horizon:
         return ()
-    controls = np.array([np.pad(plan, ((0, horizon - len(plan)), (0, 0))) for plan in planned])  # others hover then
-    view = Nominal().predict(situation, horizon, np.random.default_rng(0))  # draws nothing
+    controls = np.array([np.pad(plan, ((0, horizon - len(plan)), (0, 0))) for plan in planned])  # hover at the end
+    view = Nominal().predict(situation, horizon, np.random.default_rng(0))  # this prediction draws no random numbers
     view = view._replace(weights=np.array([t.existence for t in situation.tracks]))
     flown = mean_velocities(response(situation.vehicles, situation.step), controls[None])[0]
     targets, found = terminal_matches(view, flown)
@@ -38,7 +38,7 @@ def matches_at(recording: Recording, k: int, uav: int) -> tuple[tuple[Match, Arr
 def situation_at(recording: Recording, k: int, uav: int) -> Situation:
     """Situation of one UAV when plans were made at scan k: its tracks, and all UAVs that worked.
 
-    Note: the team is the true one; links that were down then, and earlier intents, are left out.
+    Note: the team is the true one; links that were down and earlier intents are ignored.
     """
     setting = recording.setting
     fleet = [v for v in vehicles_at(recording, k) if recording.working[k, v.id]]

@@ -1,4 +1,4 @@
-"""The world for the Rerun viewer, in 3-D: forest, people, UAVs and their cameras, what they intend and believe."""
+"""The 3-D world for the Rerun viewer: forest, people, UAVs with their cameras, intents and tracks."""
 
 import math
 from collections import defaultdict
@@ -24,13 +24,13 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
 
-_ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
+_ARM = 0.6  # m, arm of the drawn quadrotor, enlarged to be visible from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)
-_SEE_THROUGH = 150  # of 255, opacity of canopies
+_SEE_THROUGH = 150  # opacity of canopies, of 255
 
 
 class Gap(NamedTuple):
-    """The distance between two UAVs' means of one track."""
+    """Distance between the means of one track at two UAVs."""
 
     track: int  # number
     metres: float
@@ -39,7 +39,7 @@ class Gap(NamedTuple):
 
 
 def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
-    """Log everything static: the area, the trees, and the camera models."""
+    """Log all static entities: the area, the trees and the camera models."""
     recording, scenario = flight.recording, flight.scenario
     half = np.array([scenario.area.width, scenario.area.height]) / 2
     corners = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
@@ -70,7 +70,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
         )
         stream.log(f"world/camera/{i}", lens, static=True)
         for path in (f"world/camera/{i}", f"world/uav/{i}"):
-            stream.log(path, rr.TransformAxes3D(axis_length=0.0), static=True)  # else the viewer draws axes
+            stream.log(path, rr.TransformAxes3D(axis_length=0.0), static=True)  # otherwise the viewer draws axes
         stream.log(f"world/uav/{i}", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
 
 
@@ -93,14 +93,14 @@ def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
 
 
 class Scene:
-    """Logs one scan after another."""
+    """Logs the world scan by scan."""
 
     def __init__(self, stream: rr.RecordingStream, flight: Flight) -> None:
         self._stream, self._recording = stream, flight.recording
         self._holds, self._intents = flight.history.hold_states, Intents(flight.scenario)
 
     def log(self, k: int) -> None:
-        """Log scan k: the truth, what is intended, and what is believed."""
+        """Log scan k: ground truth, intents and tracks."""
         snapshot = numbered(self._recording, k)
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
@@ -112,7 +112,7 @@ class Scene:
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         for i in snapshot.working:
-            self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # as they agree where all is well
+            self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # once, because UAVs normally agree
         self._log_gaps(gaps_at(self._recording, k))
         if snapshot.plans is not None:
             for i in snapshot.working:
@@ -142,7 +142,7 @@ class Scene:
         self._stream.log("world/people/lost", names)
 
     def _log_breakdown(self, uav: int) -> None:
-        """Take away what a UAV that broke down no longer has."""
+        """Clear the entities that a UAV no longer has after its breakdown."""
         for name in ("tracks", "intents", "mwtp"):
             self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
         self._log_name(uav, f"UAV {uav}, broken down", ALARM)
@@ -152,7 +152,7 @@ class Scene:
         self._stream.log(f"world/uav/{uav}/name", name)
 
     def _log_tracks(self, uav: int, tracks: Sequence[Track], *, named: bool) -> None:
-        """95 % ellipses of one UAV, at the height of people's middle; `named`: tracks show their numbers."""
+        """Log 95 % ellipses of one UAV's tracks at the mid-height of people, with numbers if `named`."""
         colours = [on_dark(track_colour(track.id)) for track in tracks]
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
@@ -183,7 +183,7 @@ class Scene:
         self._stream.log("world/agreement", lines)
 
     def _log_intents(self, snapshot: Snapshot) -> None:
-        """The rest of each plan, from where the UAV is."""
+        """Log the rest of each plan, beginning at the UAV's position."""
         self._intents.follow(snapshot)
         for i, intent in self._intents.paths(snapshot).items():
             path = _at(intent, snapshot.poses[i].position[2])
@@ -193,7 +193,7 @@ class Scene:
             self._stream.log(f"world/intents/{i}/end", end)
 
     def _log_matches(self, k: int, uav: int, snapshot: Snapshot) -> None:
-        """Lines from a UAV to where its matches are expected when the plans end; bold, what has a penalty."""
+        """Log lines from a UAV to the expected positions of its matches at the plans' end; bold if penalised."""
         matches = [(m, end) for m, end in matches_at(self._recording, k, uav) if m.uav == uav]
         numbers = [self._recording.track_numbers[match.target] for match, _ in matches]
         lines = rr.LineStrips3D(
@@ -206,12 +206,12 @@ class Scene:
 
 
 def broken_at(recording: Recording, k: int) -> list[int]:
-    """UAVs that broke down since the scan before scan k; at the first scan, those that never worked."""
+    """UAVs that broke down between scan k - 1 and scan k; at the first scan, UAVs that never worked."""
     return [int(i) for i in np.flatnonzero((k == 0 or recording.working[k - 1]) & ~recording.working[k])]
 
 
 def gaps_at(recording: Recording, k: int) -> list[Gap]:
-    """For each track that several UAVs hold after scan k, the two that differ most on where it is."""
+    """For each track that several UAVs have after scan k, the two UAVs whose positions differ most."""
     held = defaultdict(list)
     for i in range(recording.poses.shape[1]):
         for track in recording.tracks_at(k, i):

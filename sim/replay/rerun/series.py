@@ -1,4 +1,4 @@
-"""Numbers over time, states and events for the Rerun viewer."""
+"""Curves over time, states and events for the Rerun viewer."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -35,7 +35,7 @@ _LEVELS = {
 
 
 class Series(NamedTuple):
-    """One curve; NaN where there is no value."""
+    """One curve; NaN means no value."""
 
     path: str
     name: str
@@ -50,7 +50,7 @@ def _ospa(recording: Recording) -> list[Series]:
 
 
 def _tracks(recording: Recording) -> list[Series]:
-    """Of each track the trace of its position's covariance, mean over UAVs, and the largest gap between their means."""
+    """For each track, the mean trace of its position covariance over UAVs, and the largest gap between their means."""
     numbers, scans = recording.track_numbers, len(recording.times)
     traces, gaps = np.full((len(numbers), scans), np.nan), np.full((len(numbers), scans), np.nan)
     for k in range(scans):
@@ -59,7 +59,7 @@ def _tracks(recording: Recording) -> list[Series]:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
         for gap in gaps_at(recording, k):
-            gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
+            gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree may differ by rounding
     return [
         Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))
@@ -79,7 +79,7 @@ def _bytes(recording: Recording) -> list[Series]:
 
 
 def _visible(recording: Recording) -> list[Series]:
-    """Pixels of each person in all images of a scan."""
+    """Number of pixels of each person in all images of a scan."""
     present = ~np.isnan(recording.people[:, :, 0])
     pixels = np.where(present, recording.visible.sum(axis=1), np.nan)
     return [
@@ -91,7 +91,7 @@ def _visible(recording: Recording) -> list[Series]:
 def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
     """Log OSPA, trace of covariance, disagreement, bytes sent and visibility at each scan.
 
-    planning_s: seconds that each decision took, or none.
+    planning_s: seconds that each decision took; may be empty.
     """
     times, scans = recording.times, np.arange(len(recording.times))
     for series in (*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)):
@@ -110,7 +110,7 @@ def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArra
 
 
 def log_states(stream: rr.RecordingStream, flight: Flight) -> None:
-    """Log the states of each person to the cameras and to the tracks, and tracks that stand for no person."""
+    """Log each person's states in the cameras and to the tracks, and tracks that stand for no person."""
     history = flight.history
     for m in range(history.present.shape[1]):
         _log_states(stream, f"people/{m}/cameras", history.times, history.states[:, m], _STATES)
@@ -125,7 +125,7 @@ def log_states(stream: rr.RecordingStream, flight: Flight) -> None:
 def _log_states(
     stream: rr.RecordingStream, path: str, times: Array, states: Indices, colours: dict[str, Colour]
 ) -> None:
-    """Log where states (K,) begin, which are indices into the names of `colours`."""
+    """Log the beginnings of states (K,), which are indices into the names of `colours`."""
     names, spans = list(colours), episodes(states)
     changes = [span.first for span in spans]
     indexes = [rr.TimeColumn("time", duration=times[changes]), rr.TimeColumn("scan", sequence=changes)]

@@ -1,4 +1,4 @@
-"""A recorded mission for the Rerun viewer, as a file or in the viewer itself, and the layout of its views."""
+"""A recorded mission for the Rerun viewer, as a file or in the viewer, and the layout of its views."""
 
 import errno
 import os
@@ -31,8 +31,8 @@ _CURVES = {
     "Pixels of people": "plots/visible",
     "Planning [ms]": "plots/planning",
 }
-_AWAY, _NEAREST = 0.75, 40.0  # of the viewer's eye: in widths of where UAVs have been, and that at least [m]
-_COLUMN = 4  # images one above the other
+_AWAY, _NEAREST = 0.75, 40.0  # distance of the viewer's eye in widths of the area flown, and least distance [m]
+_COLUMN = 4  # number of images in a column
 
 
 class _Summary(msgspec.Struct):
@@ -40,9 +40,9 @@ class _Summary(msgspec.Struct):
 
 
 def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
-    """Write the file, whole or not at all; `progress` is called with each scan.
+    """Write the file, completely or not at all; `progress` is called with each scan.
 
-    planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
+    planning_s: seconds that each decision took, which are in `summary.json` but not in the recording.
     """
     stream = _stream(flight.recording)
     with whole(path) as part:
@@ -55,11 +55,11 @@ def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequenc
             _fill(stream, flight, progress, planning_s)
             _flush(stream, path)
         finally:
-            stream.disconnect()  # else the file is closed when the stream is forgotten
+            stream.disconnect()  # otherwise the file is closed only with the stream's deletion
 
 
 def _flush(stream: rr.RecordingStream, path: Path) -> None:
-    """Wait until all is written; OSError for what the thread that writes met with, such as a full disk."""
+    """Wait until everything is written; OSError for errors of the writing thread, such as a full disk."""
     try:
         stream.flush()
     except (RuntimeError, ValueError) as error:
@@ -67,7 +67,7 @@ def _flush(stream: rr.RecordingStream, path: Path) -> None:
 
 
 def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
-    """Open the viewer and show the recording in it; InputError where there is no display or no viewer."""
+    """Open the viewer and show the recording in it; InputError if there is no display or no viewer."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("--rerun: spawn needs a display, and there is none; write a file instead: --rerun FILE.rrd")
     stream, viewer = _stream(flight.recording), Path(sys.executable).with_name("rerun")
@@ -81,7 +81,7 @@ def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = (
 
 
 def planning_times(summary: Path) -> list[float]:
-    """Seconds that each decision took, of a run's `summary.json`; none where that is not there or does not say."""
+    """Seconds that each decision took, from a run's `summary.json`; empty if the file or the entry is missing."""
     try:
         return msgspec.json.decode(content(summary, "DIR"), type=_Summary).planning_s
     except (InputError, msgspec.MsgspecError, RecursionError):
@@ -89,7 +89,7 @@ def planning_times(summary: Path) -> list[float]:
 
 
 def _stream(recording: Recording) -> rr.RecordingStream:
-    """A stream that is the same recording to the viewer whenever the same mission is shown."""
+    """A stream with an identity by which the viewer recognises the same mission again."""
     again = f" {recording.repeat}" if recording.repeat else ""
     mission = f"{recording.planner} {recording.seed}{again} {recording.scenario}"
     return rr.RecordingStream("understory", recording_id=uuid.uuid5(uuid.NAMESPACE_OID, mission))
@@ -117,7 +117,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
 
 
 def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
-    """The arrangement of all views; `planning`: the time of decisions is known."""
+    """The arrangement of all views; planning: True if the times of decisions are known."""
     uavs = range(len(flight.scenario.uavs))
     images = [rrb.Spatial2DView(origin=f"world/camera/{i}", name=f"Camera of UAV {i}") for i in uavs]
     weights = [rrb.TextDocumentView(origin=f"association/{i}", name=f"Weights, UAV {i}") for i in uavs]
@@ -150,10 +150,7 @@ def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
 
 
 def _forest(flight: Flight) -> rrb.Spatial3DView:
-    """From the south and above, all places where UAVs have been in sight.
-
-    What lies in the planes of images is left to the images.
-    """
+    """View from the south and above of all places where UAVs have been, without the contents of image planes."""
     places = flight.recording.poses[:, :, :2].reshape(-1, 2)
     low, high = places.min(axis=0), places.max(axis=0)
     (x, y), away = (low + high) / 2, _AWAY * max(*(high - low), _NEAREST)
