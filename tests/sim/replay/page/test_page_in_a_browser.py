@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import re
+import time
 
 import av
 import cv2
@@ -71,10 +72,11 @@ def _follows_the_slider(browser, mission, folder):
     for k in (13, 6, 20, 0):
         browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")
         assert now(browser)[:2] == [k, f"{k / 5:.1f} s"]
-        # The camera's picture is that of this scan's frame of the film.
-        seen = np.array(browser.run(PROBE), dtype=float).reshape(SMALL, SMALL, 3)
-        gaps = [np.abs(_small(image[box.slices]) - seen).mean() for image in images]
-        assert int(np.argmin(gaps)) == k, gaps
+        # The camera's picture becomes that of this scan's frame of the film, which may be presented after the seek.
+        end = time.monotonic() + 20.0
+        while (shown := _nearest_frame(browser, [image[box.slices] for image in images])) != k:
+            assert time.monotonic() < end, shown
+            time.sleep(0.02)
         # The cursor stands at the thumb of the slider, and the map has changed.
         left, start, wide = browser.run(
             "[cursor.getBoundingClientRect().left + 1, slider.getBoundingClientRect().left, slider.offsetWidth]"
@@ -82,6 +84,12 @@ def _follows_the_slider(browser, mission, folder):
         assert left == pytest.approx(start + 8 + k / 20 * (wide - 16), abs=1.5)
         maps.append(hashlib.sha256(browser.run("map.toDataURL()").encode()).hexdigest())
     assert len(set(maps)) == 4
+
+
+def _nearest_frame(browser, pictures):
+    """The number of the picture that the camera's view on the page is most like."""
+    seen = np.array(browser.run(PROBE), dtype=float).reshape(SMALL, SMALL, 3)
+    return int(np.argmin([np.abs(_small(picture) - seen).mean() for picture in pictures]))
 
 
 COLUMNS = """(name) => {
