@@ -196,7 +196,7 @@ def compare(
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
-    A script has to call this under `if __name__ == "__main__":`, because the flying processes import it. No file is kept.
+    A script has to call this under `if __name__ == "__main__":`, because other processes import it. No file is kept.
 
     Args:
         planners: One or several names, with or without options, or "module:Class". Objects cannot be given.

@@ -22,7 +22,7 @@ class Answer:
     planner: str
     metric: Metric
     maps: int = 0  # number of maps with a finite value
-    flown: int = 0  # number of maps, including those whose trials failed
+    flown: int = 0  # number of maps, including those with failed trials
     trials: int = 0  # number of trials done, equal to that of maps if none is repeated
     failed: int = 0  # number of failed trials
     undefined: int = 0  # number of trials done without a finite value

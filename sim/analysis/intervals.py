@@ -44,7 +44,7 @@ NO_ESTIMATE = Estimate()
 def means(values: Array) -> list[Estimate]:
     """The mean of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    The interval is Student's t interval, whose end on the side of the longer tail is moved outwards by the Edgeworth
+    The interval is Student's t interval with its end on the side of the longer tail moved outwards by the Edgeworth
     term γ s (1 + 2 t²) / 6n of the sample's skewness γ. The interval of a column of equal values has no width; a single
     value has no interval.
 
@@ -113,7 +113,7 @@ def _means(values: Array) -> Estimate:
 
 def _medians(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
-    # The greatest rank whose value exceeds the median in at most 2.5 % of cases: fewer heads than that in n coin flips.
+    # The greatest rank with a value above the median in at most 2.5 % of cases: fewer heads than that in n coin flips.
     rank = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
 

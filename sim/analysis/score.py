@@ -86,7 +86,7 @@ def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Norm
 
 
 def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
-    """Linearised scores of maps, whose mean is the score; empty if the bound is no better than the floor."""
+    """Linearised scores of maps, with the score as their mean; empty if the bound is no better than the floor."""
     maps, values = common_values([group, floor, bound], metric)
     gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
     room = float(rooms.mean()) if maps else 0.0

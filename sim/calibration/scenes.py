@@ -26,10 +26,10 @@ TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _PEOPLE = 8
 _GAP = 2.4  # m, least distance between people
 _MARGIN = 0.5  # m beyond the image in which people may stand
-_FLAT = 0.17  # least slope of lines of sight to people, who are then at most some 100 m away
+_FLAT = 0.17  # least slope of lines of sight to people, at a distance of some 100 m
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 _PLAIN = 0.15  # share of the people in plain view that is kept; the others are more informative
-# Points of a body, by which people who are hidden in part are found.
+# Points of a body, by which partly hidden people are found.
 _BODY = np.array(
     [
         (0.2 * math.cos(a), 0.2 * math.sin(a), h)
@@ -63,7 +63,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two people who touch in the image and whom the detector told apart, and the truth."""
+    """Two people that touch in the image and that the detector told apart, and the truth."""
 
     frame: Frame
     blobs: list[Array]  # two blobs, (K, 2) pixels

@@ -67,7 +67,7 @@ def views() -> dict[str, StagedFrame]:
         return found
 
 
-_FRAMES = 5  # number of frames whose time is taken
+_FRAMES = 5  # number of timed frames
 _SCAN = 0.2  # s, between scans of the default scenario
 _MOST_NEES = 20.0  # largest mean NEES with two degrees of freedom: standard deviations of a third of the error
 _SPECIAL = ("turned and moved", "low UAV", "tilted camera", "finer image")

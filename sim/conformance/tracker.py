@@ -57,7 +57,7 @@ def _people(k: int) -> Array:
 
 
 def _scan(k: int, uav: int) -> Scan | None:
-    """The script: scan k of a UAV, whose camera looks elsewhere for a while; None if it takes no frame."""
+    """The script: scan k of a UAV; UAV 0 looks elsewhere for a while. None if the camera takes no frame."""
     if (uav == 1 and k % 2) or (uav == 0 and k == 15):
         return None
     away = uav == 0 and 10 <= k < 13
@@ -70,7 +70,7 @@ def _scan(k: int, uav: int) -> Scan | None:
 
 
 class _Watched:
-    """A tracker whose arguments are compared before and after each call, and whose tracks are checked."""
+    """A tracker with its arguments compared before and after each call, and with its tracks checked."""
 
     def __init__(self, name: str, uav: int, states: Array) -> None:
         parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))

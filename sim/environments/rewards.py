@@ -43,7 +43,7 @@ def true_gospa(situation: Situation, people: Array) -> float:
 def trace(situation: Situation, people: Array) -> float:
     """Negative sum of the position variances [m²] of the UAV's tracks, which [Li22] minimises; without ground truth.
 
-    Note: the largest value, 0, is reached without any tracks; a person whose track has ended no longer counts.
+    Note: the largest value, 0, is reached without any tracks; a person no longer counts after the end of the track.
     """
     _, covariances = beliefs_of(situation.tracks)
     return -float((covariances[:, 0, 0] + covariances[:, 1, 1]).sum())

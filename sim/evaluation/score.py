@@ -37,7 +37,7 @@ class Score:
     switches: int
     fragmentations: int
     position_nees: Array  # (E,), one for each pair of a track and a person
-    state_nees: Array  # (E',), without the pairs whose person has no known velocity
+    state_nees: Array  # (E',), only pairs with a known velocity of the person
 
 
 def held_by(recording: Recording, uav: int) -> Held:
@@ -63,7 +63,7 @@ def velocities(recording: Recording) -> Array:
 
 
 def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
-    """Scans, tracks and people of the pairs whose errors NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
+    """Scans, tracks and people of the pairs that NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
 
     near (K, M): tracks that hold people, -1 for none. These are pairs, even if GOSPA's sum were smaller otherwise; all
     other tracks are paired as in GOSPA, scan by scan. Labels do not matter, because two exchanged tracks may still be

@@ -13,8 +13,8 @@ from tracking.numerics.arrays import Array, Flags
 def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     """Time [s] from the first scan at which each person is present and under no canopy until a UAV holds them.
 
-    It is 0 for people who are found before that scan. Times of people who are never found end when they leave or the
-    mission ends, so the mean is too small if many are missed. People who are always under canopies are left out.
+    It is 0 for people found before that scan. Times of people never found end when they leave or the mission ends, so
+    the mean is too small if many are missed. People that are always under canopies are left out.
     """
     times, there = recording.times, ~np.isnan(recording.people[..., 0])
     held = np.zeros_like(there)
@@ -30,7 +30,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
 
 
 def _in_the_open(people: Array, trees: Array) -> Flags:
-    """Mask (K, M) of people (K, M, 2) m, NaN if absent, who are under no canopy; trees (T, 6) as recorded."""
+    """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)
     if len(rows) and len(trees):

@@ -40,7 +40,7 @@ def standing(held: Held, people: Array) -> Indices:
 def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
 
-    A track within `HELD` m of a person for whom another track stands is a duplicate; others are false tracks.
+    A track within `HELD` m of a person with another track is a duplicate; others are false tracks.
     """
     people, working, stood = recording.people, recording.working, []
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))

@@ -23,7 +23,7 @@ _View = tuple[str, dict[int, list[int]]]  # a state, and its UAVs by the hiding 
 
 @dataclass(frozen=True)
 class Loss:
-    """A person whom no UAV held from a first to a last scan, both included."""
+    """A person that no UAV held from a first to a last scan, both included."""
 
     person: int
     first: int
@@ -120,7 +120,7 @@ class History:
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
-        """Spans in which no UAV held a person who was present, sorted by scan, then person."""
+        """Spans in which no UAV held a present person, sorted by scan, then person."""
         found = []
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)

@@ -169,7 +169,7 @@ def _share(history: History, person: int) -> str:
 
 
 def _held_share(history: History, people: slice) -> float:
-    """Share of scans and working UAVs at which people who are present are held, as in the summary."""
+    """Share of scans and working UAVs at which present people are held, as in the summary."""
     working = np.count_nonzero(history.working, axis=1)[:, None]
     pairs = (working * history.present[:, people]).sum()
     return float(history.held[:, people].sum() / max(pairs, 1))

@@ -57,7 +57,7 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
         return self.density if self.per_hectare is None else self.per_hectare * area.width * area.height / 1e4
 
 
-# Waypoints [m] of the four default people, who come in from the west, cross near the centre, bend and part.
+# Waypoints [m] of the four default people: they come in from the west, cross near the centre, bend and part.
 DEFAULT_PATHS: Paths = (
     ((-30.0, -18.0), (-8.0, -4.0), (10.0, 9.0), (38.0, 12.0), (65.0, 14.0)),
     ((-30.0, -6.0), (-8.0, -9.0), (12.0, -6.0), (36.0, 2.0), (65.0, 4.0)),
@@ -85,7 +85,7 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
-    # exponent of the step lengths, whose density is proportional to length^-exponent between the two speeds
+    # exponent of the density of step lengths, which is proportional to length^-exponent between the two speeds
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
     # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""

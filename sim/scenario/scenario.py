@@ -45,7 +45,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """Everything that defines a mission except planner, seed and repeat."""
 
     version: Literal[1] = 1  # version of this format; results are comparable only within one version
-    # s, simulated time; the mission ends with the last scan that fits into it, while the first one is at its start
+    # s, simulated time; the first scan is at its start, and the mission ends with the last scan that fits into it
     duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0
     # s, time of the first decision, a multiple of the time between decisions; UAVs hover until then
     first_decision: Time = 0.0
@@ -179,7 +179,7 @@ def check_workload(scenario: Scenario) -> None:
 
 
 def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
-    """Products of settings beyond whose limits no machine could fly: settings, product, unit and limit."""
+    """Products of settings with limits beyond which no machine could fly: settings, product, unit and limit."""
     uavs, rates, people = len(scenario.uavs), scenario.rates, scenario.people
     scans = scenario.duration * rates.sensing
     yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9

@@ -45,7 +45,7 @@ def changed(scenario: Scenario) -> list[str]:
 
 
 def _changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Dotted keys whose values differ from the default; lists of tables of equal length are compared by table."""
+    """Dotted keys with values other than the default; lists of tables of equal length are compared by table."""
     for key, value in given.items():
         before = default[key]
         if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):

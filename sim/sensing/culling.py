@@ -43,7 +43,7 @@ def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
 
 @compiled
 def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (M,) of people at (M, 2) m whom a single tree of (T, 6) fully hides from a camera at position (3,) m."""
+    """Mask (M,) of people at (M, 2) m that a single tree of (T, 6) fully hides from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):
         body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]

@@ -23,8 +23,8 @@ def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
 def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Index (M,) of the detection of each of `count` people among detections (N, 2) at pixels (u, v); -1 for none.
 
-    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, as of a person whom
-    the edge cuts, is moved to the nearest place inside.
+    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, as of a person
+    that the edge cuts, is moved to the nearest place inside.
     """
     found = np.full(count, -1)
     rows, columns = np.nonzero(people >= 0)

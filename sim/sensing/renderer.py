@@ -132,7 +132,7 @@ class Renderer:
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
     def __getstate__(self) -> dict[str, Any]:
-        """State for a copy, whose world is new and therefore shows all bodies."""
+        """State for a copy; its world is new and therefore shows all bodies."""
         return {**vars(self), "_shown": np.ones_like(self._shown)}
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose) -> Rendered:

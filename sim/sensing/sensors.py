@@ -102,7 +102,7 @@ class Sensors:
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
     def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> tuple[SensorOutput, Flags, Flags]:
-        """Output of the mode, mask (N,) of detections that are not missed, and mask (M,) of people whom these detect.
+        """Output of the mode, mask (N,) of detections that are not missed, and mask (M,) of people that these detect.
 
         InputError if a plug-in mode fails or its output cannot be used.
         """

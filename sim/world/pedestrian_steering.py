@@ -177,7 +177,7 @@ def _discomfort(gap: float, comfort: float) -> float:
 
 @compiled
 def _to_border(state: Array, half: Array) -> float:
-    """Distance [m] to the border of the rectangle with half edges (2,) m, whose corners are rounded for turning."""
+    """Distance [m] to the border of the rectangle with half edges (2,) m, with corners rounded for turning."""
     radius = min(_CORNER, min(half[0], half[1]))
     x, y = abs(state[0]) - half[0] + radius, abs(state[1]) - half[1] + radius
     return float(radius - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))

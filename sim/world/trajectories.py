@@ -35,7 +35,7 @@ class Trajectories:
     positions: Array  # (K, M, 2) m; NaN while a person is absent
 
     def at(self, time: float) -> tuple[Array, Array]:
-        """Positions (M, 2) m and headings (M,) rad from east at a time [s]; NaN for people who are absent then."""
+        """Positions (M, 2) m and headings (M,) rad from east at a time [s]; NaN for people absent then."""
         step = (time - self.times[0]) / (self.times[1] - self.times[0])
         between = abs(step - round(step)) > _EXACT
         k = math.floor(step) if between else round(step)
@@ -64,7 +64,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     """Read recorded people from a CSV file with the columns time (or t) [s since start], id, x and y [m].
 
     Rows may have any order. Each person is present from the first to the last of their rows; in between, positions are
-    interpolated by a monotone cubic (PCHIP), which does not overshoot. People who are absent throughout `duration` s
+    interpolated by a monotone cubic (PCHIP), which does not overshoot. People that are absent throughout `duration` s
     are left out. InputError names file, line and value.
     """
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND

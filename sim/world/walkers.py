@@ -54,7 +54,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
 
 
 def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Generator) -> list[Itinerary]:
-    """Itineraries of all people, who are divided evenly among the ways of walking."""
+    """Itineraries of all people, divided evenly among the ways of walking."""
     ends = [round(people.count * k / len(people.walks)) for k in range(len(people.walks) + 1)]
     found: list[Itinerary] = []
     for name, first, last in zip(people.walks, ends, ends[1:], strict=False):
@@ -94,7 +94,7 @@ def _present(count: int, samples: int, stay: float, rng: np.random.Generator) ->
 
 
 def paces(people: People, samples: int, rng: np.random.Generator) -> Array:
-    """Speeds (K, M) m/s, smooth in time, whose distribution at any instant is truncated Levy.
+    """Speeds (K, M) m/s, smooth in time, with a truncated Levy distribution at any instant.
 
     A stationary Gaussian process is mapped through its distribution function to the quantiles of a density that is
     proportional to length^-levy_exponent between the speed limits.

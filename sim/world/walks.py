@@ -16,7 +16,7 @@ from tracking.plugins.registry import InputError
 ROOM = 4.0  # m, room around a start in which people can turn away from obstacles
 
 _JITTER = 2.5  # m, standard deviation of start and waypoints from those of the scenario
-_STANDING = 0.01  # m/s, speed of people who stand still; not zero, because steering needs a heading
+_STANDING = 0.01  # m/s, speed of people standing still; not zero, because steering needs a heading
 _GO = (6.0, 14.0)  # s, shortest and longest time between two stops
 _STOP = (2.0, 8.0)  # s, shortest and longest stop
 _RAMP = 1.5  # s, time to stop or to set off
@@ -34,7 +34,7 @@ class Itinerary(NamedTuple):
 
 
 class Levy:
-    """People who walk along `people.paths`, shifted a little at random; people without a path wander."""
+    """Walks along `people.paths`, shifted a little at random; people without a path wander."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """One itinerary per column of `paces` (K, M) m/s, with waypoints where |position| <= half (2,) m."""
@@ -45,7 +45,7 @@ class Levy:
 
 
 class Waypoints:
-    """People who walk to one random place in the area after another."""
+    """Walks to one random place in the area after another."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Levy.itineraries`."""
@@ -53,7 +53,7 @@ class Waypoints:
 
 
 class StopAndGo:
-    """People who walk as in `Waypoints`, but stop for some seconds every now and then."""
+    """Walks as in `Waypoints`, but with stops of some seconds every now and then."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Levy.itineraries`."""
@@ -62,7 +62,7 @@ class StopAndGo:
 
 
 class Groups:
-    """Groups of `people.group` people who walk side by side to one place after another, until the group parts."""
+    """Walks of groups of `people.group` people, side by side to one place after another, until the group parts."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Levy.itineraries`; all members of a group have the pace of the first."""

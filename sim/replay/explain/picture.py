@@ -21,7 +21,7 @@ from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
-_TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, gap between parts, width of words
+_TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, gap of parts, width of words
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in an inset, and its edge
 _SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
 _FRAMES = 3  # largest number of frames
@@ -60,7 +60,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 
 
 def _nearest(facts: PersonFacts) -> list[PersonObservation]:
-    """Observations of the UAVs whose frames are shown: those with the person inside first, then the nearest."""
+    """Observations of the UAVs with shown frames: those with the person inside first, then the nearest."""
     working = [w for w in facts.observations if w.works]
     return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
 

@@ -191,7 +191,7 @@ def _draw_truth(image: Image, outline: Array) -> None:
 def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
     """Draw the mark of hidden ground: a rim outside of the union of outlines, pixels (N, 2).
 
-    hiding: True for a tree that hides a person, whose rim is broader.
+    hiding: True for the broader rim of a tree that hides a person.
     """
     inside = np.zeros(image.shape[:2], dtype=np.uint8)
     for outline in outlines:
