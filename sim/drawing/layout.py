@@ -63,7 +63,7 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
 
 
 def _arranged(panel: Box, aspect: float, tiles: int) -> Parts:
-    """The best arrangement of a map (width over height `aspect`) and square tiles; the map's size comes first.
+    """The arrangement of a map (width over height `aspect`) and square tiles that is largest, mainly in the map.
 
     Tiles are in columns right of the map or in rows below it, whichever is better; right if both are equal.
     """

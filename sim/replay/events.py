@@ -188,7 +188,7 @@ def _unheld(recording: Recording, history: History) -> Iterator[Event]:
 def _causes(history: History, loss: Loss) -> str:
     """The best states of a lost person in the cameras, in order of time, each with its duration."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
-    uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by that and the tree
+    uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
     for k in range(loss.first, loss.last + 1):
         states, trees = (t[k, :, loss.person] for t in (history.camera_states, history.hiding_trees))
         state, having = views_at(states, trees)[0]
@@ -225,7 +225,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
 def _nearest(recording: Recording, history: History, loss: Loss) -> int:
     """The UAV with the most informative frames of a loss; the nearest one if the person is inside no frame.
 
-    The person is inside its first frame, and inside most of its other frames.
+    A UAV with the person inside its frame at the beginning is preferred, then one with most frames of that kind.
     """
     inside = history.camera_states[loss.first : loss.last + 1, :, loss.person] >= STATES.index("hidden")
     if inside.any():
