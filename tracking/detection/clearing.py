@@ -1,4 +1,4 @@
-"""The plane at people's mid-height around a place, in coordinates of one camera's line of sight."""
+"""The plane at people's mid-height around a place, in coordinates along and across one camera's line of sight."""
 
 import math
 from typing import NamedTuple
