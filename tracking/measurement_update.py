@@ -39,7 +39,7 @@ class ScanPrediction(NamedTuple):
 class ScanUpdate(NamedTuple):
     """Beliefs of T tracks after a scan, and the association of its N measurements.
 
-    Without a measurement in its gate a belief is as predicted: negative information counts once the fleet has it.
+    A belief without a measurement in its gate stays as predicted; negative information is applied after fusion.
     """
 
     means: Array  # (T, 4)
