@@ -110,7 +110,7 @@ def catalogue() -> dict[str, dict[str, str]]:
     for name, spec in PLANNERS.items():
         marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
         ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
-    options = _ours()
+    options = _built_in_options()
     for point in plugin_entry_points():
         theirs = groups.setdefault(f"From {package_of(point)}", {})
         spec = installed_planners()[point.name]
@@ -127,14 +127,14 @@ def catalogue() -> dict[str, dict[str, str]]:
     return groups | {"Options, each with what it is if not given": shown}
 
 
-def _ours() -> dict[str, str]:
+def _built_in_options() -> dict[str, str]:
     """Options of the built-in planners; for a class that was listed before, only those that differ."""
     first: dict[str, str] = {}
     options: dict[str, dict[str, Any]] = {}
     found: dict[str, str] = {}
     for name, spec in PLANNERS.items():
         like = first.setdefault(spec.target, name)
-        options[name] = _written(spec.target) | dict(spec.options)
+        options[name] = _options_in_source(spec.target) | dict(spec.options)
         if like == name:
             found[name] = _text(options[name])
         else:
@@ -143,7 +143,7 @@ def _ours() -> dict[str, str]:
     return found
 
 
-def _written(target: str) -> dict[str, Any]:
+def _options_in_source(target: str) -> dict[str, Any]:
     """Options of a built-in class, read from its source, inherited ones first; importing it would take a second."""
     module, _, name = target.partition(":")
     path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
@@ -152,7 +152,7 @@ def _written(target: str) -> dict[str, Any]:
     (found,) = [node for node in body if isinstance(node, ast.ClassDef) and node.name == name]
     options: dict[str, Any] = {}
     for base in map(ast.unparse, found.bases):
-        options |= _written(f"{homes.get(base, module)}:{base}")
+        options |= _options_in_source(f"{homes.get(base, module)}:{base}")
     for node in found.body:
         if isinstance(node, ast.AnnAssign) and node.value and "ClassVar" not in ast.unparse(node.annotation):
             options[ast.unparse(node.target)] = ast.literal_eval(node.value)

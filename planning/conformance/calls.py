@@ -150,7 +150,7 @@ def _defects(plans: Sequence[Plan], team: Sequence[Situation]) -> dict[str, str]
 
 @contextmanager
 def _global_chance(seed: int) -> Iterator[list[str]]:
-    """Seed the global random numbers, and restore their states at the end; yields a list for modules that were used."""
+    """Seed the global random numbers, and restore them at the end; yields a list that then names the modules used."""
     before = _global_states()
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002 - planners must not use these numbers

@@ -32,7 +32,7 @@ class Partitions:
         made: dict[int, Array] = {}
         for now in range(int(drawn.max(initial=-1)) + 1):
             deciding = [s for s, own in zip(team, drawn.tolist(), strict=True) if own == now]
-            made |= {s.own.id: _answer(s, known[s.own.id], decision, rng) for s in deciding}
+            made |= {s.own.id: _plan_given(s, known[s.own.id], decision, rng) for s in deciding}
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):
@@ -40,7 +40,7 @@ class Partitions:
         return [Plan(made[s.own.id]) for s in team]
 
 
-def _answer(situation: Situation, known: dict[int, Array], decision: Decision, rng: np.random.Generator) -> Array:
+def _plan_given(situation: Situation, known: dict[int, Array], decision: Decision, rng: np.random.Generator) -> Array:
     """Plan (H, 2) m/s of a UAV that leaves out all UAVs without a known plan."""
     among = replace(situation, neighbours=tuple(v for v in situation.neighbours if v.id in known))
     plans = expected_plans(among, decision.horizon, known)

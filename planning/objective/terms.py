@@ -65,7 +65,7 @@ def _closest(relative: Array) -> Array:
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
-_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # of a cell, from its middle
+_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # offsets in units of a cell
 
 # Aim point (x, y) of a UAV, radius of the circle about it that is in view, and distance flown in a step, all in m.
 _Sight = tuple[float, float, float, float]
@@ -86,7 +86,7 @@ class _Raster(NamedTuple):
     side: Indices  # (k,): places along each edge
     first: Indices  # (k,): number of the first place
     views: _Views
-    onward: Array  # (V,): steps from a final place until people can be in view, summed over people that others leave
+    costs_to_go: Array  # (V,): steps from a final place until people left by others can be in view, summed over people
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
     reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places in each direction
     low = np.array([v.position[:2] - _SPACING * r for v, r in zip(deciding, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    places, onward = [], []
+    places, costs_to_go = [], []
     for j, (uav, vehicle) in enumerate(zip(uavs, deciding, strict=True)):
         x, y = np.meshgrid(*(low[j][:, None] + _SPACING * np.arange(side[j])))
         places.append(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, vehicle.position[2])]))
@@ -139,9 +139,9 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
         for i, other in enumerate(situation.vehicles):
             if i != uav:
                 away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
-        onward.append(_onward(places[j], centres, _sight(vehicle, step), people, away))
+        costs_to_go.append(_costs_to_go(places[j], centres, _sight(vehicle, step), people, away))
     first = np.cumsum([0, *map(len, places[:-1])])
-    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(onward))
+    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(costs_to_go))
 
 
 def _sight(vehicle: Vehicle, step: float) -> _Sight:
@@ -160,8 +160,8 @@ def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
 
 
 @compiled
-def _onward(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
-    """Steps (V,) until a UAV from each place or others, after `away` (C,) steps, can have people in view; their sum."""
+def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
+    """Steps until people can be in view, from a place (V,) or after `away` (C,) steps by others; summed over people."""
     total = np.empty(len(places))
     for v in range(len(places)):
         total[v] = np.sum(np.minimum(_steps_off(places[v], centres, sight), away) * people)
@@ -221,7 +221,7 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
                 x += step * candidates[n, j, h, 0]
                 y += step * candidates[n, j, h, 1]
                 places[h, j] = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
-            result[n] += raster.onward[places[-1, j]] / len(own)
+            result[n] += raster.costs_to_go[places[-1, j]] / len(own)
         result[n] -= _found(raster.views, places, to_come, left)
     return weight * result
 

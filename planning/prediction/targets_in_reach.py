@@ -12,7 +12,7 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
 # Function from candidates (N, k, H, 2) m/s to costs (N,) m². Candidates are commands in optimisers and mean velocities
-# in terms. The term of tracks also takes `ease` (k,) m/s, by which times a step fields of view are wider on each side.
+# in terms. The term of tracks also takes `ease` (k,) m/s: fields of view are wider by ease times a step on each side.
 Objective = Callable[..., Array]
 
 
