@@ -69,10 +69,8 @@ def scan_prediction(
 def _unresolved(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
-    Without it, if two people pass each other, one of their tracks would be taken to be false.
-    Source: [Koch97], for the nearest person.
-    Note: in one place it is 0.12 rather than 1: as people keep apart, two tracks that stay in one place are of one
-    person.
+    Without it, one of two people that pass each other would be taken for a false track. Source: [Koch97], nearest only.
+    Note: in one place it is 0.12, not 1, because people keep apart: two tracks that stay in one place are of one.
     """
     nearest = np.zeros(len(means))
     for a in range(len(means)):

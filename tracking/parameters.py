@@ -40,8 +40,8 @@ class TrackerParameters:
     reacquire_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
     max_variance: float = 100.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
-    management: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
-    survival: float = 0.999  # probability that a person in the area still is a second later
+    management: str = "existence"  # by probabilities of "existence", or "m_of_n" by `confirm` and `delete`
+    survival: float = 0.999  # probability that a person in the area is still there a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     confirmation_threshold: float = 0.99  # probability of existence that confirms a track
     deletion_threshold: float = 0.001  # probability below which a track is deleted; no effect below 1e-9
@@ -81,7 +81,7 @@ class TrackerParameters:
 
     @cached_property
     def match_gate(self) -> float:
-        """Squared distance within which two tracks of one person are with `gate_probability` (four)."""
+        """Squared distance within which two tracks of one person are with `gate_probability` (four degrees)."""
         # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
         gate, before = self.measurement_gate, 0.0
         while abs(gate - before) > 1e-15 * gate:

@@ -76,7 +76,7 @@ class TrackTable:
     # (T, 4) s: the fleet's last detection, last scan with the person in view, last sure detection, and last earlier
     # frame that showed a part of the belief
     times: Array
-    views: Indices  # (T, 2) bits: samples of the belief that the last frame without a detection, and that before, show
+    views: Indices  # (T, 2) bits: samples of the belief in the scan's frame, if without detection; in the frame before
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 

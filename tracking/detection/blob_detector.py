@@ -95,7 +95,7 @@ def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, 
 
 
 def _split(lens: Lens, blob: Array) -> list[Array]:
-    """Parts of a blob: one if one person can span it, else as many as the people whose area it has.
+    """Parts of a blob: one if one person can span it, else as many as people have the blob's area.
 
     The parts are found by k-means from evenly spread starts.
     """

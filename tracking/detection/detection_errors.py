@@ -60,7 +60,7 @@ WHOLE = WholeError()
 
 
 class SplitError(NamedTuple):
-    """Additional error of detections from one blob that was split; fitted like `WholeError`, to pairs of people."""
+    """Additional error of detections from one blob that was split; fitted like `WholeError`, to pairs that touch."""
 
     base: float = 0.196  # m, standard deviation where the parts coincide
     radial: float = 1.487  # m, standard deviation per unit of the tangent of the angle off nadir

@@ -23,7 +23,7 @@ _SMALL = 0.6
 _COARSE, _FINE = 100, 200
 # A person is taken to be invisible if less than this share of the silhouette would show.
 _LEAST = 0.01
-# Places whose deviance exceeds the least by more than this, a probability ratio of e^-10, are left out.
+# Places with a deviance that exceeds the least by more than this, a probability ratio of e^-10, are left out.
 _IMPROBABLE = 20.0
 
 

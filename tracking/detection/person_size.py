@@ -23,7 +23,7 @@ class Sizes(NamedTuple):
 def sizes_at(lens: Lens, pixels: Array) -> Sizes:
     """Sizes of people whose mid-height is seen at pixels (N, 2).
 
-    Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
+    The sizes are fitted to renderings of a walking person at all headings, from nadir to 40 degrees off nadir.
     """
     axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
     for k in range(len(pixels)):

@@ -25,7 +25,7 @@ _LEVELS = (
     (1.70, 0.09, 0.90),
 )
 TALLEST = _LEVELS[-1][0]  # m
-_ROWS = 6  # on either side of the middle
+_ROWS = 6  # rows on either side of the middle
 _BINS = 48
 
 

@@ -14,7 +14,7 @@ _History = tuple[Array, Indices, Indices, Array]  # times, views, misses and sig
 
 
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
-    """Exchange rounds of messages over the undirected graph `adjacency` (n, n), whose diagonal is ignored.
+    """Exchange rounds of messages over the undirected graph `adjacency` (n, n); its diagonal is ignored.
 
     Each UAV hands each neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights). Every scan
     ends with this call, even for one UAV, because it also deletes tracks. Returns the bytes sent by each UAV (n,).

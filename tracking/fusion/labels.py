@@ -1,10 +1,10 @@
-"""Labels of tracks that are unique in a fleet without a server."""
+"""Track labels that are unique in a fleet, agreed without a server."""
 
 from tracking.numerics.arrays import Flags, Indices
 
-LABELS_PER_SCAN = 1_000  # of one UAV: the first half for new tracks, the second for tracks that lose their id
+LABELS_PER_SCAN = 1_000  # per UAV: the first half for new tracks, the second for tracks that lose their id
 UAVS = 1_000
-FIRST_LABEL = LABELS_PER_SCAN * UAVS  # labels of initial tracks are below
+FIRST_LABEL = LABELS_PER_SCAN * UAVS  # labels of initial tracks are smaller
 
 
 def new_label(scan: int, uav: int, counter: int) -> int:

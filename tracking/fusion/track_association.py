@@ -77,8 +77,8 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
     If both are of one person, the states are equal, or the person has turned while out of sight and is anywhere within
-    reach of the last detection. If they are of two people, a UAV with one track does not know the other person, whose
-    place and velocity are arbitrary.
+    reach of the last detection. If they are of two people, a UAV with one track does not know the other person, who may
+    be at any place and have any velocity.
     Note: the larger of the two densities of one person counts, rather than their weighted sum.
     """
     cost = pair_costs(states[:2], states[:2])
@@ -135,7 +135,7 @@ def _joined(
     """Group (G,) of each track, given by its first track, and flags (G,) of tracks that end.
 
     labels: labels of each track; holders (G, N): flags of the UAVs that hold each track; begun (G,): flags of tracks
-    that began in this scan. For one UAV after another, an assignment joins tracks that no earlier UAV holds to groups.
+    that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing groups.
     New tracks come last, because a UAV's new track and its lost one may both be of a person that another UAV tracks.
     A group out of sight ends if its only id has another track that was seen later, within reach.
     """
@@ -217,7 +217,7 @@ def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags
 
 
 def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
-    """The message without tracks whose last detection is before the time up to which a deletion voids sightings."""
+    """The message without tracks with a last detection before the time up to which a deletion voids sightings."""
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)

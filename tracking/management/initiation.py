@@ -53,8 +53,8 @@ def _start(p: TrackerParameters) -> float:
 def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
     """Track at a measurement z (2,) m with covariance R (2, 2) m².
 
-    Its mean velocity is zero. The variance along each axis is that of velocities spread evenly over the disc of radius
-    `max_speed` m/s: a quarter of its square.
+    Its mean velocity is zero. The variance along each axis, `max_speed`² / 4, is that of velocities spread evenly over
+    the disc of radius `max_speed` m/s.
     """
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = R

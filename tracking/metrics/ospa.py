@@ -58,7 +58,7 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
 
 
 def checked_positions(name: str, positions: Array) -> Array:
-    """Positions (A, 2); none may have any shape. ValueError for other shapes, such as whole states, and for NaN."""
+    """Positions (A, 2); an empty array may have any shape. ValueError for other shapes, as of states, and for NaN."""
     found = np.asarray(positions, dtype=float)
     if found.size and found.shape[-1:] != (2,):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")

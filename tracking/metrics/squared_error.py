@@ -15,7 +15,7 @@ def cut_off(traces: Array, cutoff: float) -> None:
     exponential with mean τ. A person and the person's track, far from all others, add min(|e|², c²) to the square of
     GOSPA of order 2 with alpha = 2: beyond c, c²/2 for the missed person and c²/2 for the false track. A trace below
     c²/37 keeps its bits. Source: [Rahmathullah17].
-    Note: for an oblong covariance the true value is smaller, by up to a fifth if it lies along one line.
+    Note: for an oblong covariance the true value is smaller, by up to a fifth if all errors lie along one line.
     """
     square = cutoff * cutoff
     some = 0

@@ -7,7 +7,7 @@ from tracking.numerics.arrays import Array, Flags
 
 
 def most_pairs(allowed: Flags, cost: Array) -> list[tuple[int, int]]:
-    """As many allowed pairs (A, B) as possible, at the least cost (A, B); infinite and NaN costs are not allowed."""
+    """As many allowed pairs (A, B) as possible, at the least cost (A, B); no pair has an infinite or NaN cost."""
     finite = np.isfinite(cost)
     allowed = allowed & finite
     # A pair that is not allowed costs more than all others together, so the assignment makes as many as it can.

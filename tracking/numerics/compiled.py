@@ -22,7 +22,7 @@ not_kept: list[str] = []  # functions whose compiled code this process cannot wr
 
 
 class _Uncollected(event.Listener):
-    """Pauses the garbage collector while code is compiled; it would take an eighth of the time."""
+    """Pauses the garbage collector, which would take an eighth of the time, while code is compiled."""
 
     def __init__(self) -> None:
         self._depth, self._paused = 0, False
@@ -51,7 +51,7 @@ def compiled(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """As `compiled`, and copied into compiled callers, for functions whose call takes longer than their work."""
+    """As `compiled`, and copied into compiled callers, for functions that take less time than a call."""
     return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
 
 

@@ -21,7 +21,7 @@ def _stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
 
 
 def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> Array:
-    """Values of a function of stacks (T, ...) for arrays whose leading axes broadcast.
+    """Values of a function of stacks (T, ...) for arrays with leading axes that broadcast.
 
     Each array comes with the number of its axes that are not leading.
     """

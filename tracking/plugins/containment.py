@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a 
 _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a traceback in a plug-in's own code that are kept
 _DEEPEST = 5  # nested lists
-_PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions whose text needs no kind
+_PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions that their text explains
 _OURS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
 _IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
 
@@ -57,8 +57,8 @@ class ForeignError(Exception):
 def contained(*passing: type[BaseException], called: tuple[object, str] | None = None) -> Iterator[None]:
     """Raise a `ForeignError` for any exception of the block except those `passing` and the user's KeyboardInterrupt.
 
-    called: a plug-in, and the method whose result the block uses. An error outside the plug-in's own code is blamed on
-    this result, and names the line that defines the method.
+    called: a plug-in, and its method that gives a result to the block. An error outside the plug-in's own code is
+    blamed on this result, and names the line that defines the method.
     Settings of the process that the block changes are restored: NumPy's handling of overflows, filters of warnings, and
     the limit of recursion.
     """

@@ -148,7 +148,7 @@ def _is_dotted(text: str) -> bool:
 
 
 def _hidden(names: Iterable[str]) -> list[str]:
-    """Those of the names that modules in the current folder have, unless that is our own."""
+    """Those of the names of modules that also exist in the current folder, unless that is our own."""
     here = Path.cwd()
     places = {name: here.joinpath(*name.split(".")) for name in names if here != _ROOT}
     return [name for name, place in places.items() if place.is_dir() or place.with_name(f"{place.name}.py").is_file()]

@@ -25,7 +25,7 @@ def checked_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
 
 
 def whole_numbers(name: str, given: object, shape: tuple[int, ...], kinds: str = "iu") -> Indices:
-    """A new array of whole numbers of a shape; `Unusable` for anything else. kinds: allowed kinds of types."""
+    """A new array of whole numbers of a shape; `Unusable` for anything else. kinds: of NumPy types, allowed."""
     found = np.asarray(given)
     if found.shape != shape or found.dtype.kind not in kinds:
         raise Unusable(f"{name} are no table {shape} of whole numbers")
