@@ -57,9 +57,9 @@ class Greedy:
 
 @dataclass(frozen=True)
 class Lawnmower:
-    """Coverage without feedback: every UAV sweeps its strip of the area to and fro, on lines a footprint apart.
+    """Coverage without feedback: every UAV sweeps a strip of the area to and fro, on lines at most a footprint apart.
 
-    A goal moves along the lines at `pace` of the UAV's top speed; the UAV flies to its next position.
+    A goal moves along the lines at the fraction `pace` of the UAV's top speed, and the UAV follows it.
     """
 
     pace: float = 0.9

@@ -1,4 +1,4 @@
-"""Planners put together from pieces: coordination, belief propagation, cost-to-go, optimiser and occlusion model."""
+"""Planners composed of pieces: coordination, belief propagation, cost-to-go, optimiser and occlusion model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,10 @@ class Term(Protocol):
     """A term of the objective besides the uncertainty of tracks."""
 
     def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """Cost [m²] as a function of the mean velocities of UAVs `uavs`; the others fly (n, H, 2) m/s. None: zero."""
+        """Cost [m²] as a function of the mean velocities of UAVs `uavs`; the others fly `velocities`. None if zero.
+
+        velocities (n, H, 2) m/s: a row for each UAV of `situation.vehicles`.
+        """
 
 
 @dataclass(frozen=True)
@@ -50,15 +53,15 @@ class Composition:
     horizon: int = 5
     coordination: Coordination = field(default_factory=Sequential)
     propagation: Propagation = field(default_factory=Nominal)
-    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
+    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0 leaves it out
     optimizer: Optimizer = field(default_factory=CrossEntropy)
-    occlusion: Occlusion | None = None  # model of occlusion by trees; None: that of the situation's forest
-    existence: bool = True  # a target is weighted by its existence probability; False: by one
-    terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
-    prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
-    actions: Actions = "all"  # actions to optimise; "first": the base policy follows the first
-    uncertainty: Uncertainty = "trace"  # of tracks: summed traces, or minus the mutual information [nats]
-    cutoff: float = np.inf  # m, above 0: up to which squared errors count; infinite: the trace itself
+    occlusion: Occlusion | None = None  # model of occlusion by trees; None: the model of the situation's forest
+    existence: bool = True  # True: weight targets by their existence probability; False: weight all alike
+    terms: tuple[Term, ...] = ()  # further terms of the objective
+    prediction: Prediction = "scans"  # process noise of targets: of each scan, as in trackers, or of one long step
+    actions: Actions = "all"  # actions to optimise: all, or the first, after which the UAV follows the base policy
+    uncertainty: Uncertainty = "trace"  # cost of tracks: their summed traces, or minus the mutual information [nats]
+    cutoff: float = np.inf  # distance [m], above 0, at which errors are cut off; infinite: the trace itself
 
     def __post_init__(self) -> None:
         if not self.cutoff > 0.0:
@@ -88,7 +91,7 @@ class Composition:
         extra = [term for term in (t.term(situation, expected, uavs) for t in self.terms) if term is not None]
 
         def value(candidates: Array, ease: Array | None = None) -> Array:
-            """Sum of all terms, of which only that of tracks can be relaxed."""
+            """Sum of all terms; `ease` relaxes only the term of tracks."""
             velocities = mean_velocities(own, np.ascontiguousarray(candidates, dtype=float))
             found = of_tracks(velocities, ease)
             return found + reduce(np.add, (term(velocities) for term in extra)) if extra else found
@@ -114,9 +117,9 @@ class Composition:
         return np.stack(plans, axis=1)
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
-        """Initial plans (S, k, h, 2) m/s: the intents, and the same with one UAV in pursuit or on two legs.
+        """Initial plans (S, k, h, 2) m/s over the h steps that are optimised.
 
-        They have as many steps as are optimised.
+        They are the intents, and the intents with one UAV that pursues a target or flies two straight legs instead.
         """
         length = self.horizon if self.actions == "all" else 1
         intents = controls[list(uavs), :length]

@@ -9,11 +9,11 @@ from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable
 from tracking.plugins.registry import InputError
 
-TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent
+TruePositions = Callable[[float], Array]  # (M, 2) m of people at a time [s]; NaN while absent
 
 
 def planner_of(given: object) -> Planner:
-    """A planner given as `load_planner` takes it, or as an object; InputError if it is none."""
+    """The planner that is given as text for `load_planner` or as an object; InputError if it is no planner."""
     if isinstance(given, str):
         return load_planner(given)
     if isinstance(given, type):
@@ -22,17 +22,17 @@ def planner_of(given: object) -> Planner:
 
 
 def exchange_of(planner: object) -> Exchange:
-    """The exchange of plans that a planner declares, else `Exchange()`; InputError if it cannot be asked."""
+    """The exchange of plans that a planner declares, else `Exchange()`; InputError if the declaration fails."""
     with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends", called=(planner, "exchange")):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
-        # A copy, so that it stays as it was checked.
+        # A copy, which the planner cannot change after this check.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
 
 
 def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner | None, bool]:
-    """The planner to fly, and True if it is an oracle, which is given the true positions first.
+    """The planner to fly, and True if it is an oracle, which its method `knowing` makes from the true positions.
 
-    InputError if that fails.
+    InputError if `knowing` fails.
     """
     with ANY_PLANNER.errors(
         type(planner).__qualname__, "be given the truth by its method `knowing`", called=(planner, "knowing")
@@ -47,7 +47,7 @@ def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
 
 
 def is_stateful(planner: object) -> bool:
-    """True if a planner declares a memory; InputError if it has no method to reset that, or cannot be asked."""
+    """True if a planner declares that it has a memory; InputError if it lacks `reset`, or if the declaration fails."""
     with ANY_PLANNER.errors(type(planner).__qualname__, "say what it remembers"):
         stateful = bool(getattr(planner, "stateful", False))
         if stateful and not callable(getattr(planner, "reset", None)):
@@ -56,7 +56,7 @@ def is_stateful(planner: object) -> bool:
 
 
 def reset(planner: object, seed: int) -> None:
-    """Let a stateful planner begin anew, and do nothing to others; InputError if that fails."""
+    """Reset a planner if it is stateful; InputError if that fails."""
     if is_stateful(planner):
         with ANY_PLANNER.errors(type(planner).__qualname__, "be reset"):
             cast("Any", planner).reset(seed)

@@ -1,4 +1,4 @@
-"""Planners loaded by name, with options, or by import string, and their errors, each told in one line."""
+"""Loading of planners by name or import string, with options, and their errors in one line each."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:  # naming planners needs none of their code
 
 
 class PlannerError(InputError):
-    """The planner fails, wherever it is called."""
+    """Failure of a planner, wherever it is called."""
 
 
-# A planner of any origin: its errors are all told alike. Names and classes are found by `load_planner`.
+# Errors of planners of any origin read alike. `load_planner` finds names and classes.
 ANY_PLANNER = Registry("planner", {}, ("plan(team, rng)",), raises=PlannerError)
 
 
 def load_planner(text: str) -> Planner:
     """The planner "name" or "name(option=value, ...)"; the name may be an import string "package.module:Class".
 
-    InputError says what is wrong.
+    InputError if the text is malformed, names no planner or has wrong options, or if making the planner fails.
     """
     name, options = _parsed(text)
     spec = _spec(name)
@@ -42,7 +42,7 @@ def load_planner(text: str) -> Planner:
 
 
 def checked_planner(planner: object, name: str) -> Planner:
-    """The planner, which has that name; InputError unless it has the method plan(team, rng)."""
+    """The planner of that name; InputError unless it has the method plan(team, rng)."""
     with ANY_PLANNER.errors(name, "be made"):
         lacking = lack(name, planner, *ANY_PLANNER.methods)
     if lacking:
@@ -51,7 +51,7 @@ def checked_planner(planner: object, name: str) -> Planner:
 
 
 def canonical_text(text: str) -> str:
-    """The same text for all spellings of a planner: its import string and, in order, options that are no defaults.
+    """Text that all spellings of a planner share: its import string and the sorted options that differ from defaults.
 
     InputError if there is no such planner.
     """
@@ -84,7 +84,7 @@ def _spec(name: str) -> PlannerSpec:
 
 
 def _meant(name: str) -> str:
-    """The nearest valid name of a planner; for a module or a class in it, how to write that."""
+    """Hint for an unknown name: the nearest planner, or the import string if the name is that of a module or class."""
     module, _, last = name.rpartition(".")
     if module and (last == "py" or last[:1].isupper()):
         return f"; did you mean {module}:{'Class' if last == 'py' else last}?"
@@ -115,14 +115,14 @@ def _parsed(text: str) -> tuple[str, dict[str, Any]]:
 def _value(text: str) -> Any:  # noqa: ANN401 - any literal
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what is no good Python need be none
+            warnings.simplefilter("ignore")  # a bare word need not be valid Python
             return ast.literal_eval(text)
-    except (ValueError, SyntaxError, RecursionError, MemoryError):  # the last of brackets by the hundred
+    except (ValueError, SyntaxError, RecursionError, MemoryError):  # MemoryError: hundreds of brackets
         return text
 
 
 def _parameters(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - as `_check`
-    """Parameters of what makes a planner; None if it does not tell, being written in C, say."""
+    """Parameters of the class or function that makes a planner; None if unknown, as for one that is written in C."""
     try:
         return inspect.signature(make).parameters
     except (TypeError, ValueError):
@@ -130,7 +130,7 @@ def _parameters(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: A
 
 
 def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
-    """InputError if the planner lacks an option, or its default is of another kind."""
+    """Raise InputError if the planner lacks an option, or if the option's default is of another kind."""
     parameters = _parameters(make)
     if parameters is None or any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
@@ -144,7 +144,7 @@ def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: A
 
 
 def _kind(value: object) -> str:
-    """Kind of value that a default asks for; empty: any."""
+    """Kind of value that an option with this default takes; empty if any."""
     if isinstance(value, bool):
         return "True or False"
     if isinstance(value, int | float):

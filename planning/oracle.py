@@ -1,4 +1,4 @@
-"""The oracle: a planner on true positions, present and future, as an upper bound."""
+"""The oracle: a planner that knows true positions, present and future, as an upper bound."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,22 +18,22 @@ from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.track import Track, beliefs_of
 
-# Of a person without a track: the trace at which the paper's tracks end, 400 m², and walking speed.
+# Covariance for a person without a track: the trace 400 m², at which the paper's tracks end, and walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
-_ABOUT = 0.5  # m: deviation along each axis of the places at which a person is judged to be in view or not
+_ABOUT = 0.5  # m: standard deviation along each axis of the five places at which a person's visibility is judged
 
 
 @dataclass(frozen=True)
 class Oracle(Composed):
-    """`Composed` on people's true positions, now and along their true paths: an upper bound.
+    """Planner as `Composed` on people's true positions, now and along their true paths: an upper bound.
 
-    The mission hands it the truth by `knowing`; situations hold none. Without the truth it plans on its beliefs. Each
-    person has the second moment P + e eᵀ of the track assigned to them: its covariance P, and the true error e of its
-    position. Trees, fields of view, noise, dynamics and tracker stay as they are, so its misses are not for want of
-    knowing positions.
+    The mission hands over the truth by `knowing`; situations hold none. Without the truth the planner uses its beliefs.
+    A person has the second moment P + e eᵀ of the assigned track, with the track's covariance P and the true error e of
+    its position. Trees, fields of view, noise, dynamics and tracker are unchanged, so the oracle never misses a person
+    for want of a position.
 
-    UAVs are not exactly where they plan to be. So each person is judged at five equally probable places about the true
-    one: a plan that brings a person barely into view may miss them, however well the person's path is known.
+    UAVs are not exactly where they plan to be, so a plan that barely brings a person into view may miss the person.
+    Therefore visibility is judged at five equally probable places about each true position.
 
     Note: the built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
     """
@@ -45,7 +45,7 @@ class Oracle(Composed):
                 raise ValueError(f"{name}={value} is not for an oracle, which knows where people will be")
 
     def knowing(self, people: TruePositions) -> Planner:
-        """The planner that knows these positions."""
+        """The planner to fly, which knows these positions."""
         return _Knowing(replace(self.composition, propagation=_TruePaths(people)), people)
 
 
@@ -65,7 +65,7 @@ class _Knowing:
 
 @dataclass(frozen=True)
 class _TruePaths:
-    """Belief propagation for tracks of `true_tracks`: along the paths that these people take."""
+    """Belief propagation along the true paths of people, for the tracks of `true_tracks`."""
 
     people: TruePositions
 
@@ -84,7 +84,7 @@ class _TruePaths:
 
 
 def _hidden(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
-    """The belief with a cylinder about each point of some `rows` (H T K,), so that no camera sees it."""
+    """The belief with a cylinder about each point marked in `rows` (H T K,), so that no camera sees the point."""
     places = belief.points.reshape(-1, 3)[rows]
     cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0], (len(places), 1))])
     blockers = np.insert(belief.blockers, belief.offsets[1:][rows], cylinders, axis=0)
@@ -94,9 +94,9 @@ def _hidden(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
 def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tuple[Track, ...]:
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
-    The assignment has the least total distance; the velocity is the mean over the next step. A track's velocity counts
-    as right, so that the error of its position alone adds to its covariance. People that appear within `horizon` steps
-    have tracks of their own, at rest where they will appear.
+    The assignment has the least total distance. A true velocity is the mean over the next step. Only the error of a
+    track's position adds to its covariance, not that of its velocity. People that appear within `horizon` steps have
+    tracks, too, at rest where they will appear.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
     first = here

@@ -1,4 +1,4 @@
-"""Planners composed from pieces given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
+"""Planners composed of pieces that are given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from planning.planner import Exchange, Plan, Situation
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.plugins.spelling import nearest
 
-# Least and most: wider than any useful setting, and short of taking all memory.
+# Least and largest values: wider than any useful setting, but too small to use up all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
 _RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6)}
@@ -30,40 +30,40 @@ _NEEDS |= {"visibility": ("propagation", "nominal")}
 
 @dataclass(frozen=True)
 class Composed:
-    """A `Composition` of pieces by name; ValueError names what is wrong and what is allowed."""
+    """A `Composition` of pieces that are given by name; ValueError names a wrong option and its allowed values."""
 
     horizon: int = 5  # steps of a plan
-    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`; `partitions`: in rounds, where
-    # each UAV considers only the plans of UAVs that have decided
+    # coordination of the UAVs' decisions: `sequential`, `parallel`, `decentralised`, `centralised`, or in rounds
+    # (`partitions`), where each UAV considers only the plans of UAVs that have decided
     coordination: Literal["sequential", "parallel", "decentralised", "centralised", "partitions"] = "sequential"
-    # of the sequence: `fixed`: by id; `random`; `worst-first`: the UAV with the most uncertain track within 40 m first
+    # order of the sequence: `fixed` (by id), `random`, or `worst-first` (by the most uncertain track within 40 m)
     order: Order = "fixed"
-    # number of passes through the sequence; from the second on, each UAV answers the plans that the others have made
+    # number of passes through the sequence; from the second on, each UAV knows the plans that the others have made
     sweeps: int = 1
-    # of partitions: each UAV draws one of this many rounds, and all UAVs of a round decide at once; 0: one UAV per
+    # number of rounds of `partitions`: each UAV draws one round, and all UAVs of a round decide at once; 0: one UAV per
     # round, by id
     rounds: int = 0
-    # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
+    # propagation of beliefs along each target's most probable trajectory (`nominal`) or along samples (`monte-carlo`)
     propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
-    # of a target: `nominal`: along its nominal trajectory; `expected`: along five equally probable trajectories through
-    # its predicted beliefs, each with a covariance of its own; the mean of their traces counts
+    # visibility of a target along its nominal trajectory (`nominal`), or along five equally probable trajectories
+    # through its predicted beliefs (`expected`), each with its own covariance; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none (truncated)
-    # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
+    # `cross-entropy`, `particle-swarm`, or, for small cases, `grid`, which tries all plans made of nine controls
     optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
     # evaluations of the objective for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
     evaluations: int = 0
-    # s for each UAV's plan: cross-entropy searches for this time, a swarm or grid stops after it; 0: no limit
+    # time [s] for each UAV's plan: cross-entropy searches for this time, a swarm or grid stops after it; 0: no limit
     seconds: float = 0.0
     # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
     occlusion: Literal["", "line_of_sight", "disc"] = ""
     # True: a track is weighted by its probability of existence, if the tracker gives one (`tracking.management =
     # "existence"`); False: each track has weight one
     existence: bool = True
-    # m²: a person without a track counts as a track with this trace of its position's covariance; 0: no search
+    # weight [m²] of search: a person without a track counts as a track with this covariance trace; 0: no search
     search: float = 0.0
-    separation: float = 0.0  # m: distance of planned paths from the paths that others are expected to fly; 0: no limit
+    separation: float = 0.0  # least distance [m] from the expected paths of other UAVs; 0: no limit
     # growth of a target's belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at
     # each scan; `step`: one acceleration holds for the whole step, so hidden people are expected farther away than
     # the tracker will have them
@@ -71,11 +71,11 @@ class Composed:
     # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
     # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
     actions: Actions = "all"
-    # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
-    # paths and measurements [nats], which has no cost-to-go (`beta=0`) and measures `search` in nats
+    # cost of tracks: the sum of their covariances' `trace` over the steps, or minus the mutual `information` [nats]
+    # between targets' paths and measurements, which has no cost-to-go (`beta=0`) and measures `search` in nats
     uncertainty: Uncertainty = "trace"
-    # m: replaces the trace of a covariance by the expected squared error up to this cut-off c, as GOSPA counts it: a
-    # lost person costs at most c² per step, however large the trace; `search` is not cut off; 0: the trace
+    # cut-off c [m] of GOSPA: the expected squared error up to c replaces the trace of a covariance, so that a lost
+    # person costs at most c² per step, however large the trace; `search` is not cut off; 0: the trace
     cutoff: float = 0.0
 
     def __post_init__(self) -> None:
@@ -95,7 +95,7 @@ class Composed:
         self._check_effects()
 
     def _check_effects(self) -> None:
-        """Check that no option is given that has no effect."""
+        """Check that each given option has an effect."""
         for name, (piece, word) in _NEEDS.items():
             if getattr(self, name) != getattr(Composed, name) and getattr(self, piece) != word:
                 raise ValueError(

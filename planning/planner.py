@@ -14,7 +14,7 @@ from tracking.numerics.arrays import Array
 from tracking.track import Track
 from tracking.undetected import Intensity
 
-LONGEST_PLAN = 1000  # steps; recordings hold them all
+LONGEST_PLAN = 1000  # steps, all of which recordings hold
 _MOST_ROUNDS = 1000
 
 
@@ -30,7 +30,7 @@ class Vehicle:
     # Quaternion (xyzw) of the camera in level flight; by default the camera looks down, with north at the image's top.
     attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
     velocity: Array = field(default_factory=lambda: np.zeros(2))  # m/s, east and north, as measured
-    lag: float = 0.0  # s: time constant with which its velocity follows a command; 0: at once, [Li22] eq. (5)
+    lag: float = 0.0  # s: time constant with which the velocity follows a command; 0: at once, [Li22] eq. (5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Plan:
     """Velocity commands of one UAV; the first is flown, the rest is its intent."""
 
     controls: Array  # (H, 2) m/s, east and north
-    # Plans (H, 2) m/s, by id, that this UAV expects of others if their own plans do not reach it.
+    # Plans (H, 2) m/s, by id, that this UAV expects other UAVs to fly if their own plans do not reach it.
     others: Mapping[int, Array] = field(default_factory=dict)
 
     @property
@@ -51,7 +51,7 @@ class Plan:
 class Exchange:
     """Exchange of plans at each decision: each UAV sends its plan to its neighbours, `rounds` times.
 
-    With a `centre`, the first UAV plans for all and sends each its plan, over a network without losses.
+    With a `centre`, the first UAV plans for all UAVs and sends each its plan, over a network without losses.
     """
 
     rounds: int = 1
@@ -74,8 +74,8 @@ class Situation:
     tracks: tuple[Track, ...]  # of its own tracker
     forest: Forest
     area: tuple[float, float]  # m, centred on the origin
-    motion: NearlyConstantVelocity  # of the targets, over one planning step of so many scans of the trackers
-    # Last known plan of each UAV, its own included. Plans are of one step ago; older ones are shifted to that time.
+    motion: NearlyConstantVelocity  # of the targets, over one planning step, with its number of the trackers' scans
+    # Last known plan of each UAV, its own included. Plans begin one step ago; older ones are shifted to that time.
     intents: Mapping[int, Plan] = field(default_factory=dict)
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
     reception: tuple[tuple[int, ...], ...] | None = None
@@ -92,25 +92,25 @@ class Situation:
         return tuple(sorted((self.own, *self.neighbours), key=lambda v: v.id))
 
     def receives(self, uav: int, sent: int = 0) -> bool:
-        """True if this UAV receives what another sends in round `sent` of this decision; False after the last round."""
+        """True if this UAV receives the plan that `uav` sends in round `sent`; False after the last round."""
         if self.reception is None:
             return uav in [v.id for v in self.neighbours]
         return sent < len(self.reception) and uav in self.reception[sent]
 
 
 class Planner(Protocol):
-    """Any object with this method is a planner.
+    """Interface of planners: any object with this method is a planner.
 
     `plan` returns one plan per situation, in the same order. `rng` is its only source of random numbers. A planner
-    keeps no state between calls, unless it declares `stateful = True` and has a method `reset(seed)` that forgets
-    everything. A mission calls `reset` once, before the first decision; after it the same calls give the same plans.
-    A UAV that broke down has no situation and is not a neighbour, so ids may differ from positions in `team`.
-    The position and velocity of a neighbour out of contact are predicted by its last known plan, until that plan ends.
+    keeps no state between calls, unless it declares `stateful = True` and has a method `reset(seed)` that clears its
+    memory. A mission calls `reset` once, before the first decision; after a reset the same calls give the same plans.
+    A UAV that broke down has no situation and is not a neighbour, so ids may differ from indices in `team`.
+    The position and velocity of a neighbour out of contact are predicted from its last known plan, until the plan ends.
 
-    Optional attributes: `exchange`, the exchange of plans at a decision, if not `Exchange()`. `decentralised = True`
-    claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with `team[i].receives(j)`;
-    `planning.conformance` tests this claim and the other rules. A method `knowing` makes the planner an oracle: it is
-    given the truth, returns the planner to fly, and is marked wherever results are shown; see `planning.oracle`.
+    Optional attributes: `exchange` is the exchange of plans at a decision, by default `Exchange()`.
+    `decentralised = True` claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with
+    `team[i].receives(j)`; `planning.conformance` tests this claim and the other rules. A method `knowing` makes the
+    planner an oracle: it takes the truth and returns the planner to fly. Results mark oracles (`planning.oracle`).
     """
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:

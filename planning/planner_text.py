@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 
 def split_options(text: str) -> tuple[str, list[str]]:
-    """Name and parts of "name(part, ...)"; commas in brackets or quotes part nothing.
+    """Name and parts of "name(part, ...)"; commas in brackets or quotes separate nothing.
 
-    A text with brackets or quotes that do not match is one part, which begins with a bracket.
+    If brackets or quotes do not match, all of the options are one part, which begins with a bracket.
     """
     name, _, rest = text.strip().partition("(")
     parts, depth, quote = [""], 0, ""

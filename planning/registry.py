@@ -1,4 +1,4 @@
-"""Registry of planners by name, built-in ones and those of other packages, and its catalogue for display."""
+"""Registry of planners by name, built-in ones and those of other packages, and a catalogue of them for display."""
 
 import ast
 import inspect
@@ -19,8 +19,8 @@ class PlannerSpec:
     target: str  # "module:Class"
     options: Mapping[str, Any] = field(default_factory=dict)
     summary: str = ""
-    upper_bound: bool = False  # knows what no UAV can know
-    source: str = ""  # its package; empty: built in
+    upper_bound: bool = False  # True for an oracle, which knows what no UAV can know
+    source: str = ""  # package that the planner is from; empty: built in
 
 
 def _composed(summary: str, **options: object) -> PlannerSpec:
@@ -38,9 +38,9 @@ _INFORMATIVE: dict[str, Any] = {
 }
 
 # Beyond the paper: visibility is expected over beliefs, and undetected people count (docs/explanation/planning.md).
-# Evaluations take longer with it and in mcr, so there are fewer.
+# There are fewer evaluations with these options and in mcr, because each takes longer.
 _EXPECTED: dict[str, Any] = {"search": 0.1, "visibility": "expected", "evaluations": 9_216}
-# Errors count up to GOSPA's usual cut-off, and tracks have no cost-to-go (docs/explanation/planning.md says why).
+# Errors are cut off at GOSPA's usual distance, and tracks have no cost-to-go (docs/explanation/planning.md says why).
 _GOSPA: dict[str, Any] = {"cutoff": 10.0, "beta": 0.0}
 
 PLANNERS = {
@@ -75,7 +75,7 @@ GROUP = "understory.planners"  # of entry points
 
 @cache
 def installed_planners() -> dict[str, PlannerSpec]:
-    """Planners by name: built-in ones, then those of other packages; of one name the first."""
+    """Planners by name: built-in ones, then those of other packages; the first of a name counts."""
     found = dict(PLANNERS)
     for point in plugin_entry_points():
         found.setdefault(point.name, PlannerSpec(point.value, {}, source=package_of(point)))
@@ -86,7 +86,7 @@ def plugin_entry_points() -> list[EntryPoint]:
     """Entry points of planners of other packages, by name, usable or not."""
     try:
         points = list(entry_points(group=GROUP))
-    except Exception:  # some package, ours or not, has metadata that cannot be read: take the others'
+    except Exception:  # the metadata of some package, of planners or not, cannot be read: take all the others
         points = [point for distribution in distributions() for point in _points(distribution)]
     return sorted(points, key=lambda point: (point.name, package_of(point)))
 
@@ -94,7 +94,7 @@ def plugin_entry_points() -> list[EntryPoint]:
 def _points(distribution: Distribution) -> list[EntryPoint]:
     try:
         return list(distribution.entry_points.select(group=GROUP))
-    except Exception:  # as whatever wrote it may do anything
+    except Exception:  # unreadable metadata may raise anything
         return []
 
 
@@ -104,13 +104,13 @@ def package_of(point: EntryPoint) -> str:
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Planners and their descriptions under a heading for each package, and options under another."""
+    """Planners and their descriptions under a heading for each package, and their options under one more."""
     ours: dict[str, str] = {}
     groups = {"Built in": ours}
     for name, spec in PLANNERS.items():
         marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
         ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
-    options = _ours()
+    options = _built_in_options()
     for point in plugin_entry_points():
         theirs = groups.setdefault(f"From {package_of(point)}", {})
         spec = installed_planners()[point.name]
@@ -127,14 +127,14 @@ def catalogue() -> dict[str, dict[str, str]]:
     return groups | {"Options, each with what it is if not given": shown}
 
 
-def _ours() -> dict[str, str]:
-    """Options of the built-in planners; of a class that came before, only those that differ."""
+def _built_in_options() -> dict[str, str]:
+    """Options of the built-in planners; for a class that was listed before, only those that differ."""
     first: dict[str, str] = {}
     options: dict[str, dict[str, Any]] = {}
     found: dict[str, str] = {}
     for name, spec in PLANNERS.items():
         like = first.setdefault(spec.target, name)
-        options[name] = _written(spec.target) | dict(spec.options)
+        options[name] = _options_in_source(spec.target) | dict(spec.options)
         if like == name:
             found[name] = _text(options[name])
         else:
@@ -143,7 +143,7 @@ def _ours() -> dict[str, str]:
     return found
 
 
-def _written(target: str) -> dict[str, Any]:
+def _options_in_source(target: str) -> dict[str, Any]:
     """Options of a built-in class, read from its source, inherited ones first; importing it would take a second."""
     module, _, name = target.partition(":")
     path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
@@ -152,7 +152,7 @@ def _written(target: str) -> dict[str, Any]:
     (found,) = [node for node in body if isinstance(node, ast.ClassDef) and node.name == name]
     options: dict[str, Any] = {}
     for base in map(ast.unparse, found.bases):
-        options |= _written(f"{homes.get(base, module)}:{base}")
+        options |= _options_in_source(f"{homes.get(base, module)}:{base}")
     for node in found.body:
         if isinstance(node, ast.AnnAssign) and node.value and "ClassVar" not in ast.unparse(node.annotation):
             options[ast.unparse(node.target)] = ast.literal_eval(node.value)

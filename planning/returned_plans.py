@@ -1,4 +1,4 @@
-"""Plans as planners of any origin return them, copied and checked."""
+"""Copies and checks of the plans that planners of any origin return."""
 
 from collections.abc import Iterable, Mapping
 from itertools import islice
@@ -13,7 +13,7 @@ _MOST_OTHERS = 1000
 
 
 def proposed_plans(plans: Iterable[object] | None, uavs: int) -> list[object]:
-    """Plans that a planner returned; `Unusable` if they are not as many as UAVs."""
+    """List of the plans that a planner returned; `Unusable` if their number is not that of the UAVs."""
     if plans is None:
         raise Unusable(f"None in place of plans for {uavs} UAVs")
     found = list(islice(plans, uavs + 1))
@@ -25,12 +25,12 @@ def proposed_plans(plans: Iterable[object] | None, uavs: int) -> list[object]:
 
 
 def usable_plan(plan: object) -> Plan:
-    """A copy of a plan; `Unusable` says why it is none."""
+    """A copy of a plan; `Unusable` if it is no plan."""
     return shaped_plan(plan, finite=True)
 
 
 def shaped_plan(plan: object, *, finite: bool = False) -> Plan:
-    """As `usable_plan`; unless `finite`, the controls, but not those of other UAVs, may be infinite or NaN."""
+    """A copy of a plan, as `usable_plan`, but unless `finite` the UAV's own controls may be infinite or NaN."""
     if not hasattr(plan, "controls"):
         raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
     controls = _controls("controls", plan.controls)
@@ -40,7 +40,7 @@ def shaped_plan(plan: object, *, finite: bool = False) -> Plan:
 
 
 def _expected_of(plan: object) -> dict[int, Array]:
-    """A copy of the controls (H, 2) m/s that a plan expects of other UAVs; `Unusable` where they are none."""
+    """Copies of the controls (H, 2) m/s that a plan expects of other UAVs; `Unusable` if any are no such controls."""
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
         raise Unusable("others is no mapping")
@@ -54,7 +54,7 @@ def _expected_of(plan: object) -> dict[int, Array]:
 
 
 def _controls(name: str, given: object) -> Array:
-    """Controls (H, 2) m/s."""
+    """A copy of controls (H, 2) m/s; `Unusable` if they have another shape."""
     controls = numbers(name, given, 2 * LONGEST_PLAN)
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
         raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H at least 1")

@@ -11,10 +11,10 @@ from tracking.track import Scan
 
 
 def step(fleet: Sequence[Member], scans: Sequence[Scan], adjacency: Flags | None = None, *, rounds: int = 5) -> None:
-    """Update the trackers with a scan each, predict the others to its time, and fuse their tracks.
+    """Update trackers with their scans, predict the others to the scans' time, and fuse the tracks of all.
 
-    The scans, one or more, are of one time and of different UAVs. adjacency (n, n): the graph of
-    communication, in the order of the fleet; without it all hear all. rounds: as in `consensus.fuse`.
+    The scans, at least one, are of one time and of different UAVs. adjacency (n, n): graph of communication in the
+    fleet's order; by default all UAVs hear each other. rounds: as in `consensus.fuse`.
     """
     given = {scan.uav: scan for scan in scans}
     times = sorted({scan.time for scan in scans})

@@ -15,12 +15,12 @@ from tracking.management.validation import QUATERNION_TOLERANCE
 from tracking.numerics.distances import length
 from tracking.track import Scan
 
-MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan that measured nothing
+MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan without measurements
 POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz", "camera_qw")
 SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
 CAMERA_COLUMNS = ("uav", "fov", "pixels")
 TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
-_DIGITS = 18  # of an integer: what fits into 64 bits
+_DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
 
 _Path = str | os.PathLike[str]
 _Scans = dict[int, tuple[tuple[float, ...], list[list[float]]]]  # by UAV: the camera's pose, and a list for each row
@@ -29,9 +29,9 @@ _Scans = dict[int, tuple[tuple[float, ...], list[list[float]]]]  # by UAV: the c
 def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     """The scans of each instant by ascending UAV, from a CSV file with the columns `SCAN_COLUMNS` and any others.
 
-    A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose,
-    quaternion xyzw. A scan that measured nothing is one row without x, y, xx, xy and yy, which is negative information
-    for a tracker. Rows are in the order of time. Raises ValueError with file, line and column of an invalid entry.
+    A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose
+    with a quaternion xyzw. A scan without measurements is one row without x, y, xx, xy and yy, which is negative
+    information for a tracker. Rows are in the order of time. ValueError names file, line and column of a wrong entry.
     """
     time, scans = -math.inf, _Scans()
     for row in _rows(path, SCAN_COLUMNS):
@@ -102,7 +102,7 @@ class _Row:
         return int(text)
 
     def tree(self) -> Tree:
-        """A tree that can stand; ValueError names file, line and column."""
+        """A tree of possible sizes; ValueError names file, line and column."""
         tree = Tree(*(self.number(name) for name in TREE_COLUMNS))
         for name in ("canopy_radius", "canopy_base", "trunk_radius"):
             if (value := getattr(tree, name)) < 0:
@@ -120,7 +120,7 @@ class _Row:
         return pose
 
     def measurement(self, before: list[list[float]]) -> list[float]:
-        """Position and covariance, or nothing; ValueError if the row contradicts those before of its scan."""
+        """Position and covariance, or nothing; ValueError if the row contradicts earlier rows of its scan."""
         if before == [[]]:
             raise self.wrong("x", "this scan has another row, without a measurement")
         if not any(self.values[name] for name in MEASUREMENT):
@@ -160,7 +160,7 @@ def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
 
 
 def _lines(path: _Path, file: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
-    """Number and fields of each line; ValueError names a line that is no text or no table."""
+    """Number and fields of each line; ValueError names a line that is not UTF-8 or not CSV."""
     table = csv.reader(file)
     try:
         for fields in table:

@@ -14,7 +14,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, power_each
 from tracking.parameters import TrackerParameters
 
-_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay
+_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
 _UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
@@ -24,10 +24,10 @@ class ScanPrediction(NamedTuple):
 
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
-    undetected: tuple[Array, Array]  # the same, given that the scan does not detect the person
+    undetected: tuple[Array, Array]  # means and covariances, given that the scan does not detect the person
     existence: Array  # (T,)
     visible: Array  # (T,), probability of being in plain view
-    detectable: Array  # (T,), the same, less where negative information or a nearer person's measurement counts
+    detectable: Array  # (T,), `visible`, but less if frames before showed no person there or if another person is near
 
     def only(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
@@ -39,7 +39,7 @@ class ScanPrediction(NamedTuple):
 class ScanUpdate(NamedTuple):
     """Beliefs of T tracks after a scan, and the association of its N measurements.
 
-    Without a measurement in its gate a belief is as predicted: negative information counts once the fleet has it.
+    A belief without a measurement in its gate stays as predicted; negative information is applied after fusion.
     """
 
     means: Array  # (T, 4)
@@ -69,8 +69,8 @@ def scan_prediction(
 def _unresolved(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
-    Without it, of two people that pass each other one is taken for a false track. Source: [Koch97], for the nearest.
-    Note: in one place it is not 1 but 0.12, as people keep apart: two tracks that stay in one place are of one.
+    Without it, one of two people that pass each other would be taken for a false track. Source: [Koch97], nearest only.
+    Note: in one place it is 0.12, not 1, because people keep apart: two tracks that stay in one place are of one.
     """
     nearest = np.zeros(len(means))
     for a in range(len(means)):
@@ -106,15 +106,15 @@ def associate(
 ) -> tuple[Array, Array, Array, Array]:
     """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
 
-    lost (N,) 1/m²: density there of lost people away from their tracks. It adds to that of clutter, which
-    here is the same as to lower the likelihoods. settings: `TrackerParameters.association`.
-    Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
+    lost (N,) 1/m²: density of lost people away from their tracks at each measurement. It adds to the density of
+    clutter, which is equivalent to lower likelihoods. settings: `TrackerParameters.association`.
+    Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
     `tracking.association.jpda.existence_association`.
     """
     gate_probability, clutter, detection = settings
     likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
-    # Where a measurement was made the view is free: only the probability of a miss depends on the whole belief. So a
-    # person who leaves the cover of a tree earlier than predicted is detected at once.
+    # The view is free at a measurement, so only the probability of a miss depends on the whole belief. Thus a person
+    # that leaves the cover of a tree earlier than predicted is detected at once.
     chances = np.full((len(likelihood), len(z) + 1), detection * gate_probability)
     for t in range(len(likelihood)):
         chances[t, 0] *= before.detectable[t]
@@ -136,8 +136,8 @@ def _updated(
             if likelihood[t, j] > 0.0:
                 gates[count, 0], gates[count, 1] = t, j
                 count += 1
-                # A wide belief must not take measurements of new people: it explains those that it makes likelier than
-                # clutter.
+                # A track explains only measurements that it makes likelier than clutter, so that a wide belief takes
+                # none of new people.
                 explained[j] |= settings[2] * likelihood[t, j] > settings[1]
         for a in range(4 if count == first else 0):
             means[t, a] = before.means[t, a]

@@ -11,10 +11,10 @@ from tracking.filter.motion import MotionModel
 from tracking.numerics.exponential import log, power
 
 MANAGEMENT = ("m_of_n", "existence")
-MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
+MOST_SCANS = 62  # most scans for which the bits of an integer can hold misses
 EXPECTED = 0.9  # probability of being in plain view from which on a UAV should see the person
 SEEN = 0.1  # probability that a measurement is the person's from which on the person counts as detected
-# Allowed values in words, their test, which NaN fails, and the parameters that it holds for.
+# Allowed values in words, a test of a value, which NaN fails, and the parameters to test.
 _RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
     ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability")),
     ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
@@ -40,8 +40,8 @@ class TrackerParameters:
     reacquire_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
     max_variance: float = 100.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
-    management: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
-    survival: float = 0.999  # probability that a person in the area still is a second later
+    management: str = "existence"  # by probabilities of "existence", or "m_of_n" by `confirm` and `delete`
+    survival: float = 0.999  # probability that a person in the area is still there a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     confirmation_threshold: float = 0.99  # probability of existence that confirms a track
     deletion_threshold: float = 0.001  # probability below which a track is deleted; no effect below 1e-9
@@ -71,17 +71,17 @@ class TrackerParameters:
 
     @cached_property
     def loss(self) -> tuple[float, float]:
-        """Time without a sure detection beyond which a track is lost [s], and people's largest speed, likewise."""
-        return max(self.reacquire_after - self.motion.dt / 2, 0.0), self.max_speed  # but for rounding
+        """Time [s] without a sure detection after which a track is lost, and people's largest speed [m/s]."""
+        return max(self.reacquire_after - self.motion.dt / 2, 0.0), self.max_speed  # half a scan less, against rounding
 
     @cached_property
     def measurement_gate(self) -> float:
-        """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
+        """Squared distance within which a person's measurement is with `gate_probability` (two degrees of freedom)."""
         return -2.0 * log(1.0 - self.gate_probability)
 
     @cached_property
     def match_gate(self) -> float:
-        """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
+        """Squared distance within which two tracks of one person are with `gate_probability` (four degrees)."""
         # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
         gate, before = self.measurement_gate, 0.0
         while abs(gate - before) > 1e-15 * gate:
@@ -90,5 +90,5 @@ class TrackerParameters:
 
     @cached_property
     def step_survival(self) -> float:
-        """Probability that a person in the area still is one step of motion later."""
+        """Probability that a person in the area is still there one step of motion later."""
         return power(self.survival, self.motion.dt) if self.management == "existence" else 1.0

@@ -1,4 +1,4 @@
-"""Scans and tracks: what a tracker is given, and what it holds."""
+"""Scans, which trackers take, and tracks, which they hold."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array, Flags, Indices
 
-# Probability of existence up to which a track is not reported. For its existence r, the square e of its error and the
-# cut-off c, to report it costs GOSPA r e + (1 - r) c² / 2, to leave it out r c² / 2.
+# Existence probability up to which a track is not reported. With existence probability r, squared error e and cut-off
+# c, a reported track costs GOSPA r e + (1 - r) c² / 2, and one that is left out r c² / 2.
 UNLIKELY = 0.5
 
 
@@ -34,15 +34,15 @@ class Track:
 
     id: int
     belief: Gaussian
-    existence: float = 1.0  # probability; 1 where the tracker has none, as with m of n scans
-    # (3,) position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell
+    existence: float = 1.0  # probability; 1 if the tracker estimates none, as with m of n scans
+    # (3,) position [m] and time [s] of the fleet's last sure detection; NaN if the tracker gives none
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def reported(self) -> bool:
         """True if the person more likely exists than not.
 
-        Less likely tracks are hypotheses still: planners weigh them, and a measurement may confirm them.
+        Less likely tracks are still hypotheses: planners weight them, and a measurement may confirm them.
         Source: [GarciaFernandez18], the first of its estimators, with the threshold of GOSPA for small errors.
         """
         return self.existence > UNLIKELY
@@ -51,7 +51,7 @@ class Track:
 def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array) -> tuple[Track, ...]:
     """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3).
 
-    A sighting of a time below 0, or that is no number, is none.
+    A sighting becomes NaN if its time is below 0 or NaN.
     """
     known = np.where(sightings[:, 2:] >= 0.0, sightings, np.nan)
     rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True)
@@ -64,7 +64,7 @@ def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:
     return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
 
 
-@dataclass(eq=False)  # one that is frozen takes four times as long to make
+@dataclass(eq=False)  # a frozen one takes four times as long to make
 class TrackTable:
     """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` those of both."""
 
@@ -73,10 +73,10 @@ class TrackTable:
     covariances: Array  # (T, 4, 4)
     existence: Array  # (T,) probabilities
     weights: Array  # (T,) of beliefs in the fleet's average
-    # (T, 4) s: last detection by the fleet, scan with the person in view, sure detection, frame before that showed some
-    # of the belief
+    # (T, 4) s: the fleet's last detection, last scan with the person in view, last sure detection, and last earlier
+    # frame that showed a part of the belief
     times: Array
-    views: Indices  # (T, 2), as bits, samples of the belief that a frame without a detection shows; that frame before
+    views: Indices  # (T, 2) bits: samples of the belief in the scan's frame, if without detection; in the frame before
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 

@@ -29,11 +29,11 @@ from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
-_VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
+_VIEWED = 1e-4  # weight of a belief in view without a detection, which matters only if no UAV detected the person
 _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
-_MOST_NEW = LABELS_PER_SCAN // 2  # new tracks of a scan, at most
-_NEW_FOR = 1.0  # s for which a new track takes the id of one whose person it shares
-_BITS = np.arange(len(SAMPLES))  # of a number that holds which samples of a belief are in view
+_MOST_NEW = LABELS_PER_SCAN // 2  # largest number of new tracks in a scan
+_NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
+_BITS = np.arange(len(SAMPLES))  # bit of each sample of a belief in a number that says which are in view
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 
 
@@ -64,7 +64,7 @@ class Tracker:
             raise ValueError(f"ids of initial tracks must be below {FIRST_LABEL}, are up to {known[-1].id}")
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self.max_speed = parameters.max_speed
-        self.motion = parameters.motion  # after what the fleet has seen of people's speeds
+        self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self._link = Link(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
@@ -109,7 +109,7 @@ class Tracker:
         elapsed, self._waited = self._waited, 0
         view = self._forest, lens
         new, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, view=view, p=self.parameters)
-        # More than there are labels for begin in the next scan.
+        # Tracks for which there are no labels begin in the next scan.
         new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
         if new:
             begun = [Track(new_label(self._link.scans, self.uav, k), t.belief, t.existence) for k, t in enumerate(new)]
@@ -120,12 +120,12 @@ class Tracker:
         self._predict(time, None)
 
     def _predict(self, time: float, frame: Lens | None) -> Flags:
-        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `visible_samples`."""
+        """Predict to a scan's time; returns `visible_samples` of its frame, if there is one, and of the one before."""
         self._link.begin(time)
-        if self._link.scans == 1:  # initial tracks hold now
+        if self._link.scans == 1:  # initial tracks are of this time
             self._first = time
             self._table.sightings[:, 2] = time
-        # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
+        # The number of steps since the first scan is rounded, not since the last one, so that no drift adds up.
         elapsed = round((time - self._first) / self.parameters.motion.dt) - self._steps
         self._steps += elapsed
         self._waited += elapsed
@@ -161,7 +161,7 @@ class Tracker:
             existence < p.deletion_threshold if p.management == "existence" else np.bitwise_count(misses) >= p.delete[0]
         )
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
-        # Those of hidden people may agree without a measurement for which they compete.
+        # Tracks of hidden people may be close to each other without competing for a measurement.
         recent = message.times[:, 0] > now - _SHARED_WITHIN
         ids = message.ids.copy()
         for kept, other in shared_people((means, covariances), existence, ~gone & recent, p.match_gate):
@@ -218,7 +218,7 @@ def _history(
 ) -> tuple[Array, Array, Indices]:
     """Weights, times and views of tracks after a scan, from their times and views before.
 
-    scores: probability of a detection, whether it counts as one, and probability to be in plain view, all (T,).
+    scores: probability of a detection, flag if it counts as a hit, and probability of being in plain view, all (T,).
     """
     times, views = columns[0].copy(), columns[1].copy()
     detected, hits, visible = scores
@@ -230,5 +230,5 @@ def _history(
         if detected[t] >= SURE:
             times[t, 2] = now
     for g in range(len(gates)):
-        views[gates[g, 0], 0] = 0  # the association has taken it
+        views[gates[g, 0], 0] = 0  # the association has already used this frame
     return np.maximum(detected, UNSEEN + _VIEWED * visible), times, views

@@ -16,8 +16,8 @@ from tracking.numerics.exponential import exp
 from tracking.numerics.normal import normal_cdf_each
 from tracking.track import Track
 
-_CELL = 5.0  # m, about
-_SAME = 3.0  # m: a track that ends within this distance of another one was its duplicate
+_CELL = 5.0  # m, approximate edge of a cell
+_SAME = 3.0  # m: a track that ends within this distance of another track was its duplicate
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,11 @@ def raster_shape(area: tuple[float, float]) -> tuple[int, int]:
 class UndetectedIntensity:
     """One UAV's filter of the intensity of undetected people: a Poisson process, predicted and thinned.
 
-    At first `people` are expected evenly over the area. They spread as walkers do. Each frame thins the intensity where
-    the line of sight is free. A track that ends is recycled: its person is added to the intensity.
+    At first `people` are expected evenly over the area; then they spread as walkers do. Each frame thins the intensity
+    where the line of sight is free. A track that ends is recycled: its person is added to the intensity.
     Source: [Williams15], the Poisson part.
-    Note: there a track adds its probability of existence, and people survive with a probability; here one, and all do.
+    Note: a track adds one person, and all people survive. In the source it adds its existence probability, and people
+    survive with a probability.
     """
 
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
@@ -55,21 +56,20 @@ class UndetectedIntensity:
         width, height = area
         rows, columns = raster_shape(area)
         even = np.full((rows, columns), people / (rows * columns))
-        # After the last step.
         self.belief = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
         self._detection, self._pace = detection, pace
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 
     def step(self, time: float, frames: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
-        """Predict to a time [s] and thin by frames, as cameras and poses; their detections are among the tracks."""
+        """Predict to a time [s] and thin by frames (camera and pose each), whose detections are among the tracks."""
         elapsed, self._time = time - self._time, time
         people = self.belief.people
         if elapsed > 0.0 and people.any():
             sigma = self._pace * math.sqrt(elapsed)
             width, height = self.belief.cell
             people = np.ascontiguousarray(_blurred(people, sigma / height).T)
-            people = _blurred(people, sigma / width).T  # the area keeps all people
+            people = _blurred(people, sigma / width).T  # reflection keeps all people in the area
         people = people + self._recycled(tracks)
         for camera, pose in frames if people.any() else ():
             people = self._thinned(people, camera, pose, forest)
@@ -82,7 +82,7 @@ class UndetectedIntensity:
         if people[window].any():
             centres = self.belief.centres()[window]
             each = centres.reshape(-1, 2)
-            # The variance of an even spread over a cell.
+            # Variance of a uniform distribution over a cell.
             evenly = np.tile(np.diag(np.square(cell) / 12.0), (len(each), 1, 1))
             share = visible_samples(forest, (each, evenly), camera.lens(pose))[:, 0].mean(axis=1)
             people = people.copy()
@@ -92,7 +92,7 @@ class UndetectedIntensity:
     def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
         """Rows and columns of the cells that a camera may see."""
         shown = camera.footprint(pose, TARGET_HEIGHT) if camera.fov < ALL_ROUND else np.full((4, 2), np.nan)
-        if np.isnan(shown).any():  # also above the horizon
+        if np.isnan(shown).any():  # the view is all round or reaches above the horizon
             return slice(None), slice(None)
         low, cell = np.array(self.belief.low), np.array(self.belief.cell)
         first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
@@ -111,7 +111,7 @@ class UndetectedIntensity:
         return back
 
     def _spread(self, belief: Gaussian) -> Array:
-        """Probabilities (rows, columns) of cells for a person with a belief, correlation aside; the sum is one."""
+        """Probabilities (rows, columns) of cells for a person with a belief, without correlation; their sum is one."""
         rows, columns = self.belief.people.shape
         shares = []
         for axis, count in ((1, rows), (0, columns)):

@@ -24,7 +24,7 @@ from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.results import change, contents
 
-SEED = 5  # of the memory of stateful planners
+SEED = 5  # with which stateful planners are reset
 _CHILD = """
 import pickle, sys
 sys.path[:] = pickle.loads(sys.stdin.buffer.read(int(sys.stdin.buffer.readline())))
@@ -38,10 +38,10 @@ class Attempt:
     """Plans for a team, with their defects."""
 
     plans: Sequence[Plan]  # as returned
-    copies: tuple[Plan, ...]  # with the defect "plans" those before the first that is none
+    copies: tuple[Plan, ...]  # of all plans; with the defect "plans", of those before the first that is no plan
     defects: Mapping[str, str]  # by kind: "plans", "finite", "speed"
-    touched: str = ""  # change of the situations
-    drew: str = ""  # modules of the global random numbers it used
+    touched: str = ""  # change that the planner made to the situations, in words; empty: none
+    drew: str = ""  # modules whose global random numbers the planner used
     seconds: float = 0.0
 
     @property
@@ -58,9 +58,9 @@ class Attempt:
 
 
 def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watched: bool = False) -> Attempt:
-    """Plan for a copy of the team, with the same chance each time.
+    """Let a planner plan for a copy of the team, with the same random numbers each time.
 
-    `world` seeds the global random numbers; only if `watched`, changes of the situations are found.
+    `world` seeds the global random numbers. Changes of the situations are only found if `watched`.
     """
     situations = copy.deepcopy(list(team))
     before = contents(situations, "team") if watched else {}
@@ -81,7 +81,7 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
 
 
 def attempt_in_other_process(planner: str | bytes, team: Sequence[Situation]) -> Attempt:
-    """`attempt` in a new process, with other hashes of strings; planner: as text, or pickled."""
+    """`attempt` in a new process with another hash seed; the planner is given as text or pickled."""
     path, request = pickle.dumps(sys.path), pickle.dumps((planner, list(team)))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "attempt"
@@ -109,9 +109,9 @@ def answer(path: str) -> None:
 
 
 def differences(a: Plan, b: Plan) -> tuple[float, float]:
-    """The largest difference of two plans' controls [m/s], and of those that they expect of other UAVs.
+    """Largest differences [m/s] of two plans: in the UAV's own controls, and in those expected of other UAVs.
 
-    Infinite where UAVs, shapes or places of NaN differ.
+    A difference is infinite if UAVs, shapes or positions of NaN differ.
     """
     same = a.others.keys() == b.others.keys()
     others = max((_difference(a.others[j], b.others[j]) for j in a.others), default=0.0) if same else float("inf")
@@ -125,7 +125,7 @@ def _difference(a: Array, b: Array) -> float:
 
 
 def _copies(planner: Planner, plans: Sequence[Any]) -> tuple[tuple[Plan, ...], str]:
-    """Copies up to the first plan of a wrong type or shape, and what is wrong with that."""
+    """Copies of the plans before the first of a wrong type or shape, and the error of that plan; empty: none."""
     copies: list[Plan] = []
     for k, plan in enumerate(plans):
         try:
@@ -150,10 +150,10 @@ def _defects(plans: Sequence[Plan], team: Sequence[Situation]) -> dict[str, str]
 
 @contextmanager
 def _global_chance(seed: int) -> Iterator[list[str]]:
-    """Sets the global states of the `random` modules meanwhile; yields a list of those that were used."""
+    """Seed the global random numbers, and restore them at the end; yields a list that then names the modules used."""
     before = _global_states()
     random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002 - what planners must not use
+    np.random.seed(seed)  # noqa: NPY002 - planners must not use these numbers
     start = _global_states()
     drew: list[str] = []
     try:

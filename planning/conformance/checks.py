@@ -24,9 +24,9 @@ from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 from tracking.plugins.registry import InputError
 
-_DECISIONS = 5  # that are timed
+_DECISIONS = 5  # number of decisions that are timed
 Maker = Callable[[], Planner]
-ROUNDING = 1e-9  # m/s, by which a plan may depend on what should not matter
+ROUNDING = 1e-9  # m/s; smaller differences of plans count as rounding
 
 
 class Subject:
@@ -50,7 +50,7 @@ class Subject:
 
     @cached_property
     def repeats(self) -> str:
-        """Difference of the plans of another instance with the same seed, in words; empty: none."""
+        """Difference of the plans that another instance makes with the same seed, in words; empty if there is none."""
         return _difference_of_plans(self.first, attempt(self.make(), self.team))
 
     def planned(self) -> Attempt:
@@ -60,20 +60,20 @@ class Subject:
         return self.first
 
     def compare(self, other: Attempt, when: str, within: float = 0.0) -> None:
-        """Raise `Unfit` unless plans equal the first ones, within so many m/s."""
+        """Raise `Unfit` if plans differ from the first ones by more than `within` m/s."""
         difference = _difference_of_plans(self.planned(), other, within)
         if difference:
             raise Unfit(f"{when}, {difference}")
 
     def comparable(self) -> None:
-        """Raise `Untried` if the planner's plans never repeat, so that none can be compared."""
+        """Raise `Untried` if the planner's plans do not repeat, so that no comparison can tell anything."""
         self.planned()
         if self.repeats:
             raise Untried("its plans do not repeat anyway")
 
 
 def _difference_of_plans(first: Attempt, other: Attempt, within: float = 0.0) -> str:
-    """Difference of two attempts beyond `within` m/s, in words; empty: none."""
+    """Difference of the plans of two attempts by more than `within` m/s, in words; empty if there is none."""
     if other.defects != first.defects:
         return next((text for kind, text in other.defects.items() if kind not in first.defects), "plans differ")
     gaps = np.array([differences(a, b) for a, b in zip(first.copies, other.copies, strict=False)]).reshape(-1, 2)
@@ -82,7 +82,7 @@ def _difference_of_plans(first: Attempt, other: Attempt, within: float = 0.0) ->
 
 
 def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
-    """Plans for a team, of a stateful planner those of the second decision; `Unfit` if there are none."""
+    """Plans for a team, which a stateful planner makes in its second decision; `Unfit` if it does not plan."""
     planner = subject.make()
     if subject.remembers:
         attempt(planner, team)
@@ -92,18 +92,17 @@ def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
 
 
 def _check_free(tried: Attempt, kind: str) -> None:
-    """`Unfit` if an attempt has a defect of that kind."""
+    """Raise `Unfit` if an attempt has a defect of that kind."""
     if kind in tried.defects:
         raise Unfit(tried.defects[kind])
 
 
 def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
-    """Findings of all checks of a planner; it conforms if none has `passed` False.
+    """Findings of all checks of a planner, which conforms if no finding has `passed` False.
 
-    planner: text as `planning.loading.load_planner` takes it, or a class or function that makes one.
-    `other_process`: plan in another process too, which takes seconds. InputError if the text names no planner, or
-    where a planner is given, of which only one can be had.
-    A defect in the ordinary situation is not reported again in each special one.
+    planner: text for `planning.loading.load_planner`, or a class or function that makes planners. A planner object
+    does not do, because the checks need several. `other_process`: plan in another process, too, which takes seconds.
+    A defect in the ordinary situation is not reported again in special ones. InputError if there is no such planner.
     """
     if not isinstance(planner, str) and not callable(planner):
         raise InputError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
@@ -165,7 +164,7 @@ def _other_process(subject: Subject) -> str:
             sent = subject.text or pickle.dumps(subject.make())
     except ForeignError as error:
         raise Untried("it cannot be pickled") from error
-    # Arrays lie elsewhere in memory there, and sums of linear algebra may round otherwise for that.
+    # Arrays have other addresses in another process, for which linear algebra may round sums differently.
     subject.compare(attempt_in_other_process(sent, subject.team), "in a process with other hashes of strings", ROUNDING)
     return "equal but for rounding, with other hashes of strings"
 
@@ -180,7 +179,7 @@ def _chance(subject: Subject) -> str:
 
 
 def _memory(subject: Subject) -> str:
-    """Check that a planner remembers nothing, or, if it is stateful, nothing from before it was reset."""
+    """Check that a planner has no memory or, if it is stateful, that `reset` clears its memory."""
     subject.comparable()
     planner, calls = subject.make(), (subject.team, ordinary_team(1), subject.team)
     before = [attempt(planner, team) for team in calls]
@@ -245,7 +244,7 @@ def _exchange(subject: Subject) -> str:
 
 
 def _plan_not_received(subject: Subject, uav: int) -> list[Situation]:
-    """The team if no other UAV receives the plan of one UAV in any round; positions and last plans are known."""
+    """The team where no other UAV receives one UAV's plan in any round; all positions and last plans are known."""
     heard = {s.own.id: tuple(v.id for v in s.neighbours if v.id != uav) for s in subject.team}
     return [replace(s, reception=(heard[s.own.id],) * max(subject.rounds, 1)) for s in subject.team]
 
@@ -257,7 +256,7 @@ def _claimed(subject: Subject) -> None:
 
 
 def _influence(subject: Subject, team: Sequence[Situation], changed: Sequence[int], kept: Sequence[int]) -> str:
-    """Knowledge of UAVs `changed` that influences the plans of UAVs `kept`, in words; empty: none."""
+    """Kind of knowledge of UAVs `changed` that influences plans of UAVs `kept`, in words; empty if there is none."""
     base = _proper_plans(subject, team)
 
     def influence(kinds: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from tracking.numerics.arrays import Array
 from tracking.track import Track
 from tracking.undetected import Intensity
 
-_DISPLACEMENT = np.array([2.0, -1.0, 0.0])  # m, of UAVs
+_DISPLACEMENT = np.array([2.0, -1.0, 0.0])  # m, by which UAVs are displaced
 # Kinds of knowledge, and how each is changed.
 KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
     "tracks": lambda s: replace(s, tracks=tuple(_displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks)),
@@ -63,9 +63,9 @@ def random_team(
 
 
 def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
-    """Three quadrotors in flight: each has its own beliefs and top speed, and knows the last plans of two of them.
+    """Three quadrotors in flight, each with its own top speed, beliefs and intensity of undetected targets.
 
-    Each has its own intensity of undetected targets.
+    All of them know the last plans of UAVs 0 and 1.
     """
     rng, places = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
     team = random_team(seed, targets=targets)
@@ -101,20 +101,20 @@ def _displaced(track: Track, by: Array, times: float) -> Track:
 
 
 def _subteam(team: Sequence[Situation], ids: Collection[int]) -> list[Situation]:
-    """The team if only UAVs `ids` work."""
+    """The team when only UAVs `ids` still work."""
     return [_in_contact(s, ids) for s in team if s.own.id in ids]
 
 
 def out_of_contact(team: Sequence[Situation], uav: int) -> list[Situation]:
-    """The team if one UAV has no contact to the others."""
+    """The team when one UAV is out of contact with the others."""
     ids = {s.own.id for s in team}
     return [_in_contact(s, {uav} if s.own.id == uav else ids - {uav}) for s in team]
 
 
 def immobilised(team: Sequence[Situation], uav: int) -> list[Situation]:
-    """The team if one UAV can hardly move, so that its plan reveals nothing of its knowledge.
+    """The team when one UAV can hardly move, so that its plan reveals nothing of its knowledge.
 
-    Its top speed is 1e-20 m/s: not zero, by which planners may divide, but too little to change a position.
+    Its top speed is 1e-20 m/s, too little to change a position, but not zero, because planners may divide by it.
     """
 
     def slow(vehicle: Vehicle) -> Vehicle:
@@ -132,7 +132,7 @@ def immobilised(team: Sequence[Situation], uav: int) -> list[Situation]:
 
 
 def with_other_knowledge(team: Sequence[Situation], uavs: Collection[int], kinds: Collection[str]) -> list[Situation]:
-    """The team if UAVs `uavs` have other knowledge of some kinds of `KNOWLEDGE`; as many tracks as before."""
+    """The team when the knowledge of UAVs `uavs` is changed in some kinds of `KNOWLEDGE`; no track is lost or added."""
     changes = [KNOWLEDGE[kind] for kind in kinds]
     return [reduce(lambda known, change: change(known), changes, s) if s.own.id in uavs else s for s in team]
 
@@ -151,7 +151,7 @@ def _situations() -> dict[str, list[Situation]]:
         "one UAV": _subteam(team, {0}),
         "no tracks": [replace(s, tracks=()) for s in team],
         "no trees": [replace(s, forest=Forest(())) for s in team],
-        "a UAV broken down": _subteam(team, {0, 2}),  # ids are not places
+        "a UAV broken down": _subteam(team, {0, 2}),  # so ids differ from indices in the team
         "out of contact": [out_of_contact(team, s.own.id)[k] for k, s in enumerate(team)],
         "first decision": [replace(s, time=0.0, intents={}) for s in team],
         "fifty tracks": ordinary_team(targets=50),

@@ -13,12 +13,12 @@ from tracking.numerics.arrays import Array
 
 @dataclass(frozen=True)
 class Partitions:
-    """Rounds of decisions: UAVs of one round decide at once and count only the plans of earlier rounds they receive.
+    """Rounds of decisions: the UAVs of a round decide at once, given the plans that they received in earlier rounds.
 
-    The other UAVs are left out, so that each UAV maximises the gain over what is decided.
-    With `rounds` of 0 there is one UAV a round, by id: where the objective is monotone and submodular and decisions are
-    exact, the team has at least half of the optimum. Else each UAV draws its round (randomised sequential partitions,
-    RSP), and loses at most half of what those of one round have in common besides.
+    A UAV leaves out the UAVs without a known plan, so that it maximises the gain over the known plans.
+    With `rounds` of 0 each round has one UAV, in the team's order. If the objective is monotone and submodular and each
+    decision is exact, the team reaches at least half of the optimum. Otherwise each UAV draws its round (randomised
+    sequential partitions, RSP), and the bound falls by at most half of the redundancy among UAVs of the same round.
     Source: [Fisher78] for the first bound, [Corah18] and [Corah21] for RSP.
     """
 
@@ -28,11 +28,11 @@ class Partitions:
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `composition.Coordination.plans`."""
         drawn = rng.integers(self.rounds, size=len(team)) if self.rounds else np.arange(len(team))
-        known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # to each UAV, the plans that it received
+        known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by receiver and sender
         made: dict[int, Array] = {}
         for now in range(int(drawn.max(initial=-1)) + 1):
             deciding = [s for s, own in zip(team, drawn.tolist(), strict=True) if own == now]
-            made |= {s.own.id: _answer(s, known[s.own.id], decision, rng) for s in deciding}
+            made |= {s.own.id: _plan_given(s, known[s.own.id], decision, rng) for s in deciding}
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):
@@ -40,8 +40,8 @@ class Partitions:
         return [Plan(made[s.own.id]) for s in team]
 
 
-def _answer(situation: Situation, known: dict[int, Array], decision: Decision, rng: np.random.Generator) -> Array:
-    """Plan (H, 2) m/s of a UAV among those with known plans alone."""
+def _plan_given(situation: Situation, known: dict[int, Array], decision: Decision, rng: np.random.Generator) -> Array:
+    """Plan (H, 2) m/s of a UAV that leaves out all UAVs without a known plan."""
     among = replace(situation, neighbours=tuple(v for v in situation.neighbours if v.id in known))
     plans = expected_plans(among, decision.horizon, known)
     return own_plan(among, plans, decision, rng)

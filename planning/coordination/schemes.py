@@ -19,8 +19,8 @@ Order = Literal["fixed", "random", "worst-first"]
 class Sequential:
     """UAVs decide one after another; each knows the plans of those before it, [Li22] Algorithm 3.
 
-    It expects those after it to follow their policy of intent or, in a second sweep, the plan they have made. The same
-    holds for UAVs before it whose plans do not reach it. A plan is sent once and not forwarded.
+    A UAV expects those after it to follow their policy of intent or, from the second sweep on, their last plans. It
+    expects the same of UAVs before it whose plans do not reach it. A plan is sent once and not forwarded.
     """
 
     order: Order = "fixed"
@@ -33,7 +33,7 @@ class Sequential:
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `composition.Coordination.plans`."""
-        known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # to each UAV, its own and those it received
+        known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by holder and author
         sequence = self._sequence(team, rng)
         for sweep in range(self.sweeps):
             for situation in sequence:
@@ -77,8 +77,8 @@ class Parallel:
 class Decentralised:
     """Dec-POMDP as in [Li22] IV-E: each UAV optimises the joint plan on its own belief and flies its own share.
 
-    No decisions are sent. All search with the same random numbers, agreed beforehand: equal beliefs, equal plans.
-    A UAV takes the others' shares of its own joint plan for their intents.
+    No plans are sent. All UAVs search with the same random numbers, agreed beforehand, so that equal beliefs give equal
+    plans. A UAV takes the shares of the others in its own joint plan as their intents.
     """
 
     exchange = Exchange(0)

@@ -1,4 +1,4 @@
-"""Mutual information of targets' paths and their measurements, compiled."""
+"""Mutual information between targets' paths and their measurements, compiled."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from tracking.numerics.exponential import logs
 
 @compiled
 def gain_transition(P: Array, transition: tuple[float, float], noise: Array, information: Array, costs: Array) -> None:
-    """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces.
+    """Apply `belief_transition` to P, and set `costs` (LANES,) to minus the information gained instead of the traces.
 
-    It is the mutual information [nats] of a state one step later and its measurements then: ½ log det(I + J P⁻), with
-    the predicted position block P⁻ and the measurements' information J. By the chain rule, the sum over steps is the
-    mutual information of the path and all measurements. It is monotone and submodular in the measurements, because
-    these are independent given the path. Source: [Krause05] for the latter.
+    The gain is the mutual information [nats] between a state one step later and its measurements, ½ log det(I + J P⁻)
+    with the predicted position block P⁻ and the measurements' information J. By the chain rule, the sum over steps is
+    the mutual information between the path and all measurements. This sum is monotone and submodular in the
+    measurements, because they are independent given the path [Krause05].
     """
     gains, (way, _) = np.empty(LANES), transition
     for k in range(LANES):

@@ -30,17 +30,17 @@ def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav:
 def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: Array) -> tuple[Match, ...]:
     """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
 
-    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 3): x, y
-    [m] and D_i, overwritten with the positions p^MDO; views (n, 5, 3): their fields of view, see
-    `field_of_view.view_quadrangle`. `mwtp_lanes` finds the penalties of many plans side by side. Source: [Li22], with
-    β = 1.
+    targets (T, 2 or 3) m at the end of the horizon; traces (T,) m² of their position covariances; sensors (n, 3): x, y
+    [m] and D_i, overwritten with the positions p^MDO; views (n, 5, 3): fields of view of the sensors as in
+    `field_of_view.view_quadrangle`. `mwtp_lanes` finds the penalties of many plans side by side.
+    Source: [Li22], with β = 1.
 
     Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
-    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
-    its p^MDO, the least displacement after which the field of view covers it, would be zero.
+    Note: a target that is in a field of view but hidden gets no match, because its p^MDO, the least displacement after
+    which the field of view covers it, would be zero.
     """
     found = []
-    for t in np.argsort(-traces, kind="stable").tolist():  # equal ones by index
+    for t in np.argsort(-traces, kind="stable").tolist():  # equal traces by index
         if not seen[t]:
             uav, distance = _nearest(targets, t, sensors, views)
             penalty = distance * float(traces[t]) if sensors[uav, 2] == 0.0 else 0.0
@@ -52,7 +52,7 @@ def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: A
 
 @compiled
 def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> None:
-    """Move a sensor to where its field of view just covers the target."""
+    """Move a sensor by the least displacement after which its field of view covers the target."""
     x, y = shortest_move(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
     sensors[uav, 0] += x
     sensors[uav, 1] += y

@@ -19,10 +19,10 @@ class Workspace(NamedTuple):
 
     unseen: Array  # (T, LANES): 1 for a target outside all fields of view, else 0
     order: Indices  # (T,): the targets by falling trace
-    targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are unseen, in that order
-    counts: Array  # (LANES,): their number
+    targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of the unseen targets, in that order
+    counts: Array  # (LANES,): number of unseen targets
     sensors: Array  # (n, 3, LANES): x, y [m] and D_i
-    match: Array  # (3, LANES): row of the sensor, its distance [m], and D_i with it
+    match: Array  # (3, LANES): row of the sensor, its distance [m], and D_i plus this distance
 
 
 @compiled
@@ -40,9 +40,9 @@ def workspace(targets: int, uavs: int) -> Workspace:
 
 @compiled
 def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
-    """Add to `sums` (LANES,) the MWTP of targets (T, 2 or 3) m with traces (T, LANES) m² that are `work.unseen`.
+    """Add the MWTP of the targets that are `work.unseen` to `sums` (LANES,).
 
-    The sensors are at `work.sensors` with D_i of 0, and are moved.
+    targets (T, 2 or 3) m, traces (T, LANES) m². The sensors in `work.sensors` have D_i of 0 at first, and are moved.
     """
     _sort(work, targets, traces)
     most = int(work.counts.max())
@@ -68,7 +68,7 @@ def mark_in_view_lanes(work: Workspace, targets: Array, uav: int, views: Array) 
 def _sort(work: Workspace, targets: Array, traces: Array) -> None:
     """List the unseen targets of each lane by falling trace, equal ones by index.
 
-    By insertion, in linear time where a lane's order is nearly that of the one before.
+    Insertion sort takes linear time where the order in a lane is nearly that in the lane before.
     """
     order = work.order
     for lane in range(LANES):
@@ -140,7 +140,7 @@ def _move(work: Workspace, m: int, i: int, views: Array) -> None:
     corners = corner(views, i, 0), corner(views, i, 1), corner(views, i, 2), corner(views, i, 3)
     for lane in range(LANES):
         offset = x[lane] - east[lane], y[lane] - north[lane]
-        # The nearest corner, or the foot on the first side that has its foot between its ends.
+        # Displacement from the nearest corner, or from the foot on the first side that has its foot between its ends.
         best = _from(offset, corners[0])
         best = _less(best, _from(offset, corners[1]))
         best = _less(best, _from(offset, corners[2]))
@@ -173,7 +173,7 @@ def _less(one: Pair, other: Pair) -> Pair:
 
 @compiled
 def _foot(best: Pair, point: Pair, side: Triple, others: tuple[Triple, Triple, Triple]) -> Pair:
-    """Displacement to a point outside a side from its foot on it, if the foot lies between its ends, else `best`."""
+    """Displacement to a point outside a side from its foot, if the foot lies between the side's ends, else `best`."""
     excess = side[0] * point[0] + side[1] * point[1] - side[2]
     foot = point[0] - excess * side[0], point[1] - excess * side[1]
     off = _beyond(foot, others[0]) | _beyond(foot, others[1]) | _beyond(foot, others[2])

@@ -24,10 +24,10 @@ _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2,
 
 
 class Measure(NamedTuple):
-    """Measure of the uncertainty that a step leaves of a target."""
+    """Measure of the uncertainty of a target after a step."""
 
-    gains: bool  # minus the gain of information [nats], else the trace [m²]
-    cutoff: float  # m: up to which squared errors count; infinite: the trace itself
+    gains: bool  # True: minus the gain of information [nats]; False: the trace [m²]
+    cutoff: float  # m, at which errors are cut off; infinite: the trace itself
 
 
 TRACE = Measure(gains=False, cutoff=np.inf)
@@ -41,19 +41,19 @@ def objective(
     samples: int = 1,
     measure: Measure = TRACE,
 ) -> Objective:
-    """The objective [m², nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly (n, H, 2).
+    """The objective [m² or nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `velocities`.
 
-    Velocities are means over the steps, with which [Li22] eq. (5) holds of any UAV: `prediction.response`.
-    Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
-    of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
-    the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
-    equally probable trajectories each has its own P, and traces are their mean. The contribution of the other UAVs is
-    the same for all candidates and computed once. Another `measure` puts the expected squared error up to a cut-off
-    (`squared_error.cut_off`) or minus the mutual information of targets' paths and all measurements
-    (`information.gain_transition`) in the place of each trace.
+    All are mean velocities over the steps, with which [Li22] eq. (5) holds for any UAV (`prediction.response`).
+    The objective sums tr P (position block) times the target's weight over steps and targets, and adds for beta > 0
+    the MWTP of Algorithm 2 on weighted traces. It is the mean over `samples` sets of targets. Each P is updated with
+    the information of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)). If a
+    target has several equally probable trajectories, each has its own P, and the mean of their traces counts.
+    The contribution of the others, velocities (n, H, 2) m/s, is the same for all candidates and computed once.
+    Another `measure` replaces each trace by the expected squared error up to a cut-off (`squared_error.cut_off`), or by
+    minus the mutual information between targets' paths and all measurements (`information.gain_transition`).
 
     Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
-    every frame, five in a step of 1 s by default, so beliefs in people in view become narrower than predicted.
+    every frame, by default five in a step of 1 s, so beliefs in people in view become narrower than predicted.
     """
     deciding = np.asarray(uavs, dtype=np.int64)
     others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)
@@ -69,7 +69,7 @@ def objective(
 
 
 def terminal_matches(belief: PredictedBelief, velocities: Array) -> tuple[Array, tuple[Match, ...]]:
-    """Targets (T, 3) m of one sample after mean velocities (n, H, 2) m/s of a team, and how the MWTP matches them."""
+    """Targets (T, 3) m and their matches in the MWTP after mean velocities (n, H, 2) m/s; the belief has one sample."""
     none = np.empty(0, dtype=np.int64)
     others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), none, TRACE)
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
@@ -83,8 +83,8 @@ class _Others(NamedTuple):
 
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
-    before: Array  # (H T K, 10): with it alone, P before each step, as in one lane of `belief_transition`
-    costs: Array  # (H T K,) m² or nats: of its position block after each step, by `measure`
+    before: Array  # (H T K, 10): P before each step with this information alone, as one lane of `belief_transition`
+    costs: Array  # (H T K,) m² or nats: `measure` of the position block of this P after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
     measure: Measure
@@ -119,7 +119,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 @compiled
 def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPaths) -> None:
-    """Set the camera paths under up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
+    """Set the camera paths of up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
     cameras, boxes = flight
     for j in range(len(uavs)):
         for axis in range(2):
@@ -141,13 +141,13 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
     """Set the weighted costs `traces` (T, LANES) at the end of the horizon, and their `total` (LANES,) over steps."""
     P, information, trace, free = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
-    count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of a target, and of all
-    shared = 0.0  # what all lanes have in common
+    count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of one target, and of all
+    shared = 0.0  # costs that are the same in all lanes
     total[:] = 0.0
     traces[:] = 0.0
     for index in range(each):
-        weight, tracked = belief.weights[index // count] / count, False  # tracked: whether P differs from the others'
-        trace[:] = others.costs[len(near) - each + index]  # unless it is
+        weight, tracked = belief.weights[index // count] / count, False  # tracked: a deciding UAV has seen it
+        trace[:] = others.costs[len(near) - each + index]  # the final costs if no deciding UAV sees it
         for row in range(index, len(near), each):
             if near[row] or tracked:
                 _fill(information, others.information[row])
@@ -195,9 +195,9 @@ def _fill(lanes: Array, values: Array) -> None:
 def _penalise(
     belief: PredictedBelief, others: _Others, own: Array, traces: Array, work: Workspace, sums: Array
 ) -> None:
-    """Set `sums` (LANES,) of the MWTP over the samples of targets, with `uavs` at `own` (k, 2, LANES) m.
+    """Set `sums` (LANES,) to the MWTP summed over the samples of targets.
 
-    traces (T, LANES) m².
+    own (k, 2, LANES) m: final positions of the deciding UAVs; traces (T, LANES) m².
     """
     each, points, ends = len(work.unseen), belief.points[-1, :, 0], others.ends
     sums[:] = 0.0

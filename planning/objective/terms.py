@@ -65,9 +65,9 @@ def _closest(relative: Array) -> Array:
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
-_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # of a cell, from its middle
+_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # offsets in units of a cell
 
-# Aim (x, y) of a UAV, radius of the circle about it that is in view, and the UAV's way in a step [m].
+# Aim point (x, y) of a UAV, radius of the circle about it that is in view, and distance flown in a step, all in m.
 _Sight = tuple[float, float, float, float]
 
 
@@ -82,22 +82,22 @@ class _Views(NamedTuple):
 class _Raster(NamedTuple):
     """Views of k UAVs from square rasters of places, one raster each; places are numbered through all UAVs."""
 
-    low: Array  # (k, 2) m: the south-west place
+    low: Array  # (k, 2) m: the south-west corner
     side: Indices  # (k,): places along each edge
     first: Indices  # (k,): number of the first place
     views: _Views
-    onward: Array  # (V,): steps until the people left by others can be seen, summed, if the UAV ends there
+    costs_to_go: Array  # (V,): steps from a final place until people left by others can be in view, summed over people
 
 
 @dataclass(frozen=True)
 class Search:
-    """Undetected people count as tracks of covariance trace `weight` [m²], at each step of the horizon.
+    """Search for undetected people: each counts as a track of covariance trace `weight` [m²] at each step.
 
-    A camera's view is taken from the nearest of places 5 m apart. The cost-to-go counts each person left undetected by
-    other UAVs until the nearest UAV can have the person in the largest circle about the middle of its image. In joint
-    plans each UAV takes the others to end where they intend to, and the mean over the UAVs counts.
+    A camera has the view from the nearest of places 5 m apart. The cost-to-go counts each person that the other UAVs
+    leave undetected, for the steps until the nearest UAV can have the person in the largest circle about the middle of
+    its image. In joint plans each UAV assumes that the others end where they intend to; the mean over the UAVs counts.
 
-    Note: people detected by the plan itself count in its cost-to-go, too, so that this depends on its end alone.
+    Note: the cost-to-go also counts people that the plan itself detects, so that it depends only on the plan's end.
     """
 
     weight: float
@@ -128,10 +128,10 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
     """
     centres, points, people = undetected
     deciding, step = [situation.vehicles[i] for i in uavs], situation.step
-    reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places each way
+    reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places in each direction
     low = np.array([v.position[:2] - _SPACING * r for v, r in zip(deciding, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    places, onward = [], []
+    places, costs_to_go = [], []
     for j, (uav, vehicle) in enumerate(zip(uavs, deciding, strict=True)):
         x, y = np.meshgrid(*(low[j][:, None] + _SPACING * np.arange(side[j])))
         places.append(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, vehicle.position[2])]))
@@ -139,9 +139,9 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
         for i, other in enumerate(situation.vehicles):
             if i != uav:
                 away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
-        onward.append(_onward(places[j], centres, _sight(vehicle, step), people, away))
+        costs_to_go.append(_costs_to_go(places[j], centres, _sight(vehicle, step), people, away))
     first = np.cumsum([0, *map(len, places[:-1])])
-    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(onward))
+    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(costs_to_go))
 
 
 def _sight(vehicle: Vehicle, step: float) -> _Sight:
@@ -151,7 +151,7 @@ def _sight(vehicle: Vehicle, step: float) -> _Sight:
 
 @compiled
 def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
-    """Steps (C,) of a UAV from a place (2 or 3,) m until cells (C, 2) m can be in view, about its aim."""
+    """Steps (C,) that a UAV flies from a place (2 or 3,) m until cells (C, 2) m can be in the circle about its aim."""
     (x, y, radius, way), steps = sight, np.empty(len(centres))
     for c in range(len(centres)):
         gap = hypot(place[0] + x - centres[c, 0], place[1] + y - centres[c, 1])
@@ -160,8 +160,8 @@ def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
 
 
 @compiled
-def _onward(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
-    """Steps until people can be seen from a place (V,) or by others, which take `away` (C,); summed over people."""
+def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
+    """Steps until people can be in view, from a place (V,) or after `away` (C,) steps by others; summed over people."""
     total = np.empty(len(places))
     for v in range(len(places)):
         total[v] = np.sum(np.minimum(_steps_off(places[v], centres, sight), away) * people)
@@ -183,7 +183,7 @@ def _views(
     """Views from places (V, 3) m of UAVs (V,); sight: fields of view (k, 5, 3), and how far cells matter (k,) m."""
     (view, farthest), (blockers, grid) = sight, trees
     starts = np.zeros(len(places) + 1, np.int64)
-    cells, shares = [0], [0.0]  # the first entries only say of what type the lists are
+    cells, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
     for v in range(len(places)):
         camera = places[v, 0], places[v, 1], places[v, 2]
         for c in range(len(points)):
@@ -202,7 +202,7 @@ def _views(
 
 
 def _thin(left: Array, views: _Views) -> None:
-    """Take from the people left after each step (H, C) those detected by a UAV that is at place h after step h."""
+    """Remove those detected by a UAV at place h after step h from the people left after each step (H, C)."""
     for h in range(len(left)):
         rows = slice(views.starts[h], views.starts[h + 1])
         left[h:, views.cells[rows]] *= 1.0 - _DETECTION * views.shares[rows]
@@ -221,14 +221,14 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
                 x += step * candidates[n, j, h, 0]
                 y += step * candidates[n, j, h, 1]
                 places[h, j] = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
-            result[n] += raster.onward[places[-1, j]] / len(own)
+            result[n] += raster.costs_to_go[places[-1, j]] / len(own)
         result[n] -= _found(raster.views, places, to_come, left)
     return weight * result
 
 
 @compiled
 def _found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
-    """People detected from places (H, k), each times the steps from then on; left (C,) holds ones before and after."""
+    """Sum over people detected from places (H, k) of the steps from then on; left (C,) is ones before and after."""
     total = 0.0
     for h in range(len(places)):
         for place in places[h]:

@@ -22,37 +22,37 @@ class _Task(NamedTuple):
     in_reach: TargetsInReach | None
 
     def costs(self, plans: Array, ease: float) -> Array:
-        """Costs of plans (N, k, H, 2) m/s, with fields of view wider by `ease` maximum steps."""
+        """Costs of plans (N, k, H, 2) m/s with fields of view that are wider by `ease` steps at maximum speed."""
         return self.objective(plans, ease * self.max_speeds) if ease else self.objective(plans)
 
 
 @dataclass(frozen=True)
 class CrossEntropy:
-    """Cross-entropy search with surviving, distinct elites: never worse than the best plan it is given.
+    """Cross-entropy search with surviving, distinct elites: never worse than the best plan that it is given.
 
     Each round changes the elites with noise that shrinks from round to round; elites compete with the new plans. Some
     noise is correlated in time, because zigzag rarely helps. Most noise moves one waypoint, or the path from there on,
     and keeps the rest of the plan as far as the UAV's speed allows. Other plans combine two elites, as in genetic
-    algorithms: one may see a target early, the other another one late. Elites with similar paths count as one, so that
-    several basins of the objective survive; a single Gaussian, as in textbook CEM, would average them.
-    Source: [Pinneri20] for elites and coloured noise.
+    algorithms: one elite may see a target early, and the other may see another target late. Elites with similar paths
+    count as one, so that several basins of the objective survive; the single Gaussian of textbook CEM would average
+    them. Source: [Pinneri20] for elites and coloured noise.
 
-    The best plans often bring a target just inside the frame at the last possible step. Plans nearby miss it, so random
-    noise hardly finds them. With targets in reach, therefore, some changes bring a target just into view, and fields of
-    view are wider in the first rounds: a continuation from a relaxed problem (E. L. Allgower, K. Georg, Numerical
-    Continuation Methods, Springer, 1990).
+    The best plans often bring a target just inside the frame at the last possible step. Plans nearby miss the target,
+    so random noise hardly finds the best ones. Therefore, if targets in reach are given, some changes bring a target
+    just into view, and fields of view are wider in the first rounds: a continuation from a relaxed problem
+    (E. L. Allgower, K. Georg, Numerical Continuation Methods, Springer, 1990).
     """
 
-    evaluations: int = 12_288  # the starts aside
+    evaluations: int = 12_288  # of the objective, besides the starts
     elites: int = 32  # in the first round, falling to `last_elites`
     last_elites: int = 12
     rounds: int = 18
-    spread: float = 1.0  # of the maximum speed, at first
-    shrink: float = 0.8  # of spread and distance, per round
-    apart: float = 0.6  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
-    ease: float = 0.3  # initial widening of fields of view: of the way at maximum speed in a step
-    eased_rounds: float = 0.5  # share of the rounds in which it falls to zero
-    # Time [s] for which the search is repeated; no round begins later; 0: one search. Results then vary.
+    spread: float = 1.0  # initial size of the noise, in maximum speeds
+    shrink: float = 0.8  # factor of `spread` and `apart` from round to round
+    apart: float = 0.6  # initial root-mean-square distance of elites' paths, in steps at maximum speed
+    ease: float = 0.3  # initial widening of fields of view, in steps at maximum speed
+    eased_rounds: float = 0.5  # share of the rounds after which fields of view have their true size
+    # Time [s] for which searches are repeated and after which no round begins; 0: one search. Otherwise results vary.
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
@@ -81,9 +81,9 @@ class CrossEntropy:
         return found
 
     def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Array:
-        """One search from the starts, which begins no round after `end` [s].
+        """Search once from the starts, and begin no round after `end` [s].
 
-        The number of random draws depends on no cost, so that later draws do not depend on beliefs.
+        The number of random draws is independent of costs, so that later draws do not depend on beliefs.
         """
         in_reach = NO_TARGETS if task.in_reach is None else task.in_reach
         pool = speed_limited(task.starts, task.max_speeds)
@@ -104,13 +104,13 @@ class CrossEntropy:
             drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
             scale *= self.shrink
-        if ease:  # time is up: take the true costs of the best
+        if ease:  # time ended before the fields of view had their true size: compare the best plans by true costs
             pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last_elites]]])
             values = task.objective(pool)
         return np.asarray(pool[np.argmin(values)])
 
     def _ease(self, k: int, count: int) -> float:
-        """Widening of fields of view in round k; zero if elites would take most evaluations."""
+        """Widening of fields of view in round k; zero if evaluating the elites anew would take most evaluations."""
         if count <= 2 * max(self.elites, self.last_elites) or k + 1 >= self.eased_rounds * self.rounds:
             return 0.0
         return self.ease * (1.0 - (k + 1) / (self.eased_rounds * self.rounds))

@@ -15,16 +15,16 @@ from tracking.numerics.trigonometry import cos_each, sin_each
 
 @dataclass(frozen=True)
 class GridSearch:
-    """Exhaustive search over all sequences of a few controls, and the starts: ground truth for small cases.
+    """Exhaustive search over the starts and all sequences of a few controls: ground truth for small cases.
 
-    With a budget, in evaluations or seconds, it tries sequences in the order of the controls until the budget is used.
+    With a budget of evaluations or seconds, sequences are tried in the order of the controls until it is used up.
     """
 
     directions: int = 8
     speeds: int = 1  # besides hovering
-    most: int = 2_000_000  # plans without a budget in seconds
-    evaluations: int = 0  # the starts aside; 0: all
-    seconds: float = 0.0  # stop after so much time; 0: no limit
+    most: int = 2_000_000  # most plans to try if `seconds` sets no limit
+    evaluations: int = 0  # plans to try, besides the starts; 0: all
+    seconds: float = 0.0  # time after which the search stops; 0: no limit
 
     def controls(self, max_speed: float) -> Array:
         """Controls (D, 2) m/s of which plans consist."""
@@ -41,7 +41,7 @@ class GridSearch:
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
     ) -> Array:
-        """As `Optimizer.minimise`; ValueError where there are too many plans."""
+        """As `Optimizer.minimise`; ValueError if there are too many plans."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         _, k, H, _ = starts.shape
         sets = [self.controls(speed) for speed in max_speeds.tolist() for _ in range(H)]

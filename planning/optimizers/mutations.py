@@ -1,7 +1,7 @@
 """Mutations of plans in a search, and the choice of distinct plans, compiled.
 
-Most mutations change a path: the cumulative sums of a plan's controls (H, 2) m/s, in m over the length of a step.
-Afterwards the path is pulled tight to the UAV's speed limit, from the changed step or from its end.
+Most mutations change a path, the cumulative sums of a plan's controls (H, 2) m/s: metres divided by the length of a
+step. Then the path's steps are pulled together to keep the UAV's speed limit, beginning at the changed step or the end.
 """
 
 import math
@@ -19,16 +19,16 @@ from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import hypot
 
 _SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
-_CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
-_NONE = -1  # of the targets in reach
-_MARGIN = 1e-3  # m/s: so far inside the field of view a target is brought, lest rounding puts it out again
+_CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of mutations, in turn
+_NONE = -1  # no target in reach
+_MARGIN = 1e-3  # m/s, by which a target is brought inside the field of view, so that rounding cannot leave it outside
 
 
 class Chances(NamedTuple):
     """The random numbers behind N children of plans of k UAVs over H steps."""
 
     normals: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
-    noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
+    noise: Array  # (ceil(N / cycle), 2 k (H + 1)): two numbers for each UAV, then two for each of its steps
     picks: Indices  # (N,) below 2^62: uniform choices
 
 
@@ -36,18 +36,18 @@ def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
     """Random numbers for a number of children of `parents` (E, k, H, 2)."""
     _, k, H, _ = parents.shape
     rows, columns = math.ceil(children / len(_CYCLE)), 2 * k * (H + 1)
-    drawn = standard_normal(rng, 3 * children + rows * columns)  # at once, as calls cost as much as numbers
+    drawn = standard_normal(rng, 3 * children + rows * columns)  # all at once, because calls are slow
     normals, noise = drawn[: 3 * children].reshape(children, 3), drawn[3 * children :].reshape(rows, columns)
     return Chances(normals, noise, rng.integers(2**62, size=children))
 
 
 @compiled
 def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
-    """Children (N, k, H, 2) m/s, within the limits, of parents (E, k, H, 2), each of which has as many.
+    """Children (N, k, H, 2) m/s, within the speed limits, of parents (E, k, H, 2), which have equally many children.
 
-    The changes take turns: noise on all steps; one waypoint or the path from there on; a move that just brings a target
-    into view; a move towards or away from a mate, another of the parents; a mate's path from some step on. Noise has
-    the size of `spread` maximum speeds, times a random factor. Moves by a mate are as large as parents differ.
+    Mutations take turns: noise on all steps; a shift of one waypoint or of the path from there on; a shift that just
+    brings a target into view; a move towards or away from a mate, which is another parent; a mate's path from some step
+    on. Noise and shifts have the size of `spread` maximum speeds, times a random factor.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
@@ -62,7 +62,7 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_
             _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normals[c, 0]))
             _limit(out, c, max_speeds)
         else:
-            pick, end = divmod(pick, 2)  # whether to keep the path's end, or else what is changed
+            pick, end = divmod(pick, 2)  # whether the path's end is kept, or the changed step
             pick, all_later = divmod(pick, 2)
             s = pick % len(in_reach.which) if kind == _SIGHT and len(in_reach.which) else _NONE
             j, step = (in_reach.which[s, 0], in_reach.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
@@ -81,7 +81,7 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_
 
 @inlined
 def _copy(plans: Array, c: int, others: Array, i: int) -> None:
-    """Set the plans of one candidate to those of another; a loop, as slices take much longer."""
+    """Set the plans of one candidate to those of another, in a loop, because slices take much longer."""
     for j in range(plans.shape[1]):
         for step in range(plans.shape[2]):
             plans[c, j, step, 0], plans[c, j, step, 1] = others[i, j, step, 0], others[i, j, step, 1]
@@ -98,7 +98,7 @@ def _mix(plans: Array, c: int, others: Array, i: int, share: float) -> None:
 
 @inlined
 def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: Array) -> None:
-    """Add a constant offset and white noise over the steps, of equal variance, to the plans of a candidate."""
+    """Add a constant offset and white noise over the steps, both of the same variance, to a candidate's plans."""
     k, H = plans.shape[1], plans.shape[2]
     for j in range(k):
         for step in range(H):
@@ -109,7 +109,7 @@ def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: 
 
 @inlined
 def _fly(path: Array, plans: Array, c: int, j: int) -> None:
-    """Set the plan along a path."""
+    """Set the plan of UAV j in candidate c to the controls along a path."""
     x = y = 0.0
     for h in range(len(path)):
         plans[c, j, h, 0], plans[c, j, h, 1] = path[h, 0] - x, path[h, 1] - y
@@ -125,7 +125,7 @@ def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
 
 @inlined
 def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
-    """Set a path, from a step on, to that of a candidate's plan."""
+    """Set a path, from a step on, to the path of UAV j in candidate c."""
     x = y = 0.0
     for h in range(len(path)):
         x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
@@ -135,7 +135,7 @@ def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
 
 @inlined
 def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
-    """Displace a step of a path by the least that brings a target into view; False if it is in view already."""
+    """Displace a step of a path by the least that brings a target into view; False if the target is already in view."""
     j, h = in_reach.which[s, 0], in_reach.which[s, 1]
     x, y = _reached(path, h, in_reach.response, j)
     dx, dy = shortest_move(in_reach.views, j, in_reach.places[s, 0] - x, in_reach.places[s, 1] - y)
@@ -149,7 +149,7 @@ def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
 
 @inlined
 def _reached(path: Array, h: int, response: Response, j: int) -> tuple[float, float]:
-    """Place of UAV j after step h, if it is commanded along a path, which it follows with its lag."""
+    """Position of UAV j after step h if a path commands it, which it follows with its lag."""
     x, y, vx, vy = 0.0, 0.0, response.velocities[j, 0], response.velocities[j, 1]
     for i in range(h + 1):
         px, py = (path[i - 1, 0], path[i - 1, 1]) if i else (0.0, 0.0)
@@ -162,7 +162,7 @@ def _reached(path: Array, h: int, response: Response, j: int) -> tuple[float, fl
 
 @inlined
 def _tighten(path: Array, anchor: int, max_speed: float) -> None:
-    """Pull the steps of a path before `anchor` towards it, then all towards the start, to keep the speed limit."""
+    """Keep the speed limit: pull the steps before `anchor` towards it, then all steps towards the start."""
     for h in range(anchor - 1, -1, -1):
         _pull(path, h, path[h + 1, 0], path[h + 1, 1], max_speed)
     x = y = 0.0
@@ -173,7 +173,7 @@ def _tighten(path: Array, anchor: int, max_speed: float) -> None:
 
 @inlined
 def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
-    """Move a step of a path towards (x, y) until that is within one step at full speed."""
+    """Move a step of a path towards (x, y) until the two are at most one step at full speed apart."""
     dx, dy = path[h, 0] - x, path[h, 1] - y
     square = dx * dx + dy * dy
     if square > max_speed * max_speed:
@@ -194,9 +194,9 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 
 @compiled
 def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
-    """Indices of the first plans of `order`, at most `most`, with paths apart from those chosen before.
+    """Indices of at most `most` plans, taken in `order`, each with a path that is apart from the paths taken before.
 
-    plans (N, k, H, 2) m/s. apart: of the way at maximum speed in a step, root mean square over UAVs and steps.
+    plans (N, k, H, 2) m/s; apart: root mean square over UAVs and steps of their distance, in steps at maximum speed.
     """
     _, k, H, _ = plans.shape
     chosen, count = np.empty(most, dtype=np.int64), 0
@@ -219,7 +219,7 @@ def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: 
 
 @inlined
 def _path(plans: Array, max_speeds: Array, path: Array) -> None:
-    """Set the paths (2 k H,) of plans (k, H, 2) m/s, in units of the way at maximum speed in a step."""
+    """Set the paths (2 k H,) of plans (k, H, 2) m/s, in steps at maximum speed."""
     d = 0
     for j in range(plans.shape[0]):
         x = y = 0.0

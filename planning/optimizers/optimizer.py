@@ -1,4 +1,4 @@
-"""The interface of optimisers over the plans of one or more UAVs, and the plans that they start from."""
+"""The interface of optimisers over the plans of one or more UAVs, and initial plans for them."""
 
 from functools import cache
 from itertools import combinations
@@ -15,7 +15,7 @@ from tracking.numerics.trigonometry import cos_each, sin_each
 
 
 class Optimizer(Protocol):
-    """Searches plans of k UAVs; never worse than the best start."""
+    """Searches for plans of k UAVs; the result is never worse than the best start."""
 
     def minimise(
         self,
@@ -25,9 +25,9 @@ class Optimizer(Protocol):
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
     ) -> Array:
-        """The best plans (k, H, 2) m/s found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
+        """The best plans (k, H, 2) m/s found from `starts` (S, k, H, 2) m/s, within `max_speeds` (k,) m/s.
 
-        With targets in reach, which an optimiser may use or ignore, the objective takes `ease`, too.
+        An optimiser may ignore targets in reach; if they are given, the objective also takes the argument `ease`.
         """
 
 
@@ -41,14 +41,14 @@ def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
 
 
-NEAREST = 6  # targets that a UAV considers pursuing
+NEAREST = 6  # number of nearest targets for which `pursuits` makes plans
 HEADINGS = 16
 
 
 def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
-    """Plans (S, H, 2) m/s that hover, or chase one near target or the middle of two at full speed.
+    """Plans (S, H, 2) m/s that hover, or pursue at full speed one near target or the midpoint of two.
 
-    nominal (H, T, 2) m: where targets are after each step of `step` s.
+    nominal (H, T, 2) m: positions of targets after each step of `step` s.
     """
     position, spots = vehicle.position[:2], points_shown(vehicle, IMAGE_POINTS)
     near = np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]

@@ -15,16 +15,15 @@ from tracking.numerics.arrays import Array
 class ParticleSwarm:
     """Particle swarm of [Li22]'s public code: 20 particles per step of the horizon, drawn to their own and common best.
 
-    Up to half of the particles begin at the best starts, the others at random; `evaluations` of 0 means 51 moves of the
-    whole swarm.
+    Up to half of the particles begin at the best starts, and the others at random plans.
     """
 
-    evaluations: int = 0  # the starts aside; the last move of the swarm is made whole
+    evaluations: int = 0  # of the objective, besides the starts; the last move is of the whole swarm; 0: 51 moves
     particles_per_step: int = 20
     own: float = 0.5  # c1
     swarm: float = 0.3  # c2
     inertia: float = 0.9  # w
-    seconds: float = 0.0  # stop after so much time; 0: no limit
+    seconds: float = 0.0  # time after which the search stops; 0: no limit
 
     def minimise(
         self,

@@ -13,15 +13,15 @@ from tracking.numerics.matrices import applied
 from tracking.numerics.trigonometry import hypot, tan
 
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
-# Points of the image at which to keep a pursued target, in half edges: the middle and eight near the rim. From aside
-# a UAV sees under a canopy that hides the target from above.
+# Points of the image at which to keep a pursued target, in half edges: the middle and eight near the rim. A view from
+# the side shows a target under a canopy that hides it from above.
 IMAGE_POINTS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
 def points_shown(vehicle: Vehicle, marks: Array) -> Array:
     """Points (K, 2) m from the vehicle that the image shows at `marks` (K, 2), in half edges from its middle.
 
-    Note: a view all round has no image; its marks are those of an image of 90 degrees.
+    Note: a view all round has no image; marks are taken in an image of 90 degrees instead.
     """
     fov, height = vehicle.camera.fov, float(vehicle.position[2] - TARGET_HEIGHT)
     half = height * (1.0 if fov >= ALL_ROUND else tan(fov / 2))
@@ -43,10 +43,10 @@ def viewing_range(vehicle: Vehicle) -> float:
 
 
 def view_quadrangle(vehicle: Vehicle) -> Array:
-    """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, x and y [m] of its aim.
+    """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, x and y [m] of its aim point.
 
-    (dx, dy) m from the vehicle is inside where a dx + b dy <= c for all four; (a, b) has length 1. A pinhole camera
-    sees what has |x| <= tan(fov / 2) depth, and likewise for y; on a plane of constant height that is linear.
+    A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A pinhole
+    camera sees points with |x| and |y| up to tan(fov / 2) times their depth; at constant height that is linear.
     """
     if vehicle.camera.fov >= ALL_ROUND:
         return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)

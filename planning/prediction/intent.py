@@ -14,15 +14,15 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.track import beliefs_of
 
-BASE_RANGE = 40.0  # m: the base policy looks no further
+BASE_RANGE = 40.0  # m: largest distance of tracks that the base policy considers
 
 
 def base_control(situation: Situation) -> Array:
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
-    The tracks are taken at their nominal positions one step later, when the UAV can be there, with the covariances they
-    have now. The middle of the image is steered towards the track. Without a lag it arrives without overshooting. If no
-    track is near, the UAV hovers.
+    Tracks have their nominal positions one step later, when the UAV can be there, and their present covariances. The
+    UAV steers the middle of its image towards the track, and without a lag does not overshoot. It hovers if no track is
+    near.
     """
     return np.asarray(base_policy_plans(situation, situation.own, np.empty((1, 0, 2)), 1)[0, 0])
 
@@ -34,15 +34,15 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
 
 
 def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
-    """Plans (n, H, 2) m/s of all UAVs: decided ones, by id, else their policies of intent."""
+    """Plans (n, H, 2) m/s of all UAVs: those `decided`, by id, and the policy of intent of each other UAV."""
     plans = [decided[v.id] if v.id in decided else policy_of_intent(situation, v, horizon) for v in situation.vehicles]
     return np.array(plans)
 
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
-    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and go on by the base policy.
+    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and continue with the base policy.
 
-    The policy aims from where the UAV is by then with its lag, and flies as if it had none.
+    The policy starts from the position that the UAV reaches with its lag, but chooses controls as if it had no lag.
     """
     begun, (_, covariances) = firsts.shape[1], beliefs_of(situation.tracks)
     traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
@@ -60,7 +60,7 @@ def _extend(
 ) -> None:
     """Extend plans (N, H, 2) m/s, of which `begun` steps are given, by `base_control`.
 
-    flight: position (2,) m of a UAV and the middle of its image from there (2,) m, and its response; targets: places
+    flight: position (2,) m of a UAV and aim point (2,) m relative to it, and the UAV's response; targets: places
     (H, T, 2) m and traces (T,) m²; limits: the step [s] and the greatest speed [m/s].
     """
     (aimed, follows), (places, traces), (step, max_speed) = flight, targets, limits
@@ -81,7 +81,7 @@ def _extend(
 
 @inlined
 def _towards(x: float, y: float, places: Array, traces: Array, step: float, max_speed: float) -> tuple[float, float]:
-    """`base_control` [m/s] of a UAV that is aimed at (x, y) m, to places (T, 2) m with traces (T,) m²."""
+    """`base_control` [m/s] of a UAV with its aim point at (x, y) m, for places (T, 2) m with traces (T,) m²."""
     most = east = north = 0.0
     for t in range(len(places)):
         dx, dy = places[t, 0] - x, places[t, 1] - y

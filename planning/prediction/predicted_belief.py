@@ -21,20 +21,20 @@ LANES = 64  # cameras or covariances that compiled code works on side by side, w
 class PredictedBelief(NamedTuple):
     """Belief on T targets, predicted over H steps, and the n UAVs with their sensors.
 
-    A tuple of arrays, because compiled code takes no classes.
+    It is a tuple of arrays, because compiled code takes no classes.
     """
 
     step: float  # s
     transition: tuple[float, float]  # of velocities over one step, see `NearlyConstantVelocity.transition`
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
-    points: Array  # (H, T, K, 3) m: K equally probable trajectories of each target, at its height; first the mean
+    points: Array  # (H, T, K, 3) m: K equally probable trajectories of each target at its height; the first is the mean
     covariances: Array  # (T, 4, 4): P now
     positions: Array  # (n, 3) m: UAVs now
     views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
     blockers: Array  # (B, 5): cylinders near each of the points, one after another
-    offsets: Indices  # (H T K + 1,): where each point's cylinders begin
-    weights: Array  # (T,): how much each target counts
+    offsets: Indices  # (H T K + 1,): index of each point's first cylinder
+    weights: Array  # (T,): weight of each target in the objective
 
 
 def predicted_belief(situation: Situation, points: Array, covariances: Array) -> PredictedBelief:
@@ -62,7 +62,7 @@ def predicted_belief(situation: Situation, points: Array, covariances: Array) ->
 def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float) -> tuple[Array, Indices]:
     """Cylinders that can hide each point (..., 3) m from a UAV that has it in view within `duration` s.
 
-    A line of sight is above the trees a few metres from the target, so a point has few candidates in any forest.
+    A few metres from the target a line of sight is above the trees, so each point has few such cylinders.
     """
     cylinders = forest.blockers
     points = points.reshape(-1, 3)
@@ -78,8 +78,8 @@ def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: 
 
 @compiled
 def _cylinders_within(points: Array, cylinders: Array, reach: Array) -> tuple[Indices, Indices]:
-    """Numbers of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin."""
-    columns, offsets = [0], np.zeros(len(points) + 1, np.int64)  # the first entry only says of what type the list is
+    """Indices of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin."""
+    columns, offsets = [0], np.zeros(len(points) + 1, np.int64)  # the first entry only tells Numba the list's type
     for n in range(len(points)):
         for b in range(len(cylinders)):
             x, y = points[n, 0] - cylinders[b, 0], points[n, 1] - cylinders[b, 1]
@@ -93,7 +93,7 @@ def _cylinders_within(points: Array, cylinders: Array, reach: Array) -> tuple[In
 def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
     """Mask (H T K,) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
 
-    The bound is cheap: False is certain, True is not.
+    False is certain; True is only possible, because the bound is a cheap one.
     """
     points, views = belief.points, belief.views
     steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
@@ -116,10 +116,9 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
 def add_information(
     belief: PredictedBelief, uav: int, cameras: Array, row: int, information: Array, free: Array
 ) -> bool:
-    """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a point that a UAV sees from `cameras` (2, LANES) m.
+    """Add to `information` (3 LANES,) the R⁻¹ (xx, xy, yy) of a point in lanes where `cameras` (2, LANES) m see it.
 
-    row: counts (step, target, trajectory) triples; free (LANES,) is overwritten. Returns True if any camera sees the
-    point.
+    row: index of the (step, target, trajectory) triple; free (LANES,) is overwritten. True if any camera sees it.
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
     targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
@@ -131,7 +130,7 @@ def add_information(
     if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
         return False
     for lane in range(LANES):
-        # R⁻¹ of `NoiseModel.covariance` in closed form: its eigenvalues are along and across the line.
+        # R⁻¹ of `NoiseModel.covariance` in closed form, with the eigenvalues of R along and across the line of sight.
         dx, dy = x - east[lane], y - north[lane]
         square = dx * dx + dy * dy
         r = max(math.sqrt(square), least)
@@ -148,7 +147,7 @@ def add_information(
 def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
     """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
 
-    view (5, 3): its field of view; blockers (B, 5): cylinders that may hide the point.
+    view (5, 3): field of view of the cameras; blockers (B, 5): cylinders that may hide the point.
     """
     x, y = point[0], point[1]
     east, north = cameras[0], cameras[1]
@@ -172,10 +171,10 @@ def belief_transition(
 ) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
-    P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
-    uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) is set to
-    those of the position block. [Li22] eq. (1) and the covariance part of the Kalman update; without
-    information P is predicted alone.
+    P (10 LANES,) holds the upper triangle of the covariance, all lanes of one element after another: xx, xy, xu, xv,
+    yy, yu, yv, uu, uv, vv with the velocity (u, v); information (3 LANES,): xx, xy, yy. `traces` (LANES,) is set to the
+    traces of the position block. Without information P is only predicted.
+    Source: [Li22] eq. (1), and the covariance part of the Kalman update.
     """
     drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     for k in range(LANES):

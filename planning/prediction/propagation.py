@@ -17,10 +17,10 @@ from tracking.numerics.normal import standard_normal
 from tracking.numerics.stacks import cholesky_factors
 from tracking.track import beliefs_of
 
-# Means of a standard normal's five equally probable pieces from the median up, scaled to a variance of one.
+# Means of the five equally probable pieces of a standard normal, from the median up, scaled to a variance of one.
 _FIFTHS = np.array([0.0, 0.5616259126, 1.4780312359])
-# Five equally probable points of a standard normal in the plane, with its mean (first) and covariance: a lattice that
-# has each piece once along either axis, so that the edge of a field of view parts them in five ways.
+# Five equally probable points with the mean (the first point) and covariance of a standard normal in the plane. Each
+# piece occurs once along either axis, so that an edge of a field of view has any number of points on one side.
 _LATTICE = np.array([(0, 0), (1, -2), (2, 1), (-1, 2), (-2, -1)])
 FIVE_POINTS = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
 
@@ -29,21 +29,21 @@ class Propagation(Protocol):
     """Predicts a belief on targets over a horizon."""
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
-        """Belief for `horizon` steps; each sample holds a whole set of targets."""
+        """Belief for `horizon` steps; each sample is a whole set of targets."""
 
 
 @dataclass(frozen=True)
 class Nominal:
     """Nominal belief-state optimisation (NBO): undisturbed trajectories of the means, [Li22] Algorithm 1, step 1.
 
-    With `expected`, the visibility of a target is that of five equally probable trajectories through its predicted
-    beliefs rather than that of the mean alone, and the expected trace the mean of theirs.
+    With `expected`, a target has five equally probable trajectories through its predicted beliefs rather than that of
+    the mean alone. Each has its own visibility and trace, and the mean of the traces counts.
     """
 
     expected: bool = False
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
-        """As `Propagation.predict`, of one sample; draws no random numbers."""
+        """As `Propagation.predict`, with one sample and without random numbers."""
         means, covariances = beliefs_of(situation.tracks)
         points = np.empty((horizon, len(means), len(FIVE_POINTS) if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
@@ -58,17 +58,17 @@ class Nominal:
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Trajectories drawn from belief and motion model; plans are compared on the same ones (common random numbers).
+    """Trajectories drawn from belief and motion model; all plans are compared on the same ones (common random numbers).
 
-    Each sample is a set of targets of its own; its P evolves with the detections along that trajectory.
+    Each sample has a set of targets of its own, whose covariances evolve with the detections along their trajectories.
     Source: the multi-agent rollout that [Li22] IV-D compares with.
     """
 
     samples: int = 50
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
-        """As `Propagation.predict`, of `samples` samples."""
-        (rng,) = rng.spawn(1)  # how much is drawn depends on the UAV's tracks, which must not change others' chance
+        """As `Propagation.predict`, with `samples` samples."""
+        (rng,) = rng.spawn(1)  # the number of draws depends on this UAV's tracks, but must not affect the other UAVs
         means, covariances = beliefs_of(situation.tracks)
         S, T = self.samples, len(means)
         states = means + deviations(covariances, rng, (S,))

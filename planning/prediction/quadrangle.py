@@ -10,9 +10,9 @@ from tracking.numerics.compiled import compiled, inlined
 
 @inlined
 def inside(view: Array, dx: float, dy: float) -> bool:
-    """True if (dx, dy) m from a UAV is in its field of view (5, 3), as from `view_quadrangle`.
+    """True if a point (dx, dy) m from a UAV is in its field of view (5, 3), as from `view_quadrangle`.
 
-    There are no branches, so that lanes are tested side by side.
+    There are no branches, so that compiled loops test several lanes at once.
     """
     near = (view[0, 0] * dx + view[0, 1] * dy <= view[0, 2]) & (view[1, 0] * dx + view[1, 1] * dy <= view[1, 2])
     near &= (view[2, 0] * dx + view[2, 1] * dy <= view[2, 2]) & (view[3, 0] * dx + view[3, 1] * dy <= view[3, 2])
@@ -20,7 +20,7 @@ def inside(view: Array, dx: float, dy: float) -> bool:
 
 
 def radius_in_view(view: Array) -> float:
-    """Radius [m] of the largest circle about the aim of a field of view (5, 3) that is all in view."""
+    """Radius [m] of the largest circle in a field of view (5, 3) about its aim point."""
     nearest = float(np.min(view[:4, 2] - (view[:4, 0] * view[4, 0] + view[:4, 1] * view[4, 1])))
     return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)  # rounded as a square's corner
 
@@ -29,7 +29,7 @@ def radius_in_view(view: Array) -> float:
 def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, float]:
     """Least displacement [m] of a UAV after which its field of view just covers a point at (dx, dy) m from it.
 
-    The nearest point of the quadrangle lies on a side if the foot of the perpendicular does, else in a corner.
+    The nearest point of the quadrangle is the foot of the perpendicular on a side if it lies there, else a corner.
     """
     if inside(views[uav], dx, dy):
         return 0.0, 0.0
@@ -56,7 +56,7 @@ def _nearest_corner(views: Array, uav: int, dx: float, dy: float) -> tuple[float
 
 @compiled
 def corner(views: Array, uav: int, k: int) -> tuple[float, float]:
-    """One of the four corners of a field of view, of which the first two and the last two sides are opposite [m]."""
+    """Corner k of a field of view [m], whose first two sides are opposite each other, and so are its last two."""
     i, j = k // 2, 2 + k % 2
     a, b, c = views[uav, i, 0], views[uav, i, 1], views[uav, i, 2]
     e, f, g = views[uav, j, 0], views[uav, j, 1], views[uav, j, 2]
@@ -66,7 +66,7 @@ def corner(views: Array, uav: int, k: int) -> tuple[float, float]:
 
 @compiled
 def _within_others(views: Array, uav: int, point: tuple[float, float], k: int) -> bool:
-    """True if a point (x, y) on side k is on the inner side of the other ones."""
+    """True if a point (x, y) on the line of side k is on the inner side of the other three."""
     x, y = point
     for i in range(4):
         if i != k and views[uav, i, 0] * x + views[uav, i, 1] * y > views[uav, i, 2]:

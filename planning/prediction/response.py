@@ -18,20 +18,20 @@ class Response(NamedTuple):
 
     velocities: Array  # (k, 2) m/s, now
     lacking: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
-    remaining: Array  # (k,): share of it that is still to come after the step
+    remaining: Array  # (k,): share of the change that is still to come after the step
 
     @classmethod
     def at_once(cls, count: int) -> "Response":
-        """Response of so many hovering UAVs that take a command at once, [Li22] eq. (5)."""
+        """Response of `count` hovering UAVs that follow commands at once, [Li22] eq. (5)."""
         return cls(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
 
 
 def response(vehicles: Sequence[Vehicle], step: float) -> Response:
-    """Response of UAVs over steps [s]; one that flies faster than its limit is taken to fly at it."""
+    """Response of UAVs over a step [s]; the velocity of a UAV above its speed limit is reduced to the limit."""
     found = Response.at_once(len(vehicles))
     for k, vehicle in enumerate(vehicles):
         east, north = vehicle.velocity
-        # `Search` relies on how far UAVs get, and gusts and turns bring a quadrotor a little above its limit.
+        # `Search` relies on the limit, which a quadrotor exceeds a little in gusts and turns.
         found.velocities[k] = vehicle.velocity * min(1.0, vehicle.max_speed / max(hypot(east, north), 1e-12))
         if vehicle.lag > 0.0:
             steps = step / vehicle.lag
@@ -53,8 +53,8 @@ def vehicle_after(vehicle: Vehicle, command: Array, step: float) -> Vehicle:
 def mean_velocities(response: Response, plans: Array) -> Array:
     """Mean velocities (N, k, H, 2) m/s in the steps of plans (N, k, H, 2) m/s.
 
-    The velocity v follows a command u as a first-order lag, dv/dt = (u - v) / lag. The means take the place of the
-    controls in [Li22] eq. (5), and are equal to them without a lag.
+    The velocity v follows a command u with a first-order lag, dv/dt = (u - v) / lag. The mean velocities take the place
+    of the controls in [Li22] eq. (5); without a lag both are equal.
     """
     means = np.empty_like(plans)
     for n in range(len(plans)):
@@ -68,5 +68,5 @@ def mean_velocities(response: Response, plans: Array) -> Array:
 
 @inlined
 def followed(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
-    """Mean and last velocity of a step that UAV j begins at velocity v, under the command u, along one axis [m/s]."""
+    """Mean and final velocity of UAV j in a step under command u from velocity v, along one axis [m/s]."""
     return u + response.lacking[j] * (v - u), u + response.remaining[j] * (v - u)

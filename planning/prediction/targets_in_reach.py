@@ -11,16 +11,16 @@ from planning.prediction.response import Response
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-# Candidates (N, k, H, 2) m/s -> costs (N,) m²: of commands for optimisers, of mean velocities in terms. That of tracks
-# also takes `ease` (k,) m/s: fields of view are then wider on each side by this displacement in a step.
+# Function from candidates (N, k, H, 2) m/s to costs (N,) m². Candidates are commands in optimisers and mean velocities
+# in terms. The term of tracks also takes `ease` (k,) m/s: fields of view are wider by ease times a step on each side.
 Objective = Callable[..., Array]
 
 
 class TargetsInReach(NamedTuple):
-    """Targets that k UAVs can bring into view; places are displacements over the length of a step, as in plans."""
+    """Targets that k UAVs can bring into view; lengths are divided by the length of a step, as in plans."""
 
-    which: Indices  # (S, 2): the UAV, and the step after which
-    places: Array  # (S, 2) m/s: of the target, from the present position of that UAV
+    which: Indices  # (S, 2): row of the UAV, and the step after which it can
+    places: Array  # (S, 2) m/s: position of the target relative to the present position of that UAV
     views: Array  # (k, 5, 3): fields of view, see `field_of_view.view_quadrangle`, with lengths in m/s
     response: Response  # of the UAVs to commands
 
@@ -31,9 +31,9 @@ NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.emp
 def targets_in_reach(
     belief: PredictedBelief, uavs: Sequence[int], max_speeds: Array, response: Response
 ) -> TargetsInReach:
-    """Predicted places of targets that a UAV in rows `uavs` can have in its field of view in time.
+    """Predicted positions of targets that a UAV in rows `uavs` can reach with its field of view in time.
 
-    max_speeds (k,) m/s. Trees are left out, and so is the time to gain speed; the objective accounts for them.
+    max_speeds (k,) m/s. Trees and the time to gain speed are left out here; the objective accounts for them.
     """
     rows = np.asarray(uavs, dtype=np.int64)
     views = np.ascontiguousarray(belief.views[rows] / np.array([1.0, 1.0, belief.step]))

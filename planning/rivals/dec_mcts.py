@@ -1,4 +1,4 @@
-"""Decentralised Monte Carlo tree search (Dec-MCTS): trees of own sequences, distributions of those of the others."""
+"""Decentralised Monte Carlo tree search (Dec-MCTS): a tree of own sequences, distributions over those of the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ _RATE = 0.1  # of gradient steps
 
 @dataclass(frozen=True)
 class DecMCTS:
-    """Each UAV searches a tree of its own sequences of controls, and tells the others which are likely.
+    """Search of each UAV in a tree of its own sequences of controls, of which it sends the likely ones to the others.
 
-    In each of `rounds` rounds it grows its tree, with the others' sequences drawn from the distributions that it has
-    received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The
-    distributions become sharper from round to round. In the end it flies its most probable sequence, or its policy of
-    intent if no sequence gains anything. UAVs that are not heard are assumed to fly their policy of intent. Within a
-    round UAVs take turns, like UAVs that send whenever they are ready: if all answered the last round at once, they
-    would all go to one place, or all leave it.
+    In each of `rounds` rounds a UAV grows its tree, with the others' sequences drawn from the distributions that it
+    has received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The
+    distributions become sharper from round to round. In the end the UAV flies its most probable sequence, or its policy
+    of intent if no sequence gains anything. UAVs from which nothing arrives are assumed to fly their policy of intent.
+    Within a round UAVs take turns, like UAVs that send whenever they are ready: if all answered the last round at once,
+    they would all go to one place, or all leave it.
     Source: [Best19], with D-UCT and Algorithm 3.
 
-    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not. A node of
-    the tree stands for the best of its rollouts, in the paper for the first; and gradient steps come to rest in each
-    round, where the paper makes one between two messages.
+    Note: each sequence is sent as a plan, which may be lost; the eight bytes of its probability are not counted. A node
+    of the tree stands for the best of its rollouts, but in the paper for the first. Gradient steps converge in each
+    round, but the paper makes one step between two messages.
     """
 
     horizon: int = 5  # steps of a plan
@@ -94,7 +94,7 @@ class TreeSearch:
         self._row = self._vehicles.index(own)
         self._own = information_from(self._belief, self._row, places, self._moves.steps)
         self._tree = new_tree(planner.evaluations, horizon, len(self._moves.controls))
-        # Sequences and probabilities of each of the others, and the information of the former.
+        # Information of the sequences of each other UAV, and their probabilities.
         self._others: dict[int, tuple[Array, Array]] = {}
         for vehicle in situation.neighbours:
             self._expect(vehicle.id, policy_of_intent(situation, vehicle, horizon)[None], np.ones(1))
@@ -118,7 +118,7 @@ class TreeSearch:
             self.controls, self.chances = intent[None], np.ones(1)
 
     def receive(self, sender: "TreeSearch", now: int) -> None:
-        """Take those of another UAV's sequences that arrive; if none does, what was known of it stays."""
+        """Take the sequences of another UAV that arrive; if none arrives, the earlier ones stay."""
         uav, first = sender._situation.own.id, now * self._planner.sequences
         places = range(len(sender.controls))
         arrived = [k for k in places if uav in self._others and self._situation.receives(uav, first + k)]

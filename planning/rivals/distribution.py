@@ -16,8 +16,8 @@ class Team(NamedTuple):
     prior: Prior
     own: Array  # (M, B, 3 LANES): information from each place of its moves
     others: Array  # (S, H, B, 3 LANES): information of each sequence of the others
-    first: Indices  # (n,): the first sequence of each of n - 1 other UAVs and, last, the number of all their sequences
-    chances: Array  # (S,): probability of each UAV's sequences, summed up
+    first: Indices  # (n,): index of the first sequence of each of n - 1 other UAVs; last, the number S
+    chances: Array  # (S,): cumulative probabilities of each UAV's sequences
 
 
 @compiled
@@ -34,7 +34,7 @@ def drawn_information(team: Team, draws: Array) -> Array:
 
 @compiled
 def gains(team: Team, sequences: Array, draws: Array) -> Array:
-    """Mean gain (S,) of own sequences with information (S, H, B, 3 LANES) over those drawn by `draws` (D, n - 1)."""
+    """Mean gain (S,) of own sequences, with information (S, H, B, 3 LANES), over others drawn by `draws` (D, n - 1)."""
     found = np.zeros(len(sequences))
     for i in range(len(draws)):
         others = drawn_information(team, draws[i])
@@ -46,9 +46,9 @@ def gains(team: Team, sequences: Array, draws: Array) -> Array:
 
 @compiled
 def cooled(gains: Array, temperature: float, rate: float, updates: int) -> Array:
-    """Probabilities (S,) of sequences after gradient steps from even ones towards great gains and great entropy.
+    """Probabilities (S,) of sequences after gradient steps from a uniform start to large gains and large entropy.
 
-    Each step is that of [Best19] Algorithm 3; it comes to rest where probabilities are as exp(gain / temperature).
+    The steps are those of [Best19] Algorithm 3; they converge to probabilities proportional to exp(gain / temperature).
     """
     q = np.full(len(gains), 1.0 / len(gains))
     for _ in range(updates):

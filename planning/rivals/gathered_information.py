@@ -1,4 +1,4 @@
-"""Information that a team gathers from a few places each, compiled."""
+"""Information that UAVs gather from a few places each, compiled."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ class Prior(NamedTuple):
     """Belief before any measurement: T K trajectories in blocks of LANES, side by side."""
 
     P: Array  # (B, 10 LANES), as `belief_transition` takes it
-    weights: Array  # (B, LANES): how much each trajectory counts
+    weights: Array  # (B, LANES): weight of each trajectory
     transition: tuple[float, float]  # of velocities over a step
     noise: Array  # (3,): process noise of a step
 
 
 def prior_of(belief: PredictedBelief) -> Prior:
-    """The belief's covariances now, of each trajectory."""
+    """Present covariances of a belief, one for each trajectory."""
     (_, T, K), (rows, columns) = belief.points.shape[:3], np.triu_indices(4)
     blocks = -(-T * K // LANES)
     P, weights = np.zeros((10, blocks * LANES)), np.zeros(blocks * LANES)
@@ -32,7 +32,7 @@ def prior_of(belief: PredictedBelief) -> Prior:
 
 @compiled
 def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: Indices) -> Array:
-    """Information (C, B, 3 LANES) of the measurements of a UAV at cameras (C, 2) m after steps (C,), ascending."""
+    """Information (C, B, 3 LANES) of a UAV's measurements at `cameras` (C, 2) m after `steps` (C,), which ascend."""
     each = belief.points.shape[1] * belief.points.shape[2]
     table = np.zeros((len(cameras), -(-each // LANES), 3 * LANES))
     lanes, information, free, first = np.empty((2, LANES)), np.empty(3 * LANES), np.empty(LANES), 0
@@ -54,7 +54,7 @@ def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: I
 
 @compiled
 def gain_of(prior: Prior, information: Array) -> float:
-    """Mutual information [nats] of people's paths and measurements with information (H, B, 3 LANES)."""
+    """Mutual information [nats] between people's paths and measurements that have `information` (H, B, 3 LANES)."""
     total, costs = 0.0, np.empty(LANES)
     for block in range(len(prior.P)):
         P = prior.P[block].copy()

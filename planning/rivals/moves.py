@@ -13,14 +13,14 @@ class Moves(NamedTuple):
     """Places in reach by sequences of a few controls; sequences that lead to one place at one time share it."""
 
     controls: Array  # (A, 2): shares of the top speed
-    places: Array  # (M, 2): ways from the start, in those of a step at top speed; by ascending step
+    places: Array  # (M, 2): displacements from the start, in steps at top speed; by ascending step
     steps: Indices  # (M,): the step after which the UAV is there, from 0
-    onward: Indices  # (M + 1, A): the place to which each control leads from a place, the start last; -1: too far ahead
+    onward: Indices  # (M + 1, A): index of the place to which a control leads; last, from the start; -1: too far ahead
 
 
 @cache
 def moves(horizon: int, directions: int) -> Moves:
-    """Moves of so many steps, by hovering or flying at top speed in one of the directions."""
+    """Moves of `horizon` steps; in each the UAV hovers, or flies at top speed in one of `directions` directions."""
     controls = GridSearch(directions).controls(1.0)
     places: list[Array] = []
     steps: list[int] = []

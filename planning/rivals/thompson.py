@@ -1,4 +1,4 @@
-"""Search and tracking by Thompson sampling: each UAV looks where it would pay in a world drawn from its beliefs."""
+"""Search and tracking by Thompson sampling: each UAV flies to the best place in a world drawn from its beliefs."""
 
 import math
 from collections.abc import Sequence
@@ -29,12 +29,12 @@ class DrawnWorld(NamedTuple):
 
 @dataclass(frozen=True)
 class Thompson:
-    """Flies to the place that shows the most error per step of the way in a drawn world, and draws again on arrival.
+    """Flies to the place that shows the most error per step of flight in a drawn world, and draws again on arrival.
 
-    In a world, a person without a track costs `cutoff` [m], as in OSPA, one with a track the distance to it, at most
-    `cutoff`, until the person is in view. Places keep one drawn person at one of nine points of the image. UAVs draw
-    independently and send no plans: chance alone parts them.
-    Source: [Banerjee24], TS-PHD-II, with the tracker's Poisson intensity and Gaussian tracks for its particles.
+    A drawn person's error is the distance to the person's track, at most `cutoff` [m], or `cutoff` without a track, as
+    in OSPA. Each place has one drawn person at one of nine points of the image. UAVs draw independently and send no
+    plans, so chance alone separates them.
+    Source: [Banerjee24], TS-PHD-II, with the tracker's Poisson intensity and Gaussian tracks in place of particles.
 
     Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps. Drawn
     people keep their velocities, whatever the motion model.
@@ -52,7 +52,7 @@ class Thompson:
             raise ValueError(f"cutoff must be above 0, to 1e+06, is {self.cutoff!r}")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
-        """The rest of each UAV's flight, or the way to a place that is worth a look in a new world."""
+        """The rest of each UAV's flight, or a flight to the best place in a new world."""
         return [self._flight(s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
 
     def _flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
@@ -65,19 +65,19 @@ class Thompson:
         return Plan(speed_limited(controls, situation.own.max_speed))
 
     def goal(self, situation: Situation, world: DrawnWorld) -> Array:
-        """Place (2,) m to look from; the UAV's own if nothing is to be seen."""
+        """The best place (2,) m to look from; the UAV's own position if no place shows an error."""
         own, forest = situation.own, situation.forest
         spots = points_shown(own, IMAGE_POINTS)
         start, reach = own.position.astype(float), own.max_speed * situation.step
         places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
         view = view_quadrangle(own)
         found = _seen_errors(places, (start, reach, situation.step), view, world, (forest.blockers, forest.grid))
-        # Of worlds without people nothing is seen: the first place is the UAV's own.
+        # If no place shows an error, the first one is taken: the UAV's own position.
         return np.asarray(places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _ways(places, start, reach))])
 
 
 def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
-    """People drawn from the intensity of undetected ones and from the tracks, by their probability of existence."""
+    """People drawn from the intensity of undetected people, and from the tracks by their existence probabilities."""
     means, covariances = beliefs_of(situation.tracks)
     errors = deviations(covariances, rng)
     exists = rng.random(len(means)) < np.array([track.existence for track in situation.tracks])
@@ -94,7 +94,7 @@ def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
 
 @compiled
 def _steps(x: float, y: float, reach: float) -> float:
-    """Steps that a UAV flies (x, y) m, if it flies `reach` m in each; at least one."""
+    """Number of steps, at least one, in which a UAV flies (x, y) m at up to `reach` m a step."""
     return max(1.0, math.ceil(math.sqrt(x * x + y * y) / reach))
 
 
@@ -109,11 +109,11 @@ def _ways(places: Array, start: Array, reach: float) -> Array:
 
 @compiled
 def _places(start: Array, reach: float, step: float, states: Array, spots: Array) -> Array:
-    """Places (M S, 2) m from which each person is at each of S spots (S, 2) m of the image on arrival, nearly."""
+    """Places (M S, 2) m from which, on arrival, each person is nearly at each of the image's `spots` (S, 2) m."""
     places = np.empty((len(states) * len(spots), 2))
     for n in range(len(places)):
         state, spot = states[n // len(spots)], spots[n % len(spots)]
-        for steps in range(1, 101):  # the first that suffice; of people not met in 100 steps, the last
+        for steps in range(1, 101):  # the fewest that suffice; 100 if none do
             x, y = state[0] + steps * step * state[2] - spot[0], state[1] + steps * step * state[3] - spot[1]
             if _steps(x - start[0], y - start[1], reach) <= steps:
                 break
@@ -125,7 +125,7 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
 def _seen_errors(
     places: Array, flight: tuple[Array, float, float], view: Array, world: DrawnWorld, trees: tuple[Array, Grid]
 ) -> Array:
-    """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 of those that are not."""
+    """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 for people out of view."""
     start, reach, step = flight
     blockers, grid = trees
     found = np.zeros((len(places), len(world.states)))

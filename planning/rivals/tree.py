@@ -17,8 +17,8 @@ class SearchTree(NamedTuple):
     """Nodes of a search tree, the root first; a node is a sequence of controls."""
 
     children: Indices  # (N, A): -1 where a control has not been tried
-    sums: Array  # (N,): rewards [nats], of earlier visits the less the longer ago
-    visits: Array  # (N,), likewise
+    sums: Array  # (N,): sums of rewards [nats], discounted by the iterations since
+    visits: Array  # (N,): numbers of visits, discounted likewise
     last: Indices  # (N,): the iteration of the last visit
     best: Array  # (N,): the greatest reward of a rollout
     sequences: Indices  # (N, H): controls of that rollout
@@ -26,7 +26,7 @@ class SearchTree(NamedTuple):
 
 
 def new_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
-    """An empty tree with room for a node of each iteration."""
+    """An empty tree with room for one node per iteration."""
     room = iterations + 1
     return SearchTree(
         np.full((room, controls), -1),
@@ -43,9 +43,9 @@ def new_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
 def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array, exploration: float) -> None:
     """Search for as many iterations as there are rows of uniform numbers `draws` (I, n - 1 + H).
 
-    Each draws the others' sequences, descends by discounted upper confidence bounds (D-UCT), tries a new control,
-    completes the sequence by chance, and adds the reward to the nodes passed: the gain over the others' information.
-    fading: powers of the discount.
+    Each iteration draws the others' sequences, descends by discounted upper confidence bounds (D-UCT), tries a new
+    control, completes the sequence at random, and adds the reward to the nodes on its path. The reward is the gain over
+    the others' information. fading: powers of the discount.
     """
     H, path = tree.sequences.shape[1], np.empty(tree.sequences.shape[1] + 1, np.int64)
     controls = np.empty(H, np.int64)
@@ -74,7 +74,7 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
 
 @compiled
 def _chosen(tree: SearchTree, node: int, chance: float, fading: Array, exploration: float) -> int:
-    """Control to try at a node: one by chance of those untried, else that of the greatest upper confidence bound."""
+    """Control to try at a node: a random untried one, else the one with the largest upper confidence bound."""
     children, now = tree.children[node], tree.counts[1]
     untried = np.flatnonzero(children < 0)
     if len(untried):
@@ -115,7 +115,7 @@ def _add_reward(tree: SearchTree, path: Indices, reward: float, controls: Indice
 
 
 def promising(tree: SearchTree, most: int) -> Indices:
-    """Sequences (S, H) of controls, at most so many: best rollouts of the nodes of greatest mean reward, each once."""
+    """Sequences (S, H) of controls, at most `most`: distinct best rollouts of the nodes of largest mean reward."""
     nodes = int(tree.counts[0])
     found: dict[tuple[int, ...], None] = {}
     for node in np.argsort(-tree.sums[1:nodes] / tree.visits[1:nodes], kind="stable") + 1:

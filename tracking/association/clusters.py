@@ -1,4 +1,4 @@
-"""Independent gating clusters of a scan, so that its cost grows with the number of people, not with its square."""
+"""Independent gating clusters of a scan, with which a scan's cost is linear, not quadratic, in the number of people."""
 
 import math
 
@@ -7,18 +7,18 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-_TRACKS = 64  # of a cluster, at least: for smaller ones calls cost more than their arithmetic
+_TRACKS = 64  # number of tracks to collect in a cluster: for smaller clusters calls cost more than arithmetic
 _ROOM = 1.001  # factor by which boxes exceed gates, for rounding
 
 
 def gating_clusters(
     means: Array, covariances: Array, measurements: Array, noise: Array, gate: float
 ) -> list[tuple[Indices, Indices]]:
-    """Tracks and measurements, ascending, of clusters without gates in common.
+    """Indices of tracks and of measurements, ascending, of clusters that have no measurement in common.
 
-    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate is the squared distance
-    allowed. Each track is in one cluster; a measurement near no track is in none. Connected components of the graph of
-    gates are joined to clusters of enough tracks.
+    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate: largest squared Mahalanobis
+    distance. Each track is in one cluster; a measurement near no track is in none. A cluster consists of whole
+    connected components of the graph of gates.
     """
     roots = _roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
@@ -31,7 +31,7 @@ def gating_clusters(
 
 @compiled
 def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
-    """Roots (T + N,) of tracks, then measurements: the smallest index among all that boxes round gates connect."""
+    """Roots (T + N,) of tracks, then measurements: the smallest index among those that boxes around gates connect."""
     order = np.argsort(measurements[:, 0], kind="mergesort")
     xs = measurements[order, 0]
     parents = np.arange(len(means) + len(measurements))
@@ -53,7 +53,7 @@ def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, 
 
 @compiled
 def _root(parents: Indices, i: int) -> int:
-    """Root of a node; the path to it is halved on the way."""
+    """Root of a node; the search halves the path to the root."""
     while parents[i] != i:
         parents[i] = parents[parents[i]]
         i = parents[i]

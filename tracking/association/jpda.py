@@ -10,7 +10,7 @@ from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log
 from tracking.numerics.matrices import symmetrise
 
-_SUREST = 1e-9  # least probability of existing, or of not: however long the history, later scans can outweigh it
+_SUREST = 1e-9  # least probability of existing, and of not existing, so that later scans can outweigh any history
 
 
 @elementwise
@@ -32,11 +32,11 @@ def existence_association(
 ) -> tuple[Array, Array, Array]:
     """Association probabilities of tracks of uncertain existence, and existence probabilities after the scan.
 
-    likelihood (T, N) 1/m², zero outside the gate; detection_probability (T, N + 1), that a track's person gives a
-    measurement inside its gate, below 1: column 0 over the whole belief, column 1 + j given that measurement j is the
-    person's; clutter_density > 0, 1/m²; existence r (T,), before the scan.
-    Returns beta (T, N + 1), column 0 for no person or no detection; the same given that the person exists; and r (T,)
-    after the scan. Every joint event has factors 1 - r P_D and r P_D likelihood / clutter_density in place of JPDA's.
+    likelihood (T, N) 1/m², zero outside the gate; detection_probability P_D (T, N + 1), below 1, of a measurement of
+    the track's person inside the gate: column 0 over the whole belief, column 1 + j given that measurement j is the
+    person's; clutter_density 1/m², above 0; existence r (T,) before the scan.
+    Returns beta (T, N + 1), with column 0 for no person or no detection; beta given that the person exists; and r (T,)
+    after the scan. In a joint event a track has the factor 1 - r P_D or r P_D likelihood / clutter_density.
     Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's position.
     """
     misses, pairs = _joint_weights(likelihood, detection_probability, clutter_density, existence)
@@ -55,9 +55,9 @@ def existence_association(
 
 @compiled
 def _joint_weights(likelihood: Array, detection: Array, clutter: float, existence: Array) -> tuple[Array, Array]:
-    """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
+    """Weights of misses (T,) and of pairs (T, N), relative to the largest weight of their track.
 
-    Every joint event has one factor of each track: scaling a track's row keeps products in range.
+    Every joint event has one factor from each track, so scaling changes no probability and keeps products in range.
     """
     misses, pairs = np.empty(len(likelihood)), np.zeros_like(likelihood)
     for i in range(len(misses)):
@@ -76,10 +76,10 @@ def _joint_weights(likelihood: Array, detection: Array, clutter: float, existenc
 def gated_likelihood(
     means: Array, covariances: Array, measurements: Array, noise: Array, gate_probability: float
 ) -> Array:
-    """Density (T, N) 1/m² of each measurement given a track and that it is in the track's gate; zero outside.
+    """Density (T, N) 1/m² of each measurement, given that it is the track's and in its gate; zero outside the gate.
 
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m². The gate is the ellipse that
-    holds a person's measurement with `gate_probability`.
+    contains a person's measurement with `gate_probability`.
     """
     threshold = -2.0 * log(1.0 - gate_probability)
     out = np.zeros((len(means), len(measurements)))
@@ -90,7 +90,7 @@ def gated_likelihood(
             xy = covariances[i, 0, 1] + noise[j, 0, 1]
             yy = covariances[i, 1, 1] + noise[j, 1, 1]
             if dx * dx > 2.0 * threshold * xx:
-                continue  # far beyond the gate, as most pairs are where people are many
+                continue  # outside the gate, as are most pairs among many people
             det = xx * yy - xy * xy
             d2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det
             if d2 <= threshold:
@@ -102,18 +102,18 @@ def gated_likelihood(
 def mixture_update(
     predicted: tuple[Array, Array], undetected: tuple[Array, Array], measurements: Array, noise: Array, beta: Array
 ) -> tuple[Array, Array]:
-    """Moments of the mixture over association hypotheses, the spread of the means included.
+    """Mean and covariance of the mixture over association hypotheses, including the spread of the means.
 
-    predicted and undetected: means (T, 4) and covariances (T, 4, 4) before the scan, and given that the person gave no
-    measurement; measurements (N, 2) m, noise (N, 2, 2) m², beta (T, N + 1). A measurement's component is a Kalman
-    update of the predicted belief in Joseph's form with its own R. Source: [BarShalom11] 6.2.
+    predicted: means (T, 4) and covariances (T, 4, 4) before the scan; undetected: the same given that the person gave
+    no measurement; measurements (N, 2) m, noise (N, 2, 2) m², beta (T, N + 1). The component of a measurement is a
+    Kalman update of the predicted belief in Joseph's form with the measurement's R. Source: [BarShalom11] 6.2.
     """
     means, covariances = predicted
     new_means, new_covariances = means.copy(), np.empty_like(covariances)
     moves = np.empty((len(measurements) + 1, 4))
     K, updated = np.empty((4, 2)), np.empty((4, 4))
     for i in range(len(means)):
-        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with measurements far away
+        components = np.flatnonzero(beta[i])  # a track's cost must not grow with distant measurements
         for a in range(4):
             moves[0, a] = undetected[0][i, a] - means[i, a]
             for b in range(4):
@@ -135,7 +135,7 @@ def mixture_update(
 def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
     """Write gain K (4, 2) and covariance (4, 4) after a measurement, in Joseph's form.
 
-    Written out: for matrices this small, library calls and new arrays cost ten times the arithmetic.
+    The products are written out, because for so small matrices library calls and new arrays cost ten times more.
     """
     xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = xx * yy - xy * xy
@@ -154,7 +154,7 @@ def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
 
 @compiled
 def _add_moves(components: Indices, beta: Array, moves: Array, mean: Array, covariance: Array) -> None:
-    """Add to a mean that of its components' moves (N + 1, 4), and to a covariance their spread."""
+    """Add the mean of the components' moves (N + 1, 4) to a mean, and their spread to a covariance."""
     move = np.zeros(4)
     for c in components:
         for a in range(4):

@@ -9,16 +9,17 @@ from tracking.numerics.compiled import compiled
 # propagation takes over, so that a scan of fifty people takes less than 5 ms whatever the clusters.
 EXACT_SIDE = 10
 _ITERATIONS = 1000
-_MESSAGES = 10_000  # to each track, on average: where gates hold more than 10 measurements, iterations are fewer
-_TOLERANCE = 1e-9  # not more: among many people messages may hardly change for a hundred iterations, and then change
+_MESSAGES = 10_000  # most messages per track: if gates contain more than 10 measurements, there are fewer iterations
+_TOLERANCE = 1e-9  # so small, because among many people messages may hardly change for 100 iterations before they do
 
 
 @compiled
 def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
     """Probabilities (T, N + 1) of no measurement, or of each, from weights of misses (T,) and of pairs (T, N).
 
-    A matching weighs the product of its pairs and of the misses of the other tracks. Tracks that share measurements,
-    directly or through other tracks, form a cluster; a cluster with a smaller side above `exact_side` is approximated.
+    The weight of a matching is the product of its pairs and of the misses of the other tracks. Tracks that share
+    measurements, directly or through other tracks, form a cluster. If the smaller side of a cluster is above
+    `exact_side`, its probabilities are approximate.
     """
     beta = np.zeros((pairs.shape[0], pairs.shape[1] + 1))
     done = np.zeros(len(pairs), dtype=np.bool_)
@@ -68,9 +69,9 @@ def _cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
 def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array, Array, Array]:
     """Exact marginals over all matchings of rows to columns, by dynamic programming over sets of used columns.
 
-    A matching weighs the product of its pairs (R, C), of `row_free` (R,) over the rows and of `column_free` (C,)
-    over the columns that it leaves out. Returns the probabilities of pairs, free rows and free columns. The forward
-    and backward sums of each row are rescaled: only their ratios matter.
+    The weight of a matching is the product of its pairs (R, C), of `row_free` (R,) over the rows and of `column_free`
+    (C,) over the columns that it leaves out. Returns the probabilities of pairs, free rows and free columns. The
+    forward and backward sums of each row are rescaled, because only their ratios matter.
     """
     rows, columns = pairs.shape
     sets = np.arange(1 << columns)  # of columns, as bits
@@ -111,9 +112,9 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
 def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     """Marginals of pairs and free rows by loopy belief propagation: exact without cycles. Source: [Williams14].
 
-    It converges from any start. Where misses and clutter have little weight that takes long, and it stops earlier:
-    marginals of up to 50 people in a square are then within 0.005 of the limit, or within 0.02 if all people are within
-    4 m and there is hardly any clutter.
+    The iteration converges from any start. If misses and clutter have little weight, it converges slowly and stops
+    earlier: marginals of up to 50 people in a square are then within 0.005 of the limit, or within 0.02 if all people
+    are within 4 m and there is hardly any clutter.
     """
     where = np.flatnonzero(pairs)  # one message in each direction for each possible pair
     rows, columns, weights = where // pairs.shape[1], where % pairs.shape[1], pairs.ravel()[where]
@@ -147,15 +148,15 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
 
 @compiled
 def _others(values: Array, bases: Array, groups: list[Indices], sums: Array) -> None:
-    """Write for each value the base plus all other values of its group, without differences and their cancellation.
+    """Set the sum of each value to the base plus all other values of its group, without differences, which cancel.
 
-    groups: indices of the values of each, which has the base bases[g]; the result goes to `sums`.
+    groups: indices of the values of group g, which has the base bases[g]; `sums` takes the result.
     """
     for g in range(len(bases)):
         members, left, right = groups[g], bases[g], 0.0
         for k in members:
             sums[k] = 0.0
-        for k in range(len(members)):  # in both directions at once: neither sum waits for the other
+        for k in range(len(members)):  # both directions at once, so that neither sum waits
             first, last = members[k], members[len(members) - 1 - k]
             sums[first] += left
             left += values[first]

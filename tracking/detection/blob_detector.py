@@ -20,16 +20,16 @@ from tracking.numerics.distances import length
 from tracking.numerics.factorisation import eigensystems
 from tracking.numerics.matrices import applied, product
 
-# A component of more than this many mean silhouettes is more than one person.
+# A component with the area of more than this many mean silhouettes shows more than one person.
 _CROWD = 1.5
 
 
-# Where the horizon is in view, rays that meet no ground give NaN: no person has such a size or such pixels.
+# If the horizon is in view, rays that meet no ground give sizes of NaN, which fit no person.
 @np.errstate(divide="ignore", invalid="ignore")
 def blobs_of(frame: Frame) -> tuple[list[Array], Indices]:
-    """Pixels (K, 2) of each person in a frame, and the component that each is from (N,).
+    """Pixels (K, 2) of each of N persons in a frame, and the component (N,) that each is from.
 
-    Fragments that one person can span are joined. A component too large for one person is split.
+    Fragments that one person can span are joined. A component that is too large for one person is split.
     """
     lens = frame.camera.lens(frame.pose)
     blobs = components_of(frame.image)
@@ -56,13 +56,13 @@ def _one_person(lens: Lens, blob: Array) -> bool:
 
 
 def _joined(lens: Lens, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
-    """Join the nearest two blobs that one person can span until there are none; the larger one gives the origin."""
+    """Join the nearest two blobs that one person can span, until there are none; the larger one gives the origin."""
     if len(blobs) < 2:
         return blobs, list(origins)
     blobs, origins = list(blobs), list(origins)
     centres = np.array([blob.mean(axis=0) for blob in blobs])
     reach = length(sizes_at(lens, centres).extents)
-    joins = [0] * len(blobs)  # of each blob so far; pairs found before the last join are out of date
+    joins = [0] * len(blobs)  # number of joins of each blob; pairs found before its last join are out of date
     pairs = [(distance, i, j, 0, 0) for k in range(len(blobs)) for distance, i, j in _near(centres, reach, k, k)]
     heapq.heapify(pairs)
     while pairs:
@@ -84,7 +84,7 @@ def _joined(lens: Lens, blobs: list[Array], origins: Sequence[int]) -> tuple[lis
 
 @compiled
 def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, int, int]]:
-    """Pairs of blob k and one before `stop`, in reach of the later of both: distance, earlier and later index."""
+    """Pairs of blob k and one before `stop`, within the reach of the later: distance, earlier and later index."""
     pairs = []
     for n in range(stop):
         right, down = centres[n, 0] - centres[k, 0], centres[n, 1] - centres[k, 1]
@@ -95,9 +95,9 @@ def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, 
 
 
 def _split(lens: Lens, blob: Array) -> list[Array]:
-    """Parts of a blob, one if one person can span it, else as many as its area has people's.
+    """Parts of a blob: one if one person can span it, else as many as people have the blob's area.
 
-    They are found by k-means from evenly spread starts.
+    The parts are found by k-means from evenly spread starts.
     """
     if _one_person(lens, blob):
         return [blob]
@@ -128,7 +128,7 @@ def _meets_ground(lens: Lens, blob: Array) -> bool:
 class BlobDetector:
     """Detector by colour and connected components, with one detection per person who is visible at all.
 
-    With a forest, a person hidden in part by trees or by the image's edge is located where such a part would show.
+    With a forest, a person hidden in part by trees or the image's edge is located where just this part would show.
     """
 
     forest: Forest | None = None
@@ -142,9 +142,9 @@ class BlobDetector:
 def located_detections(
     frame: Frame, blobs: list[Array], forest: Forest | None, components: Indices | None = None
 ) -> Detections:
-    """Detections of people from blobs, each the pixels (K, 2) of one person; with a forest parts are located by it.
+    """Detections of people from blobs, each the pixels (K, 2) of one person; a forest locates people hidden in part.
 
-    components (N,): the component that each blob was split from, as from `blobs_of`.
+    components (N,): the component that each blob is from, as from `blobs_of`.
     """
     found = detections_of(frame, blobs)
     if forest is not None:

@@ -1,4 +1,4 @@
-"""The plane at people's mid-height around a place, in coordinates of one camera's line of sight."""
+"""The plane at people's mid-height around a place, in coordinates along and across one camera's line of sight."""
 
 import math
 from typing import NamedTuple
@@ -25,8 +25,8 @@ class Clearing(NamedTuple):
     distance: float  # m, horizontally, from the camera
     edges: Array  # (4, 3): inside the image where edges @ (u, v, 1) >= 0
     footprint: Array  # (2, 2) m per pixel: (u, v) by the image's columns and rows, at the place
-    # (S, 7) of trees that may reach the surroundings: hulls, and the horizontal distance from the camera [m] beyond
-    # which people are hidden: that of trunks; 0 for canopies, which are above people.
+    # (S, 7): hull of each shadow that may reach the surroundings, and the horizontal distance from the camera [m]
+    # beyond which people are hidden: the distance of a trunk, or 0 for a canopy, which is above people.
     shadows: Array
 
 

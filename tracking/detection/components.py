@@ -6,15 +6,15 @@ from numpy.typing import NDArray
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. Noise in dark places looks alike,
-# but fainter. So red exceeds green by `_FAINT` grey levels in all of a component, and by `_SURE` in some of it.
+# Hi-vis orange in any light: red is above 1.5 times green and twice blue. Noise in dark places has such ratios, but
+# smaller differences. So red exceeds green by `_FAINT` grey levels in all of a component, and by `_SURE` in some of it.
 _FAINT, _SURE = 20, 40
 
 
 def components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2), row after row, of each 8-connected component in a person's colour.
 
-    The image (P, P, 3) is RGB. Components come in the order of a search from the top by cells of two by two pixels.
+    The image (P, P, 3) is RGB. Components are in the order of a search from the top by cells of two by two pixels.
     """
     pixels, ends = _components(np.ascontiguousarray(image))
     return [pixels[start:end] for start, end in zip([0, *ends], ends, strict=False)]
@@ -46,7 +46,7 @@ def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
 
 @compiled
 def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """Mask of a person's colour (1) and a sure one (2) in an image (P, P, 3), with a border of 2 pixels; its count."""
+    """Mask of a person's colour (1, or 2 if sure) in an image (P, P, 3), with a border of 2 pixels; and its count."""
     rows, columns, _ = image.shape
     mask = np.zeros((rows + 4, columns + 4), dtype=np.uint8)
     count = 0
@@ -76,7 +76,7 @@ def _cells(mask: NDArray[np.uint8], count: int) -> Indices:
 
 @compiled
 def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> int:
-    """Erase the component at start (index, width of a row) from a flat mask; write it to `out` if it is sure."""
+    """Move the component at start (index, width of a row) from a flat mask to `out`; its size, or 0 if not sure."""
     seed, width = start
     sure = mask[seed] == 2
     mask[seed] = 0

@@ -1,4 +1,4 @@
-"""Covariance of a detection: error model of people seen whole, and of blobs that were split."""
+"""Covariance of a detection: error models of people seen whole and of blobs that were split."""
 
 import math
 from typing import NamedTuple
@@ -15,22 +15,22 @@ from tracking.numerics.exponential import exp_each, power
 class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
-    The growths are factors of t and t², t being the tangent of the angle off nadir. Fitted by `python -m
-    sim.calibration`, so that errors squared over variances average one; the images: docs/explanation/calibration.md.
+    The growths are coefficients of t and t², where t is the tangent of the angle off nadir. `python -m sim.calibration`
+    fits them so that squared errors over variances average one (docs/explanation/calibration.md).
     """
 
     posture: float = 0.021  # m, standard deviation: limbs and stride
-    rounding: float = 1.633  # standard deviations of one pixel's rounding, where pixels are large
-    limb: float = 0.4  # m: pixels smaller than that average over a silhouette
+    rounding: float = 1.633  # in standard deviations of one pixel's rounding, if pixels are large
+    limb: float = 0.4  # m: errors of pixels smaller than this average over a silhouette
     radial_posture: tuple[float, float] = (-2.961, 6.517)
     radial_rounding: tuple[float, float] = (-0.206, 0.973)
     tangential_posture: tuple[float, float] = (0.282, 0.0)
     tangential_rounding: tuple[float, float] = (-1.46, 0.561)
-    # Factors of a detection's covariance by t: the residual of the polynomials of second degree, which planners use.
+    # Factors of a detection's covariance by t, which correct the polynomials of second degree that planners use.
     tangents: tuple[float, ...] = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
     excess: tuple[float, ...] = (0.893, 0.987, 1.045, 1.057, 0.909, 0.906)
-    # Level images of 60 degrees end about here. Beyond, which only tilted cameras see, growths go on as powers of t:
-    # radial posture and rounding, then tangential.
+    # t near the corners of level images of 60 degrees. Beyond, where only tilted cameras see, growths continue as
+    # powers of t: radial posture and rounding, then tangential.
     corner: float = 0.8
     powers: tuple[float, float, float, float] = (2.74, -0.027, -3.592, -0.115)
     stretch: float = 2.257  # power of a pixel's length over its width on the ground that coarsens a silhouette's sides
@@ -50,8 +50,8 @@ class WholeError(NamedTuple):
     def detected(self, tangents: Array, footprints: Array) -> Array:
         """Radial and tangential variances (N, 2) m² of detections by a camera at any attitude.
 
-        footprints (N, 2) m as from `pixel_footprints`, both gsd for a level camera. Up to `corner` these are then the
-        polynomials of `variances`, times `excess`; beyond, growths are powers.
+        footprints (N, 2) m as from `pixel_footprints`. For a level camera both are gsd, and variances up to `corner`
+        are the polynomials of `variances` times `excess`. Beyond `corner`, growths are powers.
         """
         return _detected(tangents, footprints, self)
 
@@ -63,9 +63,9 @@ class SplitError(NamedTuple):
     """Additional error of detections from one blob that was split; fitted like `WholeError`, to pairs that touch."""
 
     base: float = 0.196  # m, standard deviation where the parts coincide
-    radial: float = 1.487  # m, the same for each unit of the tangent of the angle off nadir
-    tangential: float = 0.608  # m
-    decay: float = 8.016  # of the variance, for each person's extent that the parts are apart
+    radial: float = 1.487  # m, standard deviation per unit of the tangent of the angle off nadir
+    tangential: float = 0.608  # m, likewise
+    decay: float = 8.016  # exponent by which the variance falls per extent of a person between the parts
 
     def variances(self, tangents: Array, gaps: Array) -> Array:
         """Radial and tangential variances (N, 2) m² at gaps (N,), in extents of a person, between the parts."""
@@ -140,8 +140,8 @@ def _detected(tangents: Array, footprints: Array, error: WholeError) -> Array:
         for j in range(4):
             growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
             growth[j] *= power(beyond, error.powers[j])
-        # Rounding averages over a silhouette's pixels; that of its long sides over those in its length, the fewer if
-        # they are long themselves.
+        # Rounding averages over a silhouette's pixels. On the long sides it averages over the pixels along its length,
+        # which are fewer if pixels are long.
         area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
         for j in range(2):
             grain = area * power(longer, j * error.stretch)

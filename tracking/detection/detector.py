@@ -31,7 +31,7 @@ class Detections:
 
 
 class Detector(Protocol):
-    """Detector of people in frames; "package.module:Class" in a scenario names one, made without arguments."""
+    """Detector of people in frames; a scenario names it as "package.module:Class", which takes no arguments."""
 
     def detect(self, frame: Frame) -> Detections:
         """Detect the people in one frame, from the image's top to its bottom."""

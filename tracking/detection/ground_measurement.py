@@ -1,4 +1,4 @@
-"""Ground measurements of people from their blobs, and the covariances."""
+"""Ground measurements of people from their blobs, with covariances."""
 
 import math
 from typing import Any
@@ -42,14 +42,14 @@ def whole_covariances(camera: Camera, pose: Pose, ground: Array) -> Array:
     lens = camera.lens(pose)
     axes, tangents = sight_axes(lens, ground)
     variances = WHOLE.detected(tangents, pixel_footprints(lens, ground))
-    # Towards the horizon a pixel's ground grows without bounds; a person's distance bounds the standard deviation.
+    # Towards the horizon a pixel's footprint grows without bound; the distance bounds the standard deviation.
     distances = np.sum(np.square(ground - pose.position[:2]), axis=1) + np.square(pose.position[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
 @np.errstate(divide="ignore", invalid="ignore")
 def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -> Array:
-    """Additional covariances (N, 2, 2) m² of detections at pixels (N, 2); zero but for split components."""
+    """Additional covariances (N, 2, 2) m² of detections at pixels (N, 2); zero unless their component was split."""
     if components is None or len(np.unique(components)) == len(components):
         return np.zeros((len(pixels), 2, 2))
     lens = frame.camera.lens(frame.pose)
@@ -59,7 +59,7 @@ def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -
 
 @np.errstate(divide="ignore", invalid="ignore")
 def split_gaps(lens: Lens, pixels: Array, components: Indices) -> Array:
-    """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
+    """Distances (N,), in extents of a person, to the nearest detection of the same component; infinite if none."""
     size = sizes_at(lens, pixels)
     offsets = product(pixels[None] - pixels[:, None], size.axes) / size.extents[:, None]
     siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)

@@ -19,8 +19,8 @@ Quadratic = tuple[float, float, float]
 class NoiseModel:
     """Variances along and across the planar line from camera to target, each c0 + c1 r + c2 r².
 
-    r is the planar distance, at least `minimum_range`. Both of the testbed's models have this form, so compiled
-    code needs only one.
+    r is the planar distance, at least `minimum_range`. Both of the testbed's models have this form, so compiled code
+    needs only one.
     """
 
     radial: Quadratic  # m², m, 1
@@ -29,16 +29,17 @@ class NoiseModel:
 
     @staticmethod
     def range_bearing(alpha: float) -> NoiseModel:
-        """[Li22] eq. (4): R = α G(ρ) diag(0.1 r, 0.1 π r) G(ρ)ᵀ with r0 = 2 m."""
+        """Noise model of [Li22] eq. (4): R = α G(ρ) diag(0.1 r, 0.1 π r) G(ρ)ᵀ with r0 = 2 m."""
         return NoiseModel((0.0, 0.1 * alpha, 0.0), (0.0, 0.1 * math.pi * alpha, 0.0), 2.0)
 
     @staticmethod
     def camera(camera: Camera, altitude: float) -> NoiseModel:
-        """Error of a detection of a person in plain view of a nadir camera `altitude` m above ground.
+        """Noise model for a person in plain view of a nadir camera `altitude` m above ground.
 
-        Posture: limbs and stride. Rounding: of variance gsd² / 12 for one pixel of edge gsd at the target's height, and
-        smaller by gsd² / limb² for a centroid of many. Of second degree: without the `excess` of `WholeError.detected`.
-        A person hidden in part has the covariance of `tracking.detection.partial_visibility`.
+        Variances are those of posture (limbs and stride) and of rounding. That of rounding is gsd² / 12 for one pixel
+        of edge gsd at the target's height, and smaller by a factor of about gsd² / limb² for a centroid of many pixels.
+        The `excess` of `WholeError.detected` is left out. `tracking.detection.partial_visibility` gives the covariance
+        of a person hidden in part.
         """
         height = altitude - TARGET_HEIGHT
         radial, tangential = WHOLE.variances(np.array(height / camera.focal))

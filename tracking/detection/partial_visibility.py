@@ -17,28 +17,27 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, log
 
-# A blob smaller than this share of a mean silhouette is part of one, wherever it is.
+# A blob smaller than this share of a mean silhouette shows only part of a person, wherever it is.
 _SMALL = 0.6
-# Numbers of places: first over all that are possible, then over those that remain.
+# Numbers of places: first in the whole possible region, then in the region that remains.
 _COARSE, _FINE = 100, 200
-# Where less than this share of a silhouette would show, a person would not be seen.
+# A person is taken to be invisible if less than this share of the silhouette would show.
 _LEAST = 0.01
-# Places with a deviance that exceeds the least by more are left out: a probability of e^-10.
+# Places with a deviance that exceeds the least by more than this, a probability ratio of e^-10, are left out.
 _IMPROBABLE = 20.0
 
 
 class PartError(NamedTuple):
     """Error model of the visible part of a person, compared with that of a mean silhouette.
 
-    Fitted by `python -m sim.calibration` so that errors squared over variances average one.
+    `python -m sim.calibration` fits it so that squared errors over variances average one.
     """
 
-    posture: float = 0.182  # m: by how much the centroid of a vanishing part moves more than that of a whole silhouette
-    rounding: float = 0.572  # pixels: by how much rounding moves the centroid of a single pixel
-    fringe: float = 0.876  # pixels of area, of an outline of one pixel
-    limb: float = 0.07  # of a whole silhouette's area, for a visible part of all of it: headings and strides
-    # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the residual of the
-    # model above.
+    posture: float = 0.182  # m: additional standard deviation of the centroid of a vanishing part
+    rounding: float = 0.572  # pixels: standard deviation that rounding gives the centroid of a single pixel
+    fringe: float = 0.876  # pixels: standard deviation of the area of a part of one pixel
+    limb: float = 0.07  # relative standard deviation of a whole silhouette's area, by headings and strides
+    # Factors that correct the covariance of the model above, by a pixel's edge on the ground [m] and the hidden share.
     pixel: tuple[float, ...] = (0.083, 0.111, 0.167, 0.222)
     hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9)
     excess: tuple[tuple[float, ...], ...] = (
@@ -49,7 +48,7 @@ class PartError(NamedTuple):
     )
 
     def factor(self, pixel: float, hidden: float) -> float:
-        """Factor of the covariance for a pixel's edge [m] on the ground and the share that is hidden."""
+        """Factor of the covariance for a pixel's edge [m] on the ground and the hidden share."""
         return float(np.interp(pixel, self.pixel, [np.interp(hidden, self.hidden, row) for row in self.excess]))
 
 
@@ -60,7 +59,7 @@ class Seen(NamedTuple):
     """Observed area of a blob, and the covariance that the centroid of a whole silhouette would have."""
 
     whole: Array  # (2, 2) m², along the axes of the clearing
-    pixel: Array  # (2, 2) m²: the clearing's footprint, squared
+    pixel: Array  # (2, 2) m²: F Fᵀ of the clearing's footprint F
     area: float  # pixels, of a whole mean silhouette
     shown: float  # pixels, of the blob
 
@@ -68,7 +67,7 @@ class Seen(NamedTuple):
 class Places(NamedTuple):
     """Grid of possible places of a person seen in part, and the part of the silhouette that each would show.
 
-    In coordinates (u, v) [m] of a clearing around the blob.
+    Coordinates (u, v) [m] are those of a clearing around the blob.
     """
 
     clearing: Clearing
@@ -99,7 +98,7 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     """
     lens = frame.camera.lens(frame.pose)
     if lens.eye[2] <= TALLEST:
-        return None  # among people, not above them
+        return None  # the camera is not above people's heads
     hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
     if not hidden:
         return None
@@ -110,9 +109,9 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
 
 @compiled
 def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
-    """Possible occlusion of the person that a blob (K, 2) is from: a flag, the clearing, a whole person's area.
+    """Flag for possible occlusion of a blob's (K, 2) person, clearing around its centroid, and a whole person's area.
 
-    The clearing around the blob's centroid has the shadows that may matter; the area is in pixels.
+    The clearing has the shadows that may matter; the area is in pixels.
     """
     centre = blob[:, 0].mean(), blob[:, 1].mean()
     clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre])).areas[0]
@@ -125,7 +124,7 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
 
 @compiled
 def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
-    """Observation in a clearing's axes, from a whole person's covariance (2, 2) m² in the world's and areas."""
+    """Observation along a clearing's axes, from areas and a whole person's covariance (2, 2) m² in world axes."""
     x, y = clearing.away
     turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
     return Seen(_congruent(turn.T, whole), _congruent(pixel, np.eye(2)), area, shown)
@@ -145,7 +144,7 @@ def _congruent(outer: Array, inner: Array) -> Array:
 
 @compiled
 def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
-    """Test if nothing hides any of the pixels (K, 2) of a blob, or those next to them."""
+    """Test if nothing hides any place that the pixels (K, 2) of a blob, or those next to them, show."""
     left, top = int(blob[:, 0].min()) - 1, int(blob[:, 1].min()) - 1
     near = np.zeros((int(blob[:, 1].max()) + 2 - top, int(blob[:, 0].max()) + 2 - left), dtype=np.bool_)
     for k in range(len(blob)):
@@ -169,7 +168,7 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -
     slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + error.posture * error.posture + rounding)
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
-    # `int`, because numba compiles a function anew for each constant that it is given.
+    # `int`, because Numba compiles a function anew for each constant argument.
     coarse = _grid(clearing, seen, silhouette, (low, high), int(_COARSE))
     deviances = _deviances(coarse, error)
     least = deviances.min()
@@ -186,7 +185,7 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -
 
 @compiled
 def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair], count: int) -> Places:
-    """Grid of about so many places in a box from its low to its high corner (u, v) m."""
+    """Grid of about `count` places in a box from its low to its high corner (u, v) m."""
     low, high = box
     width, height = high[0] - low[0], high[1] - low[1]
     columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
@@ -206,7 +205,7 @@ def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pai
 
 @compiled
 def _deviances(places: Places, error: PartError) -> Array:
-    """Deviances (M, N), twice the negative log-likelihoods of places but for a constant; inf where too little shows."""
+    """Deviances (M, N) of places, twice the negative log-likelihood up to a constant; inf where too little shows."""
     posture, rounding, fringe, limb = error.posture, error.rounding, error.fringe, error.limb
     seen, cell = places.seen, places.cell
     out = np.full(places.shares.shape, math.inf)
@@ -246,7 +245,7 @@ def _moments(places: Places, deviances: Array) -> tuple[Array, Array, float]:
             uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]
             hidden += weight * (1.0 - min(places.shares[i, j], 1.0))
     u, v = along / total, across / total
-    # Without the variance within cells a single place would have none.
+    # Add the variance within cells, so that a single place has a variance, too.
     cell = places.cell
     uu, uv, vv = uu / total - u * u + cell[0] * cell[0] / 12, uv / total - u * v, vv / total - v * v
     vv += cell[1] * cell[1] / 12

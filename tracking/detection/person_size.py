@@ -1,4 +1,4 @@
-"""Size of a person in the image, by place."""
+"""Size of a person in the image as a function of the place."""
 
 import math
 from typing import NamedTuple
@@ -15,15 +15,15 @@ class Sizes(NamedTuple):
     """Size of one person in the image at each of N places."""
 
     axes: Array  # (N, 2, 2) unit vectors in columns: from foot to head, across
-    extents: Array  # (N, 2) the largest along the axes, pixels
-    areas: Array  # (N,) the mean, pixels
+    extents: Array  # (N, 2) pixels, largest extents along the axes
+    areas: Array  # (N,) pixels, mean areas
 
 
 @compiled
 def sizes_at(lens: Lens, pixels: Array) -> Sizes:
     """Sizes of people whose mid-height is seen at pixels (N, 2).
 
-    Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
+    The sizes are fitted to renderings of a walking person at all headings, from nadir to 40 degrees off nadir.
     """
     axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
     for k in range(len(pixels)):
@@ -35,7 +35,7 @@ def sizes_at(lens: Lens, pixels: Array) -> Sizes:
         cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
         axes[k, 0, 0], axes[k, 0, 1], axes[k, 1, 0], axes[k, 1, 1] = cos, -sin, sin, cos
         extents[k, 0], extents[k, 1] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
-        # The image plane stretches silhouettes away from its centre: across people only if the camera is tilted.
+        # The image plane stretches silhouettes away from its centre, across people only if the camera is tilted.
         off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
         extents[k, 1] *= math.sqrt(1.0 + off * off)
         areas[k] = scale * (0.2 * scale + 0.22 * height)

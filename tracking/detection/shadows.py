@@ -1,6 +1,6 @@
-"""Shadows of trees, as cast from the camera on the plane at people's mid-height, row by row.
+"""Shadows of trees, cast from the camera on the plane at people's mid-height, computed row by row.
 
-A vertical cylinder hides the hull of two discs, the shadows of its ends.
+The shadow of a vertical cylinder is the convex hull of two discs, the shadows of its ends.
 """
 
 import math
@@ -46,7 +46,7 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
 
 @compiled
 def crossing(hull: Hull, v: float) -> Pair:
-    """Interval of u in which the hull of two discs covers a row; (inf, -inf) if it does not."""
+    """Interval of u in which the hull of two discs covers the row at v; (inf, -inf) if it does not."""
     u0, v0, r0, u1, v1, r1 = hull
     low, high = math.inf, -math.inf
     if v < min(v0 - r0, v1 - r1) or v > max(v0 + r0, v1 + r1):
@@ -60,7 +60,7 @@ def crossing(hull: Hull, v: float) -> Pair:
     if square <= dr * dr:
         return low, high  # one disc within the other
     across = math.sqrt(square - dr * dr)
-    for side in (-1.0, 1.0):  # the tangents to both discs, by their normals
+    for side in (-1.0, 1.0):  # tangents to both discs, by their normals
         x, y = (dr * du - side * across * dv) / square, (dr * dv + side * across * du) / square
         start, end = v0 + r0 * y, v1 + r1 * y
         if min(start, end) <= v <= max(start, end) and start != end:
@@ -71,7 +71,7 @@ def crossing(hull: Hull, v: float) -> Pair:
 
 @compiled
 def openings(clearing: Clearing, v: float, out: Array) -> int:
-    """Write into (S + 1, 2) the intervals of u that are in the image and in no shadow; return their number."""
+    """Write the intervals of u in the image and in no shadow into `out` (S + 1, 2); return their number."""
     low, high = -math.inf, math.inf
     for k in range(len(clearing.edges)):
         slope, rest = clearing.edges[k, 0], clearing.edges[k, 1] * v + clearing.edges[k, 2]
@@ -93,7 +93,7 @@ def openings(clearing: Clearing, v: float, out: Array) -> int:
 
 @compiled
 def _cut(intervals: Array, count: int, shadow: Pair) -> int:
-    """Cut an interval out of the first `count` of disjoint intervals, in place; return the number left."""
+    """Cut an interval out of the first `count` disjoint intervals, in place; return the new number of intervals."""
     for k in range(count - 1, -1, -1):
         low, high = intervals[k, 0], intervals[k, 1]
         if shadow[1] <= low or shadow[0] >= high:
@@ -113,7 +113,7 @@ def _cut(intervals: Array, count: int, shadow: Pair) -> int:
 
 @compiled
 def is_open(clearing: Clearing, u: float, v: float) -> bool:
-    """Test if people at (u, v) would be seen: inside the image and in no shadow."""
+    """Test if (u, v) is inside the image and in no shadow."""
     for k in range(len(clearing.edges)):
         if clearing.edges[k, 0] * u + clearing.edges[k, 1] * v + clearing.edges[k, 2] < 0.0:
             return False

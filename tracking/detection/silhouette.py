@@ -12,8 +12,8 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import hypot
 
-# A walking person over all headings, as horizontal circles: height above ground, radius [m] and the share of headings
-# at which the body between two circles hides its background, legs being thin.
+# A walking person over all headings, as horizontal circles: height above ground [m], radius [m], and the share of
+# headings at which the body between the circle below and this one hides the background; it is small for thin legs.
 _LEVELS = (
     (0.00, 0.36, 0.00),
     (0.30, 0.34, 0.22),
@@ -25,20 +25,20 @@ _LEVELS = (
     (1.70, 0.09, 0.90),
 )
 TALLEST = _LEVELS[-1][0]  # m
-_ROWS = 6  # on either side of the middle
+_ROWS = 6  # rows on either side of the middle
 _BINS = 48
 
 
 class Silhouette(NamedTuple):
-    """Area of the plane that a person covers, in (u, v) m from their mid-height; symmetric about v = 0."""
+    """Area of the plane that a person covers, in (u, v) m from the person's mid-height; symmetric about v = 0."""
 
     low: float  # least u, m
     high: float  # greatest u, m
     half: float  # greatest v, m
     bin: float  # m
     row: float  # width of a row, m; the k-th is at v = (k + 1/2) row
-    cover: Array  # (_ROWS, _BINS + 1) integrals over u, from `low` to each edge of a bin, of the cover, m
-    moment: Array  # (_ROWS, _BINS + 1) the same of u times the cover, m²
+    cover: Array  # (_ROWS, _BINS + 1) m, integrals of the cover over u, from `low` to each edge of a bin
+    moment: Array  # (_ROWS, _BINS + 1) m², the same integrals of u times the cover
     middle: float  # u of the centroid, m
     area: float  # m²
 
@@ -92,7 +92,7 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
     out, c = np.zeros((len(v), len(u), 3)), clearing
     for i in range(len(v)):
         first = 0
-        while first < len(u):  # together those that the same shadows may hide: no trunk hides people in front of it
+        while first < len(u):  # at once for people behind the same trunks: a trunk hides none in front of it
             near = c.shadows[:, 6] <= hypot(c.distance + u[first], v[i])
             around = Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[near])
             last = first + 1
@@ -105,7 +105,7 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
 
 @compiled
 def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
-    """Test if two people of a row are in front of the same trunks."""
+    """Test if two people in the row at v are in front of the same trunks."""
     one, other = hypot(clearing.distance + u[0], v), hypot(clearing.distance + u[1], v)
     for k in range(len(clearing.shadows)):
         front = clearing.shadows[k, 6]
@@ -141,6 +141,6 @@ def _bins(u: float, silhouette: Silhouette) -> float:
 
 @compiled
 def _interpolated(values: Array, at: float) -> float:
-    """Value at an index of values (_BINS + 1,), by linear interpolation."""
+    """Value at a fractional index of values (_BINS + 1,), by linear interpolation."""
     k = min(int(at), _BINS - 1)
     return float(values[k] + (at - k) * (values[k + 1] - values[k]))

@@ -1,1 +1,1 @@
-"""Motion models and the filter of one target, missed detections included."""
+"""Motion models and the filter of one target, with negative information."""

@@ -20,10 +20,10 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class NearlyConstantVelocity:
-    """The motion model of [Li22] eq. (1), over one scan or several.
+    """The motion model of [Li22] eq. (1), over one or more scans.
 
-    The acceleration is constant over each of `scans` equal parts of `dt`, and independent of that of other parts. One
-    such step has the same moments as that many steps of dt / scans.
+    The acceleration is constant over each of `scans` equal parts of `dt`, and independent between parts. A step has the
+    same moments as `scans` steps of dt / scans.
     """
 
     dt: float  # s
@@ -40,18 +40,18 @@ class NearlyConstantVelocity:
 
     @property
     def transition(self) -> tuple[float, float]:
-        """Way over the step per velocity at its start [s], and the share of that velocity that is left at its end."""
+        """Displacement over a step per initial velocity [s], and the share of that velocity left after the step."""
         return self.dt, 1.0
 
     @property
     def F(self) -> Array:
-        """State transition (4, 4), of deviations from the mean."""
+        """State transition (4, 4) of deviations from the mean."""
         way, left = self.transition
         return np.kron(np.array([[1.0, way], [0.0, left]]), np.eye(2))
 
     @cached_property
     def Q(self) -> Array:
-        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
+        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ for k from 0 to n - 1, with F and Q of one scan."""
         n, dt = self.scans, self.dt / self.scans
         square = dt * dt
         variance = self.sigma_a * self.sigma_a
@@ -72,7 +72,7 @@ class NearlyConstantVelocity:
         return predict_linear(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
 
     def observed(self, velocities: Array) -> "NearlyConstantVelocity":
-        """The model after a scan in which people of these velocities (N, 2) m/s were detected: the same."""
+        """The same model, whatever the velocities (N, 2) m/s of detected people."""
         return self
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
@@ -83,13 +83,13 @@ class NearlyConstantVelocity:
 def nearly_constant_velocity(
     dt: float, sigma_a: float, max_speed: float, walking_speed: float
 ) -> NearlyConstantVelocity:
-    """The model as `motion.MOTION_MODELS` has it; it needs no speeds."""
+    """The model with the arguments that `motion.MOTION_MODELS` passes; the speeds are not used."""
     return NearlyConstantVelocity(dt, sigma_a)
 
 
 @compiled
 def predict_linear(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
-    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), where F = [[I, w I], [0, l I]] with `transition` (w, l)."""
     moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
     way, left = transition
     for t in range(len(means)):

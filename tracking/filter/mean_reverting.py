@@ -1,4 +1,4 @@
-"""Motion model in which velocities return to a walking speed, which is learned from the people in view."""
+"""Motion model in which speeds return to a walking speed, which is learned from the people in view."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -12,24 +12,24 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import exp
 
-_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, of one scan
-_Reverting = tuple[float, tuple[float, float], float]  # a scan [s], what `_reversion` gives for it, walking speed [m/s]
+_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, for one scan
+_Reverting = tuple[float, tuple[float, float], float]  # a scan [s], the result of `_reversion`, walking speed [m/s]
 _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
 
 
 @dataclass(frozen=True)
 class MeanRevertingVelocity(NearlyConstantVelocity):
-    """Directions stay, and speeds return to that of walking, which is learned from people in view.
+    """Model in which directions persist and speeds return to a walking speed, which is learned from people in view.
 
     Over a scan v' = u + b (v - u) + a dt and p' = p + u dt + w (v - u) + a dt² / 2, with b = exp(-dt / 3 s) and
-    w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is zero while the direction is unknown, and
-    is taken anew in each scan. Deviations of speed fade thus; those across the direction would not. The covariance,
-    which treats all directions alike, forgets at the mean of the two rates, in 6 s.
-    Source: [Millefiori16]; that u follows from the belief and from what was seen of people, and the rates, are ours.
+    w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is computed anew in each scan, and is zero
+    while the direction is unknown. So deviations along the direction fade in 3 s, and those across it persist. The
+    covariance treats all directions alike, and fades at the mean of the two rates, in 6 s.
+    Source: [Millefiori16]. Note: the rates, and a u that follows from the belief and from detected people, are ours.
     """
 
     walking_speed: float = field(kw_only=True)  # m/s
-    learned_in: float = field(default=20.0, kw_only=True)  # s in view of one person, or of several together
+    learned_in: float = field(default=20.0, kw_only=True)  # s for which people were in view, summed over people
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -38,12 +38,12 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
 
     @cached_property
     def transition(self) -> tuple[float, float]:
-        """As `NearlyConstantVelocity.transition`, of deviations from the mean."""
+        """As `NearlyConstantVelocity.transition`, for deviations from the mean."""
         return _reversion(self.dt, 2.0 * _MEMORY)
 
     @cached_property
     def Q(self) -> Array:
-        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
+        """As `NearlyConstantVelocity.Q`."""
         if self.scans == 1:
             return super().Q
         return np.asarray(self.predict_all(np.zeros((1, 4)), np.zeros((1, 4, 4)))[1][0])
@@ -58,8 +58,8 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     def observed(self, velocities: Array) -> "MeanRevertingVelocity":
         """The model after a scan in which people of these velocities (N, 2) m/s were detected.
 
-        The walking speed is the mean of their speeds over all scans with a detection, and of the first value, which
-        counts as much as one person who is detected in each scan for 20 s.
+        The walking speed is the mean of all detected speeds and of the initial value, which counts as much as a person
+        detected in each scan for 20 s.
         """
         dt = self.dt / self.scans
         learned_in = self.learned_in + dt * len(velocities)
@@ -80,12 +80,12 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
 
 
 def mean_reverting_velocity(dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MeanRevertingVelocity:
-    """The model as `motion.MOTION_MODELS` has it; it needs no bound on speed."""
+    """The model with the arguments that `motion.MOTION_MODELS` passes; the largest speed is not used."""
     return MeanRevertingVelocity(dt, sigma_a, walking_speed=walking_speed)
 
 
 def _reversion(dt: float, memory: float) -> tuple[float, float]:
-    """Way per deviation of the velocity [s] in `dt` s, and the share of it that is left, if it fades in `memory` s."""
+    """Displacement in `dt` s per deviation of velocity [s], and share of it left, if it fades in `memory` s."""
     left = exp(-dt / memory)
     return memory * (1.0 - left), left
 
@@ -94,7 +94,7 @@ def _reversion(dt: float, memory: float) -> tuple[float, float]:
 def _after_scans(
     means: Array, covariances: Array, scans: int, linear: _Linear, reverting: _Reverting
 ) -> tuple[Array, Array]:
-    """Means (T, 4) and covariances (T, 4, 4) of beliefs so many scans later."""
+    """Means (T, 4) and covariances (T, 4, 4) of beliefs `scans` scans later."""
     dt, (way, left), walking_speed = reverting
     for _ in range(scans):
         moved, spread = predict_linear(means, covariances, linear[0], linear[1])

@@ -11,8 +11,8 @@ from tracking.plugins.registry import InputError, Registry
 if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.numerics.arrays import Array
 
-# Each is called with dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], the scenario's keys, whether or not it
-# needs them all.
+# Each model is called with the scenario's keys dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], of which it
+# may ignore some.
 MOTION_MODELS = Registry(
     "tracking.motion",
     {
@@ -36,12 +36,12 @@ class MotionModel(Protocol):
     def observed(self, velocities: Array) -> MotionModel:
         """The model after a scan in which people of these velocities (N, 2) m/s were detected.
 
-        The testbed adds it to models from outside, which stay as they are.
+        Models from outside need not have this method, which is not called on them.
         """
 
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
-    """The model of that name or import string; InputError says what is wrong, also with what one from outside gives."""
+    """The model of that name or import string; InputError if there is none, or later if its predictions are wrong."""
     model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed, walking_speed)
     with MOTION_MODELS.errors(name, "be made"):
         step = float(getattr(model, "dt", math.nan))
@@ -52,7 +52,7 @@ def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking
 
 @dataclass(frozen=True)
 class _Checked:
-    """A motion model from outside; InputError where a prediction fails or is no belief."""
+    """A motion model from outside; InputError if a prediction fails or is no belief."""
 
     name: str
     model: MotionModel

@@ -10,8 +10,8 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
-# of the mean velocity in that: a motion of all of the belief crosses one of its edges only. Beliefs are then as wide
-# as those of a particle filter, of one UAV or a fleet, under canopies of 1 to 8 m.
+# of the mean velocity that counts as crossing: a motion of the whole belief crosses only one of its edges. With these
+# values beliefs are as wide as those of a particle filter, for one UAV or a fleet, under canopies of 1 to 8 m.
 _AGAIN, _TOGETHER = 8.5, 0.35
 
 
@@ -19,13 +19,13 @@ _AGAIN, _TOGETHER = 8.5, 0.35
 def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
     """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 
-    views (T, 2, K): samples that frames of this scan, and those before, show, of one UAV or of any of several; elapsed
-    (T,) s since the frames before; detection: its probability in plain view.
-    Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
-    empty place. A second look there says only that no person has come since. So where frames of both times show a
-    place, the likelihood falls with the share of the belief that people cross between them.
+    views (T, 2, K): flags of the samples that frames of this scan, and the frames before, show, of one UAV or of any of
+    several; elapsed (T,) s since the frames before; detection: probability of detection in plain view.
+    Negative information of the last frames is already in the belief, although the Gaussian has tails again in the empty
+    place. A second look there only tells that no person has come since. So where frames of both times show a place, the
+    likelihood falls with the share of the belief that people cross between them.
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
-    belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.
+    belief even if they showed all of it, which is no information, or if the fleet did not hold the track then.
     """
     missed = np.ones((len(views), views.shape[2]))
     for t in range(len(missed)):
@@ -44,9 +44,9 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
 
 @compiled
 def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
-    """Share of its belief's width that a person crosses in `elapsed` seconds, in root mean squares.
+    """Share of a belief's width that the person crosses in `elapsed` seconds, both as root mean squares.
 
-    mean (4,) and covariance (4, 4) of the belief; a part of its mean velocity counts.
+    mean (4,), covariance (4, 4) of the belief. Of the mean velocity only a part counts.
     """
     width = covariance[0, 0] + covariance[1, 1]
     together = _TOGETHER * _TOGETHER * (mean[2] * mean[2] + mean[3] * mean[3])
@@ -55,19 +55,19 @@ def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
 
 @compiled
 def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
-    """Beliefs after a scan without a detection: Bayes' rule over samples.
+    """Beliefs after a scan without a detection, by Bayes' rule over samples; Gaussians with the posterior's moments.
 
-    predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): the likelihood of no detection at each of the
-    positions `tracking.geometry.visibility.SAMPLES`. The result is the Gaussian of equal moments.
-    State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
-    Source: [Koch04], with samples where it uses mixtures.
+    predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): likelihood of no detection at each position of
+    `tracking.geometry.visibility.SAMPLES`. The state is mean + G u + a rest independent of the position, where u is the
+    standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
+    Source: [Koch04], with samples in place of mixtures.
     """
     means, covariances = predicted
     moved, spread = means.copy(), covariances.copy()
     G, narrowed = np.empty((4, 2)), np.empty(3)
     for t in range(len(missed)):
         if missed[t].min() == missed[t].max():
-            continue  # the scan shows all of the belief or nothing of it
+            continue  # the scan shows all of the belief or none of it
         P = covariances[t]
         one = math.sqrt(P[0, 0])
         across = P[1, 0] / one
@@ -87,7 +87,7 @@ def negative_information_update(predicted: tuple[Array, Array], missed: Array) -
 
 @compiled
 def _sample_moments(missed: Array, narrowed: Array) -> tuple[float, float]:
-    """Mean of the samples, weighted by `missed` (K,); `narrowed` (3,) becomes I less their covariance: xx, xy, yy."""
+    """Mean of the samples weighted by `missed` (K,); sets `narrowed` (3,) to I minus their covariance: xx, xy, yy."""
     total = x = y = xx = xy = yy = 0.0
     for k in range(len(missed)):
         total += missed[k]

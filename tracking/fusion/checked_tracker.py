@@ -1,4 +1,4 @@
-"""Trackers from outside: what they give is checked before the fleet uses it."""
+"""Checks of the tracks and messages that trackers from outside give, before the fleet uses them."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -21,7 +21,7 @@ _LARGEST_ID = 2**62
 
 
 class CheckedTracker:
-    """A tracker from outside; InputError where it fails, or where what it gives is no tracks or no message."""
+    """A tracker from outside; InputError if it fails, or gives unusable tracks or messages."""
 
     def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401 - not ours
         self.uav, self.max_speed = uav, max_speed
@@ -74,7 +74,7 @@ class CheckedTracker:
         self._scans, self._time = self._scans + 1, time
 
     def _look(self, method: str) -> None:
-        """Read and check the tracks at once, so that an error names the method that left them."""
+        """Read and check the tracks at once, so that an error names the method that caused it."""
         self._read, self._last = None, method
         _ = self.tracks
 
@@ -83,7 +83,7 @@ class CheckedTracker:
 
 
 def checked_tracks(given: Collection[Any]) -> tuple[Track, ...]:
-    """Tracks from outside by ascending id; `Unusable` says why others are none."""
+    """Copies of tracks from outside by ascending id; `Unusable` if they are no tracks."""
     ids, tracks = np.sort(track_ids(given)), sorted(given, key=lambda track: int(track.id))
     means, covariances, existence = track_beliefs(tracks)
     check_positive_definite("covariances of tracks", covariances)
@@ -91,7 +91,7 @@ def checked_tracks(given: Collection[Any]) -> tuple[Track, ...]:
 
 
 def _sightings(tracks: Sequence[Any]) -> Array:
-    """Sightings (T, 3) of tracks, NaN where a track tells none; `Unusable` unless they are numbers."""
+    """Sightings (T, 3) of tracks, NaN for a track without one; `Unusable` unless they are numbers."""
     nowhere = np.full(3, np.nan)
     given = [getattr(track, "sighting", nowhere) for track in tracks] or np.zeros((0, 3))
     found = numbers("sightings of tracks", given, 3 * _MOST)
@@ -102,7 +102,7 @@ def _sightings(tracks: Sequence[Any]) -> Array:
 
 
 def track_ids(tracks: Collection[Any]) -> Indices:
-    """Ids (T,) of tracks; `Unusable` unless they are tracks whose ids are different whole numbers of at least 0."""
+    """Ids (T,) of tracks; `Unusable` unless all are tracks, with different ids that are whole numbers of at least 0."""
     if not isinstance(tracks, Collection):
         raise Unusable(f"tracks are no sequence but {type(tracks).__name__}")
     for track in tracks:
@@ -133,7 +133,7 @@ def track_beliefs(tracks: Sequence[Any]) -> tuple[Array, Array, Array]:
 
 
 def checked_message(given: object) -> Message:
-    """A message from outside with arrays of the right shapes; `Unusable` says why another is none."""
+    """A message from outside with arrays of the right shapes; `Unusable` if it is no such message."""
     if not isinstance(given, Message):
         raise Unusable(f"it is no tracking.fusion.message.Message but {type(given).__name__}")
     count = len(given.ids)
@@ -163,7 +163,7 @@ def checked_message(given: object) -> Message:
 
 
 def _numbered(name: str, given: Sequence[Any]) -> tuple[tuple[int, float], ...]:
-    """Pairs of a whole number of at least 0, of a UAV or a track, and a time [s]."""
+    """Pairs of the number of a UAV or track, whole and at least 0, and a time [s]; `Unusable` if they are others."""
     if not len(given):
         return ()
     _instants(name, given, (len(given), 2))
@@ -173,7 +173,7 @@ def _numbered(name: str, given: Sequence[Any]) -> tuple[tuple[int, float], ...]:
 
 
 def _instants(name: str, given: object, shape: tuple[int, ...]) -> Array:
-    """Times, or places and times, of which those that never were are -inf."""
+    """Times, or positions and times, which are -inf if there are none yet; `Unusable` if they have another form."""
     found = numbers(name, given, 4 * _MOST)
     if found.shape != shape or np.isnan(found).any() or np.any(found == np.inf):
         raise Unusable(f"{name} are no table {shape} of numbers")

@@ -14,15 +14,15 @@ _History = tuple[Array, Indices, Indices, Array]  # times, views, misses and sig
 
 
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
-    """Exchange rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
+    """Exchange rounds of messages over the undirected graph `adjacency` (n, n); its diagonal is ignored.
 
-    Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights).
+    Each UAV hands each neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights). Every scan
+    ends with this call, even for one UAV, because it also deletes tracks. Returns the bytes sent by each UAV (n,).
+    lost (rounds, n, n): flags of the messages from UAV j to UAV i that are lost, which no UAV knows beforehand.
     Source: [Battistelli14], with weights that differ by UAV, and [Battistelli15].
-    Note: the shares of all UAVs are mixed along, in place of the factor of their number that undoes the mixing of
-    novel information, so that nothing counts more than once where messages are lost.
 
-    lost (rounds, n, n): flags of the messages from UAV j that are lost on the way to UAV i, unknown beforehand.
-    Every scan ends with this, also for one UAV: tracks are deleted here. Returns the bytes sent by each UAV (n,).
+    Note: the sum of novel information is recovered by mixing each UAV's share as well, rather than by the number of
+    UAVs as a factor, so that no information counts more than once if messages are lost.
     """
     linked = _links(adjacency, len(members))
     if type(rounds) is not int or rounds < 0:
@@ -50,7 +50,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
 
 
 def combine(own: Message, received: Sequence[Message], max_speed: float) -> Message:
-    """Message of a UAV in the next round, from its own and its neighbours' in this one."""
+    """Message of a UAV in the next round, from its own message and those received in this round."""
     if not received:
         return own
     same = associate_tracks(own, received, max_speed)
@@ -58,12 +58,12 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
 
 
 def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
-    """Messages after rounds, from N messages about the same tracks in the same rows, and the bytes of each UAV's (M,).
+    """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (M,).
 
-    heard (R, M, N): flags of the UAVs that each of the first M UAVs heard in each round. Where M is less than N there
-    is one round.
+    heard (R, M, N): flags of the UAVs that each of the first M UAVs heard in each round. If M is less than N, there is
+    one round.
     """
-    # Columns stand for UAVs; messages from UAVs that have not heard of the last ones lack theirs.
+    # Columns of shares stand for UAVs; a message lacks the columns of the last UAVs if it holds none of their shares.
     novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
     for row, m in zip(novel, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
@@ -86,7 +86,7 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
 def _after_rounds(
     novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
 ) -> tuple[Array, Array, Array, Indices, Indices, Array, Indices]:
-    """Columns of M messages after rounds `heard` (R, M, N), and numbers of novel information sent by each (M,)."""
+    """Columns of M messages after rounds `heard` (R, M, N), and count (M,) of the numbers of novel information sent."""
     numbers = np.zeros(heard.shape[1], np.int64)
     for k in range(len(heard)):
         for i in range(len(numbers)):
@@ -98,16 +98,16 @@ def _after_rounds(
 
 
 def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
-    """The smallest leader that each UAV has or hears of, and the time of its last message."""
+    """Partition of each UAV: the smallest leader that it has or hears of, and the time of the leader's last message."""
     known = [[partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(heard)]
     return [min(each, key=lambda partition: (partition[0], -partition[1])) for each in known]
 
 
 @compiled
 def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
-    """Tables (M, T, W) after each UAV heard has handed over its share of the difference, from tables (N, T, W)."""
+    """Tables (M, T, W) after one round: each UAV heard hands over its share of the difference of tables (N, T, W)."""
     count, tracks, width = tables.shape
-    rows = tables.reshape(count, tracks * width)  # a plain row each, so that the innermost loop is vectorised
+    rows = tables.reshape(count, tracks * width)  # plain rows, so that the innermost loop is vectorised
     out = rows[: len(heard)].copy()
     for i in range(len(heard)):
         for j in range(count):
@@ -120,7 +120,7 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 @compiled
 def _latest(history: _History, heard: Flags) -> _History:
-    """Latest times (M, T, 4) and sightings (M, T, 3) of those heard, all views (M, T, 2) and common misses (M, T)."""
+    """History after one round: latest times (M, T, 4) and sightings (M, T, 3), all views, and common misses (M, T)."""
     times, views, misses, sightings = history
     last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
     common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()
@@ -139,7 +139,7 @@ def _latest(history: _History, heard: Flags) -> _History:
 
 
 def _check(messages: Sequence[Message]) -> None:
-    """Raise ValueError for messages that do not fit together."""
+    """Raise ValueError if messages do not fit together."""
     uavs = [m.uav for m in messages]
     if len(set(uavs)) < len(uavs):
         raise ValueError(f"uav must differ among members, are {uavs}")
@@ -152,7 +152,7 @@ def _check(messages: Sequence[Message]) -> None:
 
 
 def _links(adjacency: Flags, count: int) -> Flags:
-    """The adjacency matrix of a graph over so many UAVs, its diagonal false; ValueError for others."""
+    """The adjacency matrix of a graph over `count` UAVs with a false diagonal; ValueError if it is no such matrix."""
     graph = np.asarray(adjacency)
     if graph.shape != (count, count) or graph.dtype != np.bool_:
         raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")

@@ -1,4 +1,4 @@
-"""Exchange of tracks with the fleet: the message of a scan, and ids for trackers that know beliefs and no messages."""
+"""Exchange of tracks with the fleet: a UAV's link, and messages and ids for trackers that have only beliefs."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,27 +14,27 @@ from tracking.numerics.compiled import compiled
 from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import Track, TrackTable, tracks_of
 
-UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
-# Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
-# lost: its person may turn up elsewhere.
+UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters only if no UAV had the person in view
+# Probability from which on a detection is a sighting. If two tracks share the measurements of one person, at most one
+# has a sighting. The other is lost, and its person may turn up elsewhere.
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
-_CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
-# Of a track that is new or known at the start, which counts as sighted in its first scan.
+_CERTAIN = 1.0 - 2e-9  # existence probability that counts as 1, because messages keep log-odds finite
+# Times and sighting of a track that is new or known at the start; it counts as sighted in its first scan.
 _UNSIGHTED = np.full(7, -np.inf)
 
 
 class Link:
-    """Link of one UAV to its fleet: what its messages say beside its tracks, and the partition that it hears."""
+    """Link of one UAV to its fleet: the partition that it belongs to, deleted tracks, and the rule of fusion."""
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
         self.uav, self.scans, self.time = uav, 0, -math.inf
         self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
-        self._heard = (0, -math.inf)  # leader of the partition, and the time [s] at which it was last heard
-        self._deleted: dict[int, float] = {}  # ids, and the time [s] up to which sightings of them are void
+        self._heard = (0, -math.inf)  # leader of the partition, and time [s] of the leader's last message
+        self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
 
     def begin(self, time: float) -> None:
-        """Begin a scan, later than the last one."""
+        """Begin the scan at `time` [s]; ValueError unless it is after the last one."""
         if not time > self.time:
             raise ValueError(f"scan at {time} s is not after the last one at {self.time} s")
         if self.scans == 0:
@@ -42,13 +42,13 @@ class Link:
         self.scans, self.time = self.scans + 1, time
 
     def delete(self, ids: Iterable[int]) -> None:
-        """Note tracks that end in this scan."""
+        """Record tracks that end in this scan."""
         self._deleted.update(dict.fromkeys(ids, self.time))
 
     def message(self, degree: int, table: TrackTable, local: LocalBeliefs) -> Message:
-        """Message for the first round about the tracks of a table, their beliefs being `local`."""
+        """Message for the first round about the tracks of a table, which have the beliefs `local`."""
         averaged, novel, weights = self._rule.contribution(local)
-        # A UAV leads where its number is the smallest, or where it has not heard of another leader lately.
+        # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
         partition = (self.uav, self.time) if leads else self._heard
         shares, names = _weighted(averaged, log_odds(table.existence), weights, partition[0], table.ids)
@@ -58,7 +58,7 @@ class Link:
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's partition and deletions."""
-        # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
+        # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
         self._heard = message.partition
 
@@ -76,19 +76,18 @@ def _weighted(averaged: Array, odds: Array, weights: Array, leader: int, ids: In
 
 
 class TrackExchange:
-    """Exchange of one UAV's tracks with its fleet: messages from tracks, tracks from messages, and ids that all share.
+    """Exchange of one UAV's tracks with its fleet: messages from tracks, tracks from messages, and common ids.
 
-    It associates the tracks of different UAVs, fuses them, and keeps their ids.
-    Note: all information is averaged. Novel information, which `network.fusion` = "hcmci" adds up, needs the
-    measurements behind it.
+    Note: all information is averaged, even with `network.fusion` = "hcmci", because adding up novel information needs
+    the measurements that it comes from.
     """
 
     def __init__(self, uav: int, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """`initial` tracks are the same on all UAVs."""
         self._link = Link(uav, parameters)
-        # Of each track that the fleet knows or that is new: its times and its sighting, as in a message.
+        # Times and sighting, as in a message, of each track that the fleet knows or that is new.
         self._known = {t.id: _UNSIGHTED for t in initial}
-        self._new: set[int] = set()  # ids of tracks that begin in this scan, of which the fleet does not know yet
+        self._new: set[int] = set()  # ids of tracks that begin in this scan, which the fleet does not know yet
 
     def new_id(self) -> int:
         """An id for a track that begins in this scan."""
@@ -103,8 +102,8 @@ class TrackExchange:
         """Message about the tracks after the scan at `time` [s], to `degree` neighbours; call it once per scan.
 
         detected: by id, the probability that this UAV detected the person in this scan, which is the weight of its
-        belief in the fleet's average; tracks that are not in it were not detected. A track that is left out of `tracks`
-        ends on all UAVs except those that detect it in this scan.
+        belief in the fleet's average; 0 for tracks without an entry. A known track that is missing in `tracks` ends on
+        all UAVs except those that detect it in this scan.
         """
         held = sorted(tracks, key=lambda track: track.id)
         ids = [track.id for track in held]
@@ -124,7 +123,7 @@ class TrackExchange:
         return self._link.message(degree, table, local)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
-        """The fleet's tracks by ascending id, to replace the own: ids may change, tracks may be new or have ended."""
+        """The fleet's tracks by ascending id, which replace this UAV's; ids may change, and tracks may begin or end."""
         means, covariances = message.beliefs
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
@@ -136,7 +135,7 @@ class TrackExchange:
         return tracks_of(message.ids, means, covariances, existence, sightings)
 
     def _check(self, ids: Sequence[int], detected: Mapping[int, float]) -> None:
-        """ValueError for ids that the fleet cannot know, or no probabilities."""
+        """Raise ValueError for ids that the fleet cannot know, and for `detected` without probabilities."""
         if len(set(ids)) < len(ids):
             raise ValueError(f"ids of tracks are there twice: {ids}")
         foreign = [id for id in ids if id not in self._known]

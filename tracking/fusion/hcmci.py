@@ -17,13 +17,13 @@ _ROUNDING = 1e-9
 
 
 class HybridConsensus:
-    """Sums of what each UAV has learned in this scan, added to the average of what was known before.
+    """Fusion rule that adds the sum of all UAVs' novel information of this scan to the average of prior information.
 
     Source: [Battistelli15].
-    Note: negative information is not added up, as that of UAVs with the same view is the same; but for the part that
-    a probability of a miss has in the posterior of a track with a measurement in its gate.
-    The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where partitions meet, UAVs that
-    lost a person do not dilute the information of the others.
+    Note: negative information is averaged, because UAVs with the same view have the same. An exception is its part in
+    the posterior of a track with a measurement in its gate.
+    The weights of prior beliefs fall with their uncertainty, as in [Niehsen02], so that UAVs that lost a person do not
+    dilute the information of the others when partitions meet.
     """
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
@@ -52,7 +52,7 @@ def _contribution(local: LocalBeliefs) -> Contribution:
 
 @compiled
 def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indices) -> Array:
-    """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
+    """Largest distance (T,), in prior standard deviations, from each belief to the measurements z (N, 2) m in its gate.
 
     means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
     """
@@ -70,15 +70,15 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
 
 @compiled
 def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
-    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each; they add up to it.
+    """Split posterior information into a prior and a novel part, which add up to it, each a packed (q, Ω) (T, 20).
 
     prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4, 1) and matrices (T, 4, 4).
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
-    The novel part takes the shift of the mean up to that of a measurement with this much information at the distance
-    `reach` (T,), in prior standard deviations. The prior part takes the rest.
+    The novel part takes the shift of the mean, up to the shift by a measurement with this much information at the
+    distance `reach` (T,), in prior standard deviations. The prior part takes the rest.
     Source: [Battistelli15], whose measurements have an information matrix of their own.
-    Note: the bound on the shift is ours. Doubt between measurements moves a mean without any gain of information, and
-    the sum of such shifts over UAVs would be unbounded.
+    Note: the bound on the shift is ours. Ambiguity between measurements moves a mean without any gain of information,
+    and the sum of such shifts over UAVs would be unbounded.
     """
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
@@ -89,7 +89,7 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     ratio, axes = eigensystems(inner)
     inverse = triangular_inverses(roots)
     L, turned = products(transposed(inverse), axes), transposed(axes)
-    # Along these axes the prior has unit information: q = L y with y the information vector there.
+    # Along these axes the prior has unit information: q = L y, where y is the information vector along them.
     before = products(turned, products(inverse, means.reshape(-1, 4, 1)))
     after = products(turned, products(upper, q.reshape(-1, 4, 1)))
     kept, gain, novel = np.empty_like(ratio), np.empty_like(ratio), np.empty_like(ratio)

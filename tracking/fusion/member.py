@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.parameters import TrackerParameters
     from tracking.track import Scan, Track
 
-# Each is called with uav, camera, forest, parameters and initial tracks, as `tracking.tracker.Tracker` is.
+# Each tracker is made with uav, camera, forest, parameters and initial tracks, as is `tracking.tracker.Tracker`.
 TRACKERS = Registry(
     "tracking.tracker",
     {"jpda": "tracking.tracker:Tracker"},
@@ -24,18 +24,18 @@ TRACKERS = Registry(
 
 
 class Member(Protocol):
-    """Tracker of one UAV in a fleet. Each scan calls `step` or `coast`, then `message`, then `accept`.
+    """Tracker of one UAV in a fleet; at each scan `step` or `coast` is called, then `message`, then `accept`.
 
     `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
     """
 
     @property
     def uav(self) -> int:
-        """The UAV's number; trackers from outside need not have it."""
+        """Number of the UAV; trackers from outside need not have this attribute."""
 
     @property
     def max_speed(self) -> float:
-        """Largest speed of people, m/s; trackers from outside need not have it."""
+        """Largest speed of people [m/s]; trackers from outside need not have this attribute."""
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -51,15 +51,15 @@ class Member(Protocol):
         """Message for the first round of consensus, to `degree` neighbours."""
 
     def accept(self, message: Message) -> None:
-        """Take over the fleet's tracks from the message of the last round; without neighbours, from the own message."""
+        """Take over the fleet's tracks from the message after the last round, which without neighbours is the own."""
 
 
 def tracker(
     name: str, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
 ) -> Member:
-    """The tracker of that name or import string; InputError says what is wrong, also with what one from outside gives.
+    """The tracker of that name or import string; InputError if there is none, or later if its results are unusable.
 
-    One from outside gets copies of camera and forest, so that what it changes has no effect on others.
+    A tracker from outside gets copies of camera and forest, so that its changes to them affect no other.
     """
     if name in TRACKERS.built_in:
         ours: Member = TRACKERS.make(name, uav, camera, forest, parameters, initial)

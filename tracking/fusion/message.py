@@ -27,26 +27,26 @@ _PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and na
 class Message:
     """Message of a UAV to its neighbours in one round of consensus, about T tracks by ascending id.
 
-    The shares hold, in this order, a weight w, w q, w Ω, and w times the log-odds of existence: sums of them over UAVs,
-    divided by the sum of the weights, are weighted averages. Novel information adds up: q and Ω, then in column
-    `INFORMATION` + u the share of UAV u's in it. With fusion by averages alone it has no columns.
-    UAVs of one partition of the fleet, those that hear of the same leader, agree on ids: the leader and the id at the
-    beginning of a scan name a track in all its rounds, while ids may change.
+    The shares are, in this order, a weight w, w q, w Ω, and w times the log-odds of existence. Their sums over UAVs,
+    divided by the sum of the weights, are weighted averages. Novel information consists of q and Ω, which add up, and
+    in column `INFORMATION` + u the share of UAV u in them. With fusion by averages alone it has no columns.
+    The UAVs of one partition of the fleet, which hear of the same leader, agree on ids. The leader and the id at the
+    beginning of a scan name a track in all rounds of the scan, while ids may change.
     """
 
     uav: int
     degree: int  # number of neighbours
     scan: int  # number of scans so far, this one included
     time: float  # s, of this scan
-    partition: tuple[int, float]  # its leader, the smallest UAV heard of lately, and the time [s] of its last message
+    partition: tuple[int, float]  # leader, the smallest UAV heard of lately, and time [s] of the leader's last message
     ids: Indices  # (T,)
     names: Indices  # (T, 2)
     shares: Array  # (T, 22)
     times: Array  # (T, 4) s: as in `tracking.track.TrackTable`
-    views: Indices  # (T, 2), as there; those of any UAV heard
+    views: Indices  # (T, 2), as in `TrackTable`, of all UAVs heard
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
-    deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
+    deleted: tuple[tuple[int, float], ...]  # ascending ids, and times [s] up to which sightings of the tracks are void
     novel: Array  # (T, 0) or (T, INFORMATION + U), U > 0
 
     @property
@@ -56,7 +56,7 @@ class Message:
 
     @property
     def numbers(self) -> int:
-        """Count of the numbers but for novel information: 6, 29 for each track, 2 for each deleted id."""
+        """Count of the numbers without novel information: 6, 29 for each track, and 2 for each deleted id."""
         return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
 
     @cached_property
@@ -69,16 +69,16 @@ class Message:
         return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
 
     def sighted(self) -> Array:
-        """Position [m] and time [s] of the last sure detections (T, 3), with those of this scan."""
+        """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
         return _sighted(self.sightings, self.times, self.beliefs[0], self.time)
 
     def only(self, rows: Indices) -> Message:
-        """The message about some of the tracks."""
+        """The message with only some rows of its tracks."""
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return replace(self, **columns)
 
     def at(self, rows: Indices, ids: Indices, names: Indices) -> Message:
-        """The message with its tracks moved to rows of a table of these ids and names; elsewhere it says nothing."""
+        """The message with its tracks moved to `rows` of a table of these ids and names; other rows are empty."""
         empty = {"times": -np.inf, "sightings": -np.inf, "misses": -1}  # -1 has all bits
         columns: dict[str, Any] = {}
         for name in _COLUMNS:
@@ -92,8 +92,8 @@ class Message:
 def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
     packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
     for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
-        # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where it
-        # has converged, and counts no information more than once where it has not.
+        # Mixing has left a share of each UAV's information. Division by the largest share undoes the mixing if it has
+        # converged, and counts no information more than once if it has not.
         most = novel[t, INFORMATION:].max()
         packed[t] += novel[t, :INFORMATION] / (most if most > 0.0 else 1.0)
     covariances = inverses(packed[:, 4:].copy().reshape(-1, 4, 4))
@@ -110,7 +110,7 @@ def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
 
 
 def alike(messages: Sequence[Message]) -> bool:
-    """Test if messages are about the same tracks in the same rows, last seen at the same times but for this scan."""
+    """Test if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [
         (m.partition[0], m.deleted, m.ids.tobytes(), m.names.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
     ]
@@ -118,7 +118,7 @@ def alike(messages: Sequence[Message]) -> bool:
 
 
 def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
-    """Novel information from outside about so many tracks, as `Message.novel`; `Unusable` says why other is none."""
+    """Novel information from outside about `count` tracks, as `Message.novel`; `Unusable` if it has another form."""
     width = np.shape(given)[-1:] or (0,)
     if 0 < width[0] <= INFORMATION:
         raise Unusable(f"{name} of {width[0]} columns; allowed are 0, or more than {INFORMATION}")
@@ -127,7 +127,7 @@ def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 -
 
 @compiled
 def novel_numbers(novel: Array) -> int:
-    """Count of the numbers of novel information (T, ...): 14 where there is any, and 2 for each UAV with a share."""
+    """Count of the numbers of novel information (T, ...): 14 for a track with any, and 2 for each UAV with a share."""
     total = 0
     for t in range(len(novel)):
         shares = int(np.count_nonzero(novel[t, INFORMATION:]))

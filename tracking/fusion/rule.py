@@ -1,4 +1,4 @@
-"""Fusion rules: the information of a UAV that consensus averages, and what it adds up."""
+"""Fusion rules: the information of a UAV that consensus averages, and the information that it adds up."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ FUSION_RULES = Registry(
     ("contribution(local)",),
 )
 
-_LEAST, _LARGEST = 1e-100, 1e100  # weights of averages: beyond, products leave the range of floats
+_LEAST, _LARGEST = 1e-100, 1e100  # bounds of weights, beyond which products leave the range of floats
 
 
 class LocalBeliefs(NamedTuple):
-    """Beliefs of one UAV after its scan, before fusion; `prior` and `gates` are of the first K of its T tracks."""
+    """Beliefs of one UAV after its scan, before fusion; the first K of its T tracks have a `prior` and `gates`."""
 
     uav: int
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
-    weights: Array  # (T,) > 0 in an average: the probability of a detection, or little where there was none
+    weights: Array  # (T,) above 0, in averages: probability of a detection, or a small value without one
     prior: tuple[Array, Array]  # means (K, 4) and covariances (K, 4, 4) before the scan; later rows are new tracks
     measurements: Array  # (N, 2) m
     gates: Indices  # (G, 2) pairs of a track and a measurement in its gate
@@ -34,29 +34,29 @@ class LocalBeliefs(NamedTuple):
 
 
 class Contribution(NamedTuple):
-    """Part of a UAV in consensus, for each of its T tracks."""
+    """Information that a UAV contributes to consensus, for each of its T tracks."""
 
     averaged: Array  # (T, 20) information vector and matrix
-    summed: Array  # (T, 0), or as `Message.novel`: what adds up, and in column 20 + u UAV u's share in it
+    summed: Array  # (T, 0), or as `Message.novel`: information to add up, and in column 20 + u the share of UAV u in it
     weights: Array  # (T,) of the average, all of them positive
 
 
 class FusionRule(Protocol):
-    """A rule is made without arguments; all UAVs of a fleet have the same."""
+    """Rule of fusion, made without arguments; all UAVs of a fleet have the same rule."""
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
-        """Part of a UAV in the averages and sums that consensus forms; the fleet's belief is average plus sum."""
+        """Contribution of a UAV to the fleet's averages and sums; the fleet's belief is the average plus the sum."""
 
 
 def fusion_rule(name: str) -> FusionRule:
-    """The rule of that name or import string; InputError says what is wrong, also with what one from outside gives."""
+    """The rule of that name or import string; InputError if there is none, or later if its results are unusable."""
     rule: FusionRule = FUSION_RULES.make(name)
     return rule if name in FUSION_RULES.built_in else _Checked(name, rule)
 
 
 @dataclass(frozen=True)
 class _Checked:
-    """A fusion rule from outside; InputError where it fails, or where its part of consensus is no information."""
+    """A fusion rule from outside; InputError if it fails, or if its contribution is no information."""
 
     name: str
     rule: FusionRule
@@ -78,7 +78,7 @@ class _Checked:
             weights = checked_array("weights", weights, (count,))
             if not summed.shape[1]:  # other UAVs may add up
                 summed = np.zeros((count, INFORMATION + local.uav + 1))
-            information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # the sum may hold what the average lacks
+            information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # only both together are definite
             check_positive_definite("matrices of averaged, with summed,", information.reshape(-1, 4, 4))
             if count and not _LEAST <= weights.min() <= weights.max() <= _LARGEST:
                 allowed = f"weights must be positive, from {_LEAST:g} to {_LARGEST:g}"

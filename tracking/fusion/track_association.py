@@ -1,4 +1,4 @@
-"""Track-to-track association: tracks of different UAVs that are of one person, and the id that each keeps."""
+"""Track-to-track association: tracks of different UAVs that are of one person, and their common id."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ from tracking.numerics.compiled import elementwise
 from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import log
 
-_LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
-_UNKNOWN = 1e-5  # 1/m², density of people that only one of two UAVs has a track of
+_LABELLED = 1.5  # log-likelihood ratio of a common id, which partitions more likely give to one person than to two
+_UNKNOWN = 1e-5  # 1/m², density of people for which only one of two UAVs has a track
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
 
 
 class LatestTracks(NamedTuple):
-    """Tracks of G people, each as the UAV with its last detection has it."""
+    """Tracks of G people, each from the UAV with its last detection."""
 
     means: Array  # (G, 4)
     covariances: Array  # (G, 4, 4)
@@ -30,16 +30,16 @@ class LatestTracks(NamedTuple):
 
 
 def associate_tracks(own: Message, received: Sequence[Message], max_speed: float) -> list[Message]:
-    """Associate the tracks of messages: the messages, own first, with the same tracks in the same rows.
+    """Associate the tracks of messages; returns the messages, own first, with the same tracks in the same rows.
 
-    Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
-    likelihoods, that both are of one person and that they are of two, and never two tracks of which one UAV made the
-    last detection. The order of messages has no influence. `max_speed` [m/s] is that of people.
+    Within a partition of the fleet, tracks of one id are of one person. Other tracks are joined by the ratio of the
+    likelihoods that both are of one person and that they are of two, but never if one UAV made the last detection of
+    both. The order of messages has no influence. max_speed: largest speed of people [m/s].
     """
     messages = [own, *received]
     if alike(messages):
         return messages
-    # Of each id the latest time, as the last of equal keys counts.
+    # `dict` keeps the latest time of each id, because the last of equal keys counts.
     deleted = tuple(dict(sorted(deletion for m in messages for deletion in m.deleted)).items())
     messages = [_surviving(m, deleted) for m in messages]
     names, rows = np.unique(np.concatenate([m.names for m in messages]), axis=0, return_inverse=True)
@@ -47,7 +47,7 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
     states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
     times = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
-    # Where UAVs differ in when a person was last seen, the last one counts.
+    # If UAVs have different times of a person's last sighting, only tracks with the latest time count.
     valid = [m.sightings[:, 2] >= times[of] for m, of in zip(messages, tracks, strict=True)]
     holders = np.array([np.isin(np.arange(len(names)), tracks[k][valid[k]]) for k in order]).T
     labels = _labels(messages, tracks, len(names))
@@ -65,7 +65,7 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
 
 
 def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
-    """Latest of the times given for each row of a table (count,)."""
+    """Latest (count,) of the times that are given for each row of a table."""
     latest = np.full(count, -np.inf)
     np.maximum.at(latest, np.concatenate(rows), np.concatenate(times))
     return latest
@@ -74,9 +74,10 @@ def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Arra
 def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
-    Of one person the states are equal, or a person out of sight has turned and is anywhere within reach of the last
-    detection. Of two people, one is unknown to a UAV that has the other track, at any place and of any velocity.
-    Note: of the two densities of one person the larger counts, rather than their weighted sum.
+    If both are of one person, the states are equal, or the person has turned while out of sight and is anywhere within
+    reach of the last detection. If they are of two people, a UAV with one track does not know the other person, who may
+    be at any place and have any velocity.
+    Note: the larger of the two densities of one person counts, rather than their weighted sum.
     """
     cost = pair_costs(states[:2], states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
@@ -88,14 +89,14 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
 
 @elementwise
 def _turned(reach: float) -> float:
-    """Logarithm of the likelihood ratio of a person who turned, and is anywhere within reach [m]."""
+    """Logarithm of the likelihood ratio of a person that has turned and is anywhere within reach [m]."""
     return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
 
 
 def _reach(states: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
-    """Distances (G, G) [m] that each can have moved from its last detection to that of another, flags if it can have.
+    """Distances (G, G) [m] that a person can move from one track's last detection to another's, and flags (G, G).
 
-    Flags are set only where the other was seen later.
+    A flag is set if the other track was seen later, and within this distance.
     """
     places, seen = states.sightings[:, :2], states.sightings[:, 2]
     unseen = seen - seen[:, None]
@@ -105,7 +106,7 @@ def _reach(states: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
 
 
 def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> LatestTracks:
-    """Each track as the first of the messages with its last detection has it."""
+    """Tracks, each from the first of the messages with its last detection."""
     states = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
@@ -118,7 +119,7 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
 
 
 def _labels(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
-    """Labels of each track in messages."""
+    """Labels that messages give to each track."""
     labels: list[set[int]] = [set() for _ in range(count)]
     every = zip(np.concatenate(tracks).tolist(), np.concatenate([m.ids for m in messages]).tolist(), strict=True)
     for row, id in every:
@@ -129,12 +130,12 @@ def _labels(messages: Sequence[Message], tracks: Sequence[Indices], count: int) 
 def _joined(
     states: LatestTracks, labels: Sequence[set[int]], holders: Flags, begun: Flags, max_speed: float
 ) -> tuple[Indices, Flags]:
-    """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
+    """Group (G,) of each track, given by its first track, and flags (G,) of tracks that end.
 
-    labels: those of each track; holders (G, N): flags of the UAVs that hold each; begun (G,): flags of tracks begun in
-    this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others; new
-    tracks after all others, as one and a lost one of a UAV may both be of the person that another UAV has. A group out
-    of sight ends if its person was seen later, within reach, as another track of its only id.
+    labels: labels of each track; holders (G, N): flags of the UAVs that hold each track; begun (G,): flags of tracks
+    that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing groups.
+    New tracks come last, because a UAV's new track and its lost one may both be of a person that another UAV tracks.
+    A group out of sight ends if its only id has another track that was seen later, within reach.
     """
     common = np.array([[not one.isdisjoint(other) for other in labels] for one in labels], dtype=np.bool_)
     common = common.reshape(len(labels), len(labels))
@@ -164,8 +165,8 @@ def _joined(
 def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
     """Id of each track, the same within a group; -1 for tracks that end.
 
-    The smallest id stays. Where two people would have it, the partition of the smaller UAV keeps it; the other track
-    takes another id that it has, or gets a new one, the same for all UAVs of its partition.
+    A group keeps its smallest id. If two people would have the same id, the partition of the smaller UAV keeps it. The
+    other track takes another of its ids or a new one, which is the same for all UAVs of its partition.
     """
     owners: dict[int, int] = {}  # the group of each id
     for k in np.flatnonzero(~ends).tolist():
@@ -188,7 +189,7 @@ def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags
 
 
 def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
-    """The message without tracks last detected before the time up to which a deletion makes sightings void."""
+    """The message without tracks with a last detection before the time up to which a deletion voids sightings."""
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)

@@ -20,8 +20,8 @@ ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directio
 class Pose:
     """Position and attitude in the world frame (east, north, up).
 
-    For a camera the body axes are: x to the image's right, y to its top, z backwards, away from the scene.
-    So the identity attitude is a nadir camera with north at the top of its image.
+    The body axes of a camera are x to the image's right, y to its top, and z backwards, away from the scene. So the
+    identity attitude is that of a nadir camera with north at the top of its image.
     """
 
     position: Array  # (3,) m
@@ -34,7 +34,7 @@ class Pose:
 
     @staticmethod
     def level(x: float, y: float, z: float) -> Pose:
-        """A level pose: a nadir camera with north at the top."""
+        """A level pose, which for a camera is nadir with north at the top."""
         return Pose(np.array([x, y, z], dtype=float), np.array([0.0, 0.0, 0.0, 1.0]))
 
 
@@ -87,7 +87,7 @@ class Camera:
         return uv, depth
 
     def sees(self, pose: Pose, points: Array) -> Flags:
-        """Flags (N,) of world points (N, 3) m inside the image, occlusion aside."""
+        """Flags (N,) of world points (N, 3) m that are inside the image, whether hidden or not."""
         return _in_image(np.atleast_2d(points), self.lens(pose))
 
     def lens(self, pose: Pose) -> Lens:
@@ -102,19 +102,13 @@ class Camera:
         return applied(pose.rotation, body)
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
-        """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m.
-
-        NaN where they do not, as above the horizon.
-        """
+        """World points (N, 2) m where rays through pixels meet the horizontal plane at `height` m; else NaN."""
         rays, down = self.rays(pose, uv), height - pose.position[2]
         scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
         return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
-        """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise.
-
-        Those above the horizon are NaN.
-        """
+        """Corners (4, 2) m of the image on the plane at `height` m, anticlockwise; NaN if above the horizon."""
         n = float(self.pixels)
         return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
 

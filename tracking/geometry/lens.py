@@ -1,4 +1,4 @@
-"""A camera at a pose, as compiled code takes it: projection of single points."""
+"""A camera at a pose, for compiled code, and the projection of single points."""
 
 import math
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class Lens(NamedTuple):
 
 @compiled
 def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
-    """Point [m] in which the line through a pixel (u, v) meets the plane at `height` m, maybe behind the camera."""
+    """Point [m] where the line through a pixel (u, v) meets the plane at `height` m, perhaps behind the camera."""
     r = lens.rotation
     x, y = (pixel[0] - lens.pixels / 2) / lens.focal, (lens.pixels / 2 - pixel[1]) / lens.focal
     scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])

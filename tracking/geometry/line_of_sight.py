@@ -8,17 +8,17 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 
-PIECE = 4.0  # m, horizontally: a steep line of sight from above leaves the height of the trees within this
-_CELL = 2.0  # m, unless there were more than about _CELLS of them
+PIECE = 4.0  # m, horizontal length of a piece of a segment; a steep line of sight rises above the trees within it
+_CELL = 2.0  # m, edge of a cell, or more if there would be more than about _CELLS cells
 _CELLS = 250_000
 _MARGIN = 1e-6  # m: far more than rounding moves a point
 
 
 class Grid(NamedTuple):
-    """Raster over B cylinders with a list of those near each of its square cells.
+    """Raster over B cylinders with a list of the cylinders near each of its square cells.
 
-    A list holds all cylinders that are at most `PIECE` / 2 from some point of the cell. So if a segment
-    is cut into pieces no longer than `PIECE`, it touches only cylinders listed in the cells of their middles.
+    A list holds all cylinders that are at most `PIECE` / 2 from some point of the cell. So if a segment is cut into
+    pieces no longer than `PIECE`, it touches only cylinders in the lists of the cells at the middles of the pieces.
     One more list, after those of the cells, holds all cylinders.
     """
 
@@ -52,7 +52,7 @@ def gridded(cylinders: Array) -> Grid:
 
 def _pairs(centres: Array, reach: Array, cell: float, shape: tuple[int, int]) -> tuple[Indices, Indices]:
     """All pairs (M,), (M,) of a cell's index and a disc that it touches; discs of radius reach (B,) m."""
-    # The square of cells round each disc, and of them those that the disc touches.
+    # Take the square of cells around each disc, and keep the cells that the disc touches.
     first = np.maximum((centres - reach[:, None]) // cell, 0).astype(np.int64)
     last = np.minimum((centres + reach[:, None]) // cell, np.array(shape) - 1).astype(np.int64)
     size = last - first + 1
@@ -76,7 +76,7 @@ def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
     length = dx * dx + dy * dy
     across = ox * dy - oy * dx
     if across * across > cylinder[2] * cylinder[2] * length:
-        return False  # the whole line is too far from the axis: settles most cases without a division
+        return False  # the whole line is too far from the axis, as in most cases; this test needs no division
     start, end = 0.0, 1.0
     if dz == 0.0:
         if origin[2] < cylinder[3] or origin[2] > cylinder[4]:
@@ -86,7 +86,7 @@ def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
         start, end = max(start, min(a, b)), min(end, max(a, b))
         if start > end:
             return False
-    # Inside the infinite cylinder where |o + s d|² <= r²: nearest point of the remaining piece to the axis.
+    # Take the point o + s d of the remaining piece that is nearest to the axis, and test |o + s d|² <= r².
     s = start if length == 0.0 else min(max(-(ox * dx + oy * dy) / length, start), end)
     x, y = ox + s * dx, oy + s * dy
     return bool(x * x + y * y <= cylinder[2] * cylinder[2])
@@ -115,7 +115,7 @@ def unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) ->
 
 @compiled
 def _cell(x: float, y: float, grid: Grid) -> int:
-    """Index of the cell at a place, or of the nearest."""
+    """Index of the cell at a place, or of the nearest cell."""
     row = min(max(int((y - grid.low[1]) / grid.cell), 0), grid.rows - 1)
     column = min(max(int((x - grid.low[0]) / grid.cell), 0), grid.columns - 1)
     return row * grid.columns + column
@@ -123,7 +123,7 @@ def _cell(x: float, y: float, grid: Grid) -> int:
 
 @inlined
 def _inside(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
-    """The part [start, end] of the segment from origin (3,), 0, to point (3,), 1, in a box; start > end if none is."""
+    """Part [start, end] in a box of the segment from origin (3,), at 0, to point (3,), at 1; start > end if none."""
     start, end = 0.0, 1.0
     for axis in range(3):
         o, p, below, above = origin[axis], point[axis], low[axis], high[axis]

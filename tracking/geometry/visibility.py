@@ -15,7 +15,7 @@ from tracking.numerics.exponential import exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors
 
-# Half of a walking person's 1.7 m: the height of the one point that stands for a person.
+# m, height of the one point that stands for a person: half of a walking person's 1.7 m.
 TARGET_HEIGHT = 0.85
 
 
@@ -55,10 +55,10 @@ class Forest:
 
     @cached_property
     def blockers(self) -> Array:
-        """Cylinders (B, 5) that block lines of sight: trunks and canopies, or, for discs, a column over each canopy.
+        """Cylinders (B, 5) that block lines of sight: trunks and canopies, or with "disc" one disc for each canopy.
 
-        Note: [Li22] hides a target whenever it is inside a circle. Its disc is a column without trunk whose top and
-        bottom are at the target's height, where every line of sight ends.
+        Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
+        at the target's height, where every line of sight ends.
         """
         if self.occlusion == "line_of_sight":
             return self.cylinders
@@ -71,9 +71,9 @@ class Forest:
         return gridded(self.blockers)
 
     def visible(self, cameras: Array, points: Array) -> Flags:
-        """Flags (C, N) of free lines from cameras (C, 3) m to points (N, 3) m, field of view aside.
+        """Flags (C, N) of unobstructed lines from cameras (C, 3) m to points (N, 3) m, in or out of the field of view.
 
-        The result is that of testing every tree, for cameras and points at any height.
+        The result equals that of testing every tree, for cameras and points at any height.
         """
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _free(origins, ends, self.blockers, self.grid)
@@ -98,10 +98,10 @@ def _centroids(count: int) -> Array:
     return np.asarray(count * (density[:-1] - density[1:]))
 
 
-# Equally probable points that stand for a standard normal distribution of the plane (36, 2), and the variance along
-# each axis of the parts that they stand for, in the mean over them: it is 0.2 of outer parts, and 0.02 of others. With
-# an even number per axis no point lies on an edge through the mean, and the moments of either side are exact; rules for
-# smooth functions, as Gauss and Hermite's, give 1/6 or 5/6 there.
+# Means (36, 2) of equally probable parts of a standard normal distribution in the plane, and the mean variance of these
+# parts along each axis, which is 0.2 for outer parts and 0.02 for others. With an even number per axis no point lies on
+# an edge through the mean, and the moments of either side are exact. Rules for smooth functions, such as Gauss-Hermite
+# quadrature, give probabilities of 1/6 or 5/6 there.
 SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
@@ -109,8 +109,8 @@ SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 def visible_samples(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
     """Flags (N, F, 36) of the samples of each belief that F frames show in plain view: in the image and not hidden.
 
-    beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the points are mean + L `SAMPLES`, with L Lᵀ
-    the covariance of the position. frames: as `Camera.lens` has them; None shows nothing.
+    beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
+    is the covariance of the position. frames: lenses as from `Camera.lens`; None shows nothing.
     """
     means, covariances = beliefs
     roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))

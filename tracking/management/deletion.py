@@ -6,14 +6,14 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import squared_distance
 
-# Sum of two probabilities, of existence or of a detection, below which they are rather of one person than of two.
+# Sum of two tracks' probabilities, of existence or detection, below which both are of one person rather than of two.
 _ONE = 1.5
-_LIKELIER = 3.0  # ratio of two probabilities from which on the larger decides which track is kept
+_LIKELIER = 3.0  # ratio of two tracks' probabilities from which on the likelier track is kept, not the first
 
 
 @compiled
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
-    """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 4).
+    """Bits (T,) of the misses, with the scan at `now`, after the fleet has agreed on the times (T, 4).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
     Otherwise it does not count.
@@ -28,11 +28,11 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
 
 @compiled
 def without_measurement(gates: Indices, detected: Array) -> Flags:
-    """Flags (T,) of tracks whose measurements are rather those of another track, which counts the hit.
+    """Flags (T,) of tracks whose measurements more likely belong to another track, for which the hit counts.
 
-    gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of them is the
-    person's. Those of two tracks that compete for one measurement add up to one: the first has it if they are about
-    as likely, else the likelier.
+    gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of these is the
+    person's. The probabilities of two tracks that compete for one measurement add up to one. The likelier track has the
+    hit, or the first if both are about as likely.
     """
     inside = np.zeros((len(detected), gates[:, 1].max() + 1 if len(gates) else 0), dtype=np.bool_)
     for g in range(len(gates)):
@@ -46,14 +46,14 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
 
 
 def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, gate: float) -> list[tuple[int, int]]:
-    """Pairs (kept, other) of tracks that are of one person between them, the nearest pairs first, each track in one.
+    """Pairs (kept, other) of tracks that share one person, the nearest pairs first; each track is in one pair at most.
 
-    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of those that may be; gate: the
-    squared distance allowed. Probabilities of existence of two tracks that compete for one person's measurements add up
-    to one. The first is kept of two that are about as likely, else the likelier.
-    Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
+    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of the tracks to pair; gate:
+    largest squared distance. The existence probabilities of two tracks that compete for one person's measurements add
+    up to one. The likelier track is kept, or the first if both are about as likely.
+    Note: this is ours; [Williams15] approximates by tracks in their order, and keeps both tracks of such a pair.
     """
-    # Those that with the least likely one add up to less than one person.
+    # Tracks that can be in a pair: with the least likely one they add up to one person rather than two.
     rows = np.flatnonzero(among & (existence < _ONE - existence[among].min(initial=np.inf)))
     if len(rows) < 2:
         return []

@@ -12,7 +12,7 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 
-PATIENCE = 1.0  # s without a measurement after which a tentative track ends: later ones could be another person's
+PATIENCE = 1.0  # s without a measurement after which a tentative track ends; a later one could be another person's
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +29,12 @@ class Tentative:
 def initiated(
     tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, view: tuple[Forest, Lens], p: TrackerParameters
 ) -> tuple[list[Tentative], list[Tentative]]:
-    """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
+    """Confirmed and remaining tentative tracks after a scan, which is `elapsed` steps of motion later.
 
     z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; view: map of trees, and the camera of the scan.
     A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
     at `confirmation_threshold`, and ends below `deletion_threshold` times its start, or after `PATIENCE` s without a
-    measurement. By m of n, it needs so many measurements within its first n scans. A measurement counts that is the
+    measurement. With m of n, it needs m measurements within its first n scans. A measurement counts if it is the
     track's with a probability above one half. Source: [Musicki04], [Williams15].
     """
     if not tentative and not len(z):
@@ -53,8 +53,8 @@ def _start(p: TrackerParameters) -> float:
 def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
     """Track at a measurement z (2,) m with covariance R (2, 2) m².
 
-    Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
-    quarter of its square along each axis.
+    Its mean velocity is zero. The variance along each axis, `max_speed`² / 4, is that of velocities spread evenly over
+    the disc of radius `max_speed` m/s.
     """
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = R
@@ -64,7 +64,7 @@ def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
 
 
 def _verdict(track: Tentative, p: TrackerParameters) -> bool | None:
-    """True if the track is confirmed, False if it ends."""
+    """True if the track is confirmed, False if it ends, None if it stays tentative."""
     if p.management == "m_of_n":
         m, n = p.confirm
         if track.hits >= m:

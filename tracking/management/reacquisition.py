@@ -11,9 +11,9 @@ from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
 from tracking.parameters import TrackerParameters
 
-# Sum of the errors of the last measurement and of the present one, at most [m].
+# m, largest sum of the errors of the last and the present measurement.
 _MARGIN = 1.0
-_TURN = 10.0  # s, mean time in which people turn or change speed as no motion model foresees; 3 to 20 s do as well
+_TURN = 10.0  # s, mean time until people turn or change speed as no motion model predicts; 3 to 20 s work as well
 
 
 def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
@@ -33,9 +33,9 @@ def turned_density(
 
     sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
     `TrackerParameters.loss`.
-    After a turn a person is about the last place, with a standard deviation of half the distance within reach.
+    After a turn a person is near the last place, with a standard deviation of half the distance within reach.
     Source: [Williams15], recycling, here by the time since the last detection.
-    Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
+    Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
     """
     density, (least, max_speed) = np.zeros(len(z)), loss
     for t in range(len(sightings)):
@@ -53,7 +53,7 @@ def turned_density(
 
 
 def farthest(unseen: Array, max_speed: float) -> Array:
-    """Distances (...) [m] from its last detection that a person can have moved in `unseen` (...) s."""
+    """Largest distances (...) [m] that people can move from their last detections in `unseen` (...) s."""
     return max_speed * unseen + _MARGIN
 
 
@@ -64,7 +64,7 @@ def reacquisitions(
 
     new and lost: means (N or L, 4) and covariances (N or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
     A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
-    one assignment finds the likeliest, however unlikely its beliefs, which did not foresee turns behind trees.
+    one assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
     """
     positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (new, lost))
     cost = pair_costs(*positions)

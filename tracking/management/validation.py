@@ -10,7 +10,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.track import Scan
 
-# Rounding may leave this share of a covariance's trace between its off-diagonal elements.
+# Largest difference of a covariance's off-diagonal elements, by rounding, as a share of its trace.
 _ASYMMETRY = 1e-9
 QUATERNION_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
 

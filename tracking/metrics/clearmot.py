@@ -10,11 +10,11 @@ from tracking.numerics.distances import length
 def correspondence(tracks: Array, people: Array, within: float) -> Indices:
     """Track (K, M) that corresponds to each of M people at each of K scans, as an index into A tracks; -1 for none.
 
-    tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and at
-    each scan to one only. A person keeps the last track while it is near enough, also after an interruption. Of two
+    tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and to
+    one only at each scan. A person keeps the last track while it is near enough, even after an interruption. Of two
     people with the same last track, the one that had it later keeps it. The others are paired anew: as many pairs as
     possible, then as near as possible.
-    Source: [Bernardin08], as most evaluation kits read it: a mapping outlives a gap.
+    Source: [Bernardin08], read as in most evaluation kits: a correspondence outlasts a gap.
     """
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
@@ -24,14 +24,14 @@ def correspondence(tracks: Array, people: Array, within: float) -> Indices:
 
 
 class Matcher:
-    """The correspondence, scan by scan, with as many tracks as there have been so far."""
+    """The correspondence of tracks and people, scan by scan; tracks may be added at each scan."""
 
     def __init__(self, people: int, within: float) -> None:
         if not within > 0:
             raise ValueError(f"within must be positive, is {within}")
         self._within = within
-        self._last = np.full(people, -1)  # track
-        self._since = np.full(people, -1)  # the scan at which it was matched
+        self._last = np.full(people, -1)  # last track of each person
+        self._since = np.full(people, -1)  # the scan at which the person last had it
         self._scan = 0
 
     def step(self, tracks: Array, people: Array) -> Indices:

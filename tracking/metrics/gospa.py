@@ -1,4 +1,4 @@
-"""GOSPA distance between sets of estimated and true positions, with parts for missed and false ones."""
+"""GOSPA distance between sets of estimated and true positions, with its parts."""
 
 from typing import NamedTuple
 
@@ -26,8 +26,8 @@ class Gospa(NamedTuple):
 def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
     """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
 
-    An estimate c > 0 or more from a truth [m] is not of it: one is false, the other missed; p >= 1 is the order. Unlike
-    OSPA it is a sum over targets, not their mean. Source: [Rahmathullah17].
+    c > 0 is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed
+    truth. p >= 1 is the order. Unlike OSPA, GOSPA is a sum over targets, not a mean. Source: [Rahmathullah17].
     """
     if not (c > 0 and p >= 1):
         raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")

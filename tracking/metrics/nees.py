@@ -4,12 +4,12 @@ from scipy.special import gammaincinv
 
 
 def nees_interval(count: int, dof: int) -> tuple[float, float]:
-    """Interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs, with 95 %.
+    """95 % interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs.
 
-    The NEES of an error e with covariance P is e' P^-1 e, as `numerics.distances.squared_distance` has it. For a
-    consistent Gaussian belief it is chi-square distributed with `dof` degrees of freedom, so `dof` on average.
-    The errors must be independent of one another, as those of different seeds are. Errors of one track at successive
-    scans, and of UAVs that share measurements, are not: their mean varies more than the interval.
+    The NEES of an error e with covariance P is e' P^-1 e (`numerics.distances.squared_distance`). For a consistent
+    Gaussian belief it is chi-square distributed with `dof` degrees of freedom, so its mean is `dof`.
+    The errors must be independent, as those of different seeds are. Errors of one track at successive scans, and of
+    UAVs that share measurements, are dependent: their mean varies more than the interval.
     Source: [BarShalom11].
     """
     if count < 1 or dof < 1:

@@ -10,7 +10,7 @@ from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import power, power_each
 
-_AT_ONCE = 2_000_000  # distances at one time: all those of a long mission would take gigabytes
+_AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mission would take gigabytes
 
 
 class Ospa(NamedTuple):
@@ -24,8 +24,8 @@ class Ospa(NamedTuple):
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """Optimal subpattern assignment distance between estimates (A, 2) and truths (B, 2), all in m.
 
-    c > 0 is the cut-off [m] and the price of a missing or a false estimate, p >= 1 the order. Source: [Schuhmacher08].
-    Note: [Li22] IV prints the distances without the power p of the definition; here they have it.
+    c > 0 is the cut-off [m] and the cost of a missing or false estimate, p >= 1 the order. Source: [Schuhmacher08].
+    Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
     X, Y = checked_positions("estimates", estimates), checked_positions("truths", truths)
     return _between(length(X[:, None] - Y[None]), c, p)
@@ -34,10 +34,10 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
 def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """OSPA(2), the OSPA distance between sets of trajectories: estimates (K, A, 2) and truths (K, B, 2), in m.
 
-    A trajectory is a column: its position at each of K instants, NaN where it is absent. The distance of two is the
-    mean of their distances, cut off at c, over the instants at which either is present; where only one is, that is c.
-    So one pairing holds for all instants: a track that changes from one person to another costs for both. Columns
-    that are never present do not count. Source: [Beard20].
+    A trajectory is a column: its position at each of K instants, NaN while it is absent. The distance of two
+    trajectories is the mean, over the instants at which either is present, of the distance of their positions, cut off
+    at c, or of c if only one is present. One pairing holds for all instants, so a track that changes from one person to
+    another costs for both. Columns that are never present do not count. Source: [Beard20].
     """
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
     if any(Z.ndim != 3 or Z.shape[2] != 2 for Z in (X, Y)) or len(X) != len(Y):
@@ -58,7 +58,7 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
 
 
 def checked_positions(name: str, positions: Array) -> Array:
-    """Positions (A, 2), where no positions may have any shape; ValueError for whole states, and for NaN."""
+    """Positions (A, 2); an empty array may have any shape. ValueError for other shapes, as of states, and for NaN."""
     found = np.asarray(positions, dtype=float)
     if found.size and found.shape[-1:] != (2,):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")

@@ -7,7 +7,7 @@ from tracking.numerics.arrays import Array, Flags
 
 
 def most_pairs(allowed: Flags, cost: Array) -> list[tuple[int, int]]:
-    """As many allowed pairs (A, B) as there can be, at the least cost (A, B); pairs of infinite or NaN cost are not."""
+    """As many allowed pairs (A, B) as possible, at the least cost (A, B); no pair has an infinite or NaN cost."""
     finite = np.isfinite(cost)
     allowed = allowed & finite
     # A pair that is not allowed costs more than all others together, so the assignment makes as many as it can.
@@ -17,10 +17,7 @@ def most_pairs(allowed: Flags, cost: Array) -> list[tuple[int, int]]:
 
 
 def pairs_within(cost: Array, gate: float) -> list[tuple[int, int]]:
-    """Pairs of a cost (A, B) up to `gate`, at the least total cost.
-
-    Rows and columns left over cost `gate` in place of a pair.
-    """
+    """Pairs of cost (A, B) up to `gate`, at the least total cost, where `gate` replaces the cost of a pair left out."""
     rows, columns = linear_sum_assignment(np.fmin(cost, gate))
     return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if cost[a, b] <= gate]
 

@@ -22,7 +22,7 @@ not_kept: list[str] = []  # functions whose compiled code this process cannot wr
 
 
 class _Uncollected(event.Listener):
-    """Pauses the garbage collector while code is compiled, of which it would take an eighth of the time."""
+    """Pauses the garbage collector, which would take an eighth of the time, while code is compiled."""
 
     def __init__(self) -> None:
         self._depth, self._paused = 0, False
@@ -43,7 +43,7 @@ event.register("numba:compile", _Uncollected())  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Function) -> Function:
-    """Compile with numba, cached on disk where possible; the signature stays visible to the type checker.
+    """Compile with Numba, cached on disk where possible; the signature stays visible to the type checker.
 
     `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
     """
@@ -51,14 +51,14 @@ def compiled(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """As `compiled`, and copied into the compiled functions that call it, where a call takes longer than the work."""
+    """As `compiled`, and copied into compiled callers, for functions that take less time than a call."""
     return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
-    """Compile a function of numbers for arrays that broadcast, as a universal function of NumPy's.
+    """Compile a function of numbers as a NumPy universal function, for arrays that broadcast.
 
-    It must not be `compiled` too: on disk numba would take one for the other.
+    The function must not be `compiled` as well, because Numba would confuse the two on disk.
     """
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debugging; vectorize would compile all the same
         return cast("Callable[..., Array]", np.vectorize(function, otypes=[float]))
@@ -72,9 +72,9 @@ def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options:
     except RuntimeError:  # neither NUMBA_CACHE_DIR nor the folders of code and user can be written to
         not_kept.append(function.__qualname__)
         return compiler(**options)(function)
-    if made is function:  # as NUMBA_DISABLE_JIT=1 has it, for debugging
+    if made is function:  # with NUMBA_DISABLE_JIT=1, for debugging
         return made
-    # numba checks only the function's own file, but the code contains functions and constants of other files.
+    # Numba checks only the function's own file, but the code contains functions and constants of other files.
     index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
     kept = index._cache_file
     kept._source_stamp = (kept._source_stamp, digest_of(Path(function.__code__.co_filename)))
@@ -83,7 +83,7 @@ def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options:
     def load_index() -> Any:  # noqa: ANN401 - numba's
         try:
             return load()
-        except (AttributeError, ImportError):  # of other sources, with a class of tuples that is gone or renamed
+        except (AttributeError, ImportError):  # code of older sources, with a named tuple that is gone
             return {}
 
     kept._load_index = load_index

@@ -22,10 +22,10 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
 
 
 def pair_costs(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> Array:
-    """Twice the negative log-likelihoods (A, B), but for a constant, that Gaussians are of equal states.
+    """Twice the negative log-likelihoods (A, B), up to a constant, that two Gaussians are of the same state.
 
-    ours: means (A, n) and covariances (A, n, n); theirs: (B, n) and (B, n, n). NaN where the sum of two covariances is
-    not positive definite.
+    ours: means (A, n) and covariances (A, n, n); theirs: means (B, n) and covariances (B, n, n). NaN where the sum of
+    two covariances is not positive definite.
     """
     spreads = ours[1][:, None] + theirs[1][None]
     distances = squared_distance(ours[0][:, None] - theirs[0][None], spreads)
@@ -44,10 +44,7 @@ def _log_determinants(matrices: Array) -> Array:
 
 @compiled
 def _squared_distances(differences: Array, covariances: Array) -> Array:
-    """Squared Mahalanobis distances (T,) of stacks (T, n) and (T, n, n), for compiled code.
-
-    They are the sums of squares of the solutions y of L y = d.
-    """
+    """Squared Mahalanobis distances (T,) of stacks (T, n) and (T, n, n), as yᵀ y with the solution y of L y = d."""
     y = forward_solutions(cholesky_factors(covariances), differences.reshape(*differences.shape, 1))
     out = np.zeros(len(y))
     for t in range(len(y)):

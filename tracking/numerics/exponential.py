@@ -15,7 +15,7 @@ from tracking.numerics.compiled import compiled, elementwise, inlined
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-_ROOT_HALF = int(np.array([math.sqrt(0.5)]).view(np.int64)[0])  # its bits
+_ROOT_HALF = int(np.array([math.sqrt(0.5)]).view(np.int64)[0])  # bits of 1/√2
 # Coefficients of Taylor series, that of the highest power first.
 _EXP = tuple(1.0 / math.factorial(k) for k in range(13, 1, -1))
 _LOG = tuple(2.0 / k for k in range(25, 1, -2))
@@ -78,7 +78,7 @@ def logs(x: Array) -> None:
     """Replace normal positive numbers (N,) by their natural logarithms, side by side; `log` takes them one by one."""
     bits = x.view(np.int64)
     for i in range(len(x)):
-        # Exponent and fraction, as of a number in [1/√2, √2): the integer part of what is left is the exponent.
+        # Write x as m 2^k with m in [1/√2, √2): k is the exponent of x / (1/√2), read from the difference of bits.
         k = (bits[i] - _ROOT_HALF) >> 52
         bits[i] -= k << 52
         x[i] = _log(x[i] - 1.0, k)
@@ -96,6 +96,6 @@ def power(x: float, y: float) -> float:
     return exp(y * log(x)) if y != 0.0 else 1.0
 
 
-# Of arrays that broadcast, as universal functions of NumPy's.
+# NumPy universal functions, for arrays that broadcast.
 exp_each = elementwise(lambda x: exp(x))
 power_each = elementwise(lambda x, y: power(x, y))

@@ -9,14 +9,14 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import products, transposed
 from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
-_SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
+_SWEEPS = 30  # most sweeps of Jacobi's method; matrices of 4 x 4 take four to six
 
 
 @compiled
 def inverses(matrices: Array) -> Array:
-    """Inverses (T, n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others.
+    """Exactly symmetric inverses (T, n, n) of symmetric positive definite matrices; NaN for others.
 
-    They are Yᵀ Y with Y the inverse of the Cholesky factor.
+    They are Yᵀ Y, where Y is the inverse of the Cholesky factor.
     """
     halves = triangular_inverses(cholesky_factors(matrices))
     return products(transposed(halves), halves)
@@ -24,9 +24,9 @@ def inverses(matrices: Array) -> Array:
 
 @compiled
 def eigensystems(matrices: Array) -> tuple[Array, Array]:
-    """Eigenvalues (T, n), ascending, and eigenvectors (T, n, n), in columns, of symmetric matrices.
+    """Ascending eigenvalues (T, n) and eigenvectors (T, n, n), in columns, of symmetric matrices.
 
-    By Jacobi's method: Golub and Van Loan, Matrix Computations, 8.5.
+    Source: Jacobi's method, Golub and Van Loan, Matrix Computations, 8.5.
     """
     n = matrices.shape[1]
     values, vectors = np.empty(matrices.shape[:2]), np.zeros_like(matrices)
@@ -61,7 +61,7 @@ def _sort(values: Array, vectors: Array) -> None:
 
 @compiled
 def _rotated(A: Array, V: Array, p: int, q: int) -> int:
-    """Rotate a symmetric matrix so that A[p, q] becomes zero, and the axes V with it; 0 if it is zero already."""
+    """Rotate a symmetric matrix A, and the axes V with it, so that A[p, q] becomes zero; 0 if it is already zero."""
     if abs(A[p, q]) <= 1e-18 * math.sqrt(abs(A[p, p] * A[q, q])) or A[p, q] == 0.0:
         return 0
     theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])

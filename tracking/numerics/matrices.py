@@ -1,7 +1,7 @@
 """Products of stacks of small matrices with the same bits on every processor.
 
 BLAS and LAPACK choose their code by processor, and results differ in the last bit. Here every sum is taken in the order
-that is written down. For matrices up to about 6 x 6, as Kalman filters have them; larger ones are right, but slow.
+that is written down. Products are fast for matrices up to about 6 x 6, as in Kalman filters, and correct for any size.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def products(left: Array, right: Array) -> Array:
 
 @compiled
 def transposed(matrices: Array) -> Array:
-    """Transposes (T, m, n) of a stack (T, n, m), as a new array that `products` need not be compiled again for."""
+    """Transposes (T, m, n) of a stack (T, n, m), copied, so that `products` need not be compiled for another layout."""
     out = np.empty((len(matrices), matrices.shape[2], matrices.shape[1]))
     for t in range(len(matrices)):
         for i in range(matrices.shape[1]):
@@ -46,7 +46,7 @@ def transposed(matrices: Array) -> Array:
 
 @compiled
 def symmetrise(matrices: Array) -> None:
-    """Take from matrices (T, n, n) the asymmetry that rounding left in them, in place."""
+    """Remove the asymmetry that rounding left in matrices (T, n, n), in place."""
     for t in range(len(matrices)):
         for i in range(matrices.shape[1]):
             for j in range(i):

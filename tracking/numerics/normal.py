@@ -8,7 +8,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log, polynomial
 
-_MIDDLE = 0.425  # either way from one half
+_MIDDLE = 0.425  # distance from one half
 _LEAST = 0.5 / (1 << 53)  # half the step between uniform random numbers
 # fmt: off
 # Hart's rational approximation as given by West (2005), numerator and denominator, highest power first.
@@ -67,7 +67,7 @@ def normal_quantiles(p: Array) -> Array:
     Source: M. J. Wichura, Algorithm AS 241, Applied Statistics 37, 1988.
     """
     out = np.empty(len(p))
-    for k in range(len(p)):  # a loop without branches, which is vectorised: right in the middle, where most are
+    for k in range(len(p)):  # a vectorised loop without branches, which is correct in the middle, where most p are
         q = p[k] - 0.5
         r = 0.180625 - q * q
         out[k] = q * polynomial(_CENTRAL[0], r) / polynomial(_CENTRAL[1], r)

@@ -7,11 +7,11 @@ import numpy as np
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, log
 
-_LARGE = 10.0  # a mean from which on rejection is faster than multiplication
+_LARGE = 10.0  # mean from which on rejection is faster than multiplication
 
 
 def poisson(rng: np.random.Generator, mean: float) -> int:
-    """Draw a Poisson number: the one that `rng.poisson` draws, which calls the C library's logarithm."""
+    """Draw the same Poisson number as `rng.poisson`, but without the C library's logarithm."""
     if mean <= 0.0:
         return 0
     if mean >= _LARGE:

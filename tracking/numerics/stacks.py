@@ -1,4 +1,4 @@
-"""Stacks of vectors and matrices: leading axes that broadcast, joined into one; compiled loops over such a stack."""
+"""Stacks of vectors and matrices: broadcasting and joining of leading axes, and compiled loops over such stacks."""
 
 import math
 from collections.abc import Callable
@@ -21,7 +21,7 @@ def _stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
 
 
 def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> Array:
-    """The values of a function of stacks (T, ...) for arrays with leading axes that broadcast.
+    """Values of a function of stacks (T, ...) for arrays with leading axes that broadcast.
 
     Each array comes with the number of its axes that are not leading.
     """
@@ -34,7 +34,7 @@ def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> A
 
 @compiled
 def cholesky_factors(matrices: Array) -> Array:
-    """Cholesky factors of a contiguous stack (T, n, n): a pivot of zero gives a column of zeros, a negative one NaN."""
+    """Cholesky factors of a contiguous stack (T, n, n): a zero pivot gives a column of zeros, a negative one NaN."""
     out, n = np.zeros_like(matrices), matrices.shape[1]
     for t in range(len(matrices)):
         for j in range(n):

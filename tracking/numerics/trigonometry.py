@@ -95,7 +95,7 @@ def hypot(x: float, y: float) -> float:
     return math.sqrt(x * x + y * y)
 
 
-# Of arrays that broadcast, as universal functions of NumPy's.
+# NumPy universal functions, for arrays that broadcast.
 sin_each = elementwise(lambda x: sin(x))
 cos_each = elementwise(lambda x: cos(x))
 arctan2_each = elementwise(lambda y, x: arctan2(y, x))

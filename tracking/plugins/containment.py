@@ -1,4 +1,4 @@
-"""Containment of plug-ins: exceptions, results and settings have no effect outside of a call."""
+"""Containment of plug-ins: their exceptions, results and settings have no effect outside a call."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a 
     from tracking.numerics.arrays import Array
 
 _LONGEST = 1000  # characters of a message
-_LAST = 3  # lines of a plug-in's own that are kept of a traceback
-_DEEPEST = 5  # lists in lists
+_LAST = 3  # lines of a traceback in a plug-in's own code that are kept
+_DEEPEST = 5  # nested lists
 _PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions that their text explains
 _OURS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
 _IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
@@ -32,7 +32,7 @@ class ForeignError(Exception):
     """Error of a plug-in: `text` in one line, `kind` of exception, `trace` of its own code."""
 
     def __init__(self, kind: str, text: str, trace: tuple[str, ...] = ()) -> None:
-        """Describe an error; `kind` is empty where the text says all."""
+        """Describe an error; `kind` is empty if the text is enough."""
         super().__init__(kind, text, trace)
         self.kind, self.text, self.trace = kind, text, trace
 
@@ -55,10 +55,10 @@ class ForeignError(Exception):
 
 @contextmanager
 def contained(*passing: type[BaseException], called: tuple[object, str] | None = None) -> Iterator[None]:
-    """Raise a `ForeignError` for any exception of the block, but for those `passing` and the user's KeyboardInterrupt.
+    """Raise a `ForeignError` for any exception of the block except those `passing` and the user's KeyboardInterrupt.
 
-    called: a plug-in and the method that gives what the block uses. An error outside of the plug-in's own code is one
-    of what it gave, and has the line that defines the method.
+    called: a plug-in, and its method that gives a result to the block. An error outside the plug-in's own code is
+    blamed on this result, and names the line that defines the method.
     Settings of the process that the block changes are restored: NumPy's handling of overflows, filters of warnings, and
     the limit of recursion.
     """
@@ -147,7 +147,7 @@ def _described(error: BaseException, called: tuple[object, str] | None) -> Forei
 
 
 def _places(error: BaseException) -> tuple[str, ...]:
-    """Last lines of a traceback in the plug-in's own code, and the very last if that is in a library."""
+    """Last lines of a traceback in the plug-in's own code, and its very last line if that is in a library."""
     try:
         frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_OURS + _IMPORT)]
     except BaseException:
@@ -161,7 +161,7 @@ def _places(error: BaseException) -> tuple[str, ...]:
 
 
 def _definition(called: tuple[object, str] | None) -> tuple[str, ...]:
-    """The line that defines a plug-in's method, or else its class, as of a traceback; empty if that is ours."""
+    """The line that defines a plug-in's method or else its class, as in a traceback; empty if the code is ours."""
     if called is None:
         return ()
     try:

@@ -19,11 +19,11 @@ class Finding:
 
 
 class Unfit(Exception):
-    """The plug-in does not do what a check asks for; the message says what it does."""
+    """Failure of a check; the message says what the plug-in does."""
 
 
 class Untried(Exception):
-    """A check could say nothing; the message says why."""
+    """A check that is not possible; the message says why."""
 
 
 def finding(name: str, check: Callable[[], str]) -> Finding:

@@ -1,4 +1,4 @@
-"""Plug-ins: import by import string, registry of those of one kind, and the error of wrong input."""
+"""Plug-ins: import by import string, registries of one kind of plug-in each, and the error for wrong input."""
 
 import importlib
 import inspect
@@ -18,11 +18,11 @@ _ROOT = Path(__file__).parents[2]
 
 
 class InputError(ValueError):
-    """The input cannot be used; the message is one line: field, value, what is allowed, the nearest valid name."""
+    """Input that cannot be used; the message is one line with field, value, allowed values and nearest valid name."""
 
 
 def check_known(field: str, name: str, known: Collection[str], also: str = "") -> None:
-    """InputError unless a name is one of those known; `also` says what else is allowed."""
+    """Raise InputError unless a name is known; `also` names what else is allowed."""
     if name not in known:
         raise InputError(f"{field}: {name!r} is unknown; {did_you_mean(name, known)}{also}")
 
@@ -32,8 +32,8 @@ class Registry:
     """Plug-ins of one kind; `InputError` begins with `field`, the setting that names one of them."""
 
     field: str
-    built_in: Mapping[str, str]  # import strings by name; they and their arguments may differ from those of outside
-    methods: tuple[str, ...]  # that each has, with arguments: "detect(frame)"
+    built_in: Mapping[str, str]  # import strings by name, with an interface that may differ from `methods`
+    methods: tuple[str, ...]  # that plug-ins from outside must have, with arguments: "detect(frame)"
     bare: bool = False  # plug-ins from outside are made without arguments
     raises: type[InputError] = InputError  # for errors of plug-ins
 
@@ -41,14 +41,14 @@ class Registry:
         return iter(self.built_in)
 
     def check(self, name: str) -> None:
-        """InputError unless a plug-in is built in or may be an import string, "package.module:Class"."""
+        """Raise InputError unless a name is built in or may be an import string, "package.module:Class"."""
         if not isinstance(name, str):
             raise InputError(f"{self.field}: {name!r} is not allowed; expected text, a name or package.module:Class")
         if ":" not in name:
             check_known(self.field, name, self.built_in, " (or package.module:Class)")
 
     def find(self, name: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
-        """The class of that name or import string; InputError says what is wrong."""
+        """The class of that name or import string; InputError if there is none."""
         self.check(name)
         try:
             return imported(self.built_in.get(name, name))
@@ -56,7 +56,7 @@ class Registry:
             raise InputError(f"{self.field}: {name!r} cannot be imported: {error}") from error
 
     def make(self, name: str, *arguments: object) -> Any:  # noqa: ANN401 - whatever a user's class makes
-        """The plug-in of that name or import string; InputError says what is wrong."""
+        """The plug-in of that name or import string; InputError if it cannot be made."""
         make, ours = self.find(name), name in self.built_in
         methods = () if ours else self.methods
         with self.errors(name, "be made", called=(make, "__init__")):
@@ -70,11 +70,10 @@ class Registry:
     def errors(
         self, name: str, what: str, *passing: type[BaseException], called: tuple[object, str] | None = None
     ) -> Iterator[None]:
-        """Raise `raises`, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
+        """Raise `raises`, with the text "FIELD: NAME cannot WHAT: why", for any exception of a plug-in in the block.
 
-        called: as of `contained`.
-        Errors of `passing` pass as they are. So do InputErrors of a built-in plug-in, which may be of
-        another that it makes.
+        called: as in `contained`. Exceptions of `passing` pass as they are. So do InputErrors of a built-in plug-in,
+        which may be about another plug-in that it makes.
         """
         try:
             with contained(*passing, *[InputError] * (name in self.built_in), called=called):
@@ -84,7 +83,7 @@ class Registry:
 
 
 def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
-    """Complaint of a plug-in without such a method, "method(argument, ...)", or with other arguments; empty: none."""
+    """Error text if a plug-in lacks the method "method(argument, ...)" or takes other arguments; empty if not."""
     called, _, arguments = method.removesuffix(")").partition("(")
     found = getattr(made, called, None)
     if not callable(found):
@@ -97,7 +96,7 @@ def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a
     except TypeError:
         return f"{called} of {name!r} takes {inspect.signature(found)}; it must take ({arguments})"
     except ValueError:
-        pass  # written in C, say: calling it will tell
+        pass  # without a signature, as in C: only a call can tell
     return ""
 
 
@@ -128,7 +127,7 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
 
 
 def _check_names(module: str, attribute: str) -> None:
-    """ImportError unless a module and a class are named, and the module is not one that ours or Python's hides."""
+    """Raise ImportError unless a module and a class are named, and no module of ours or of Python hides the module."""
     if module.endswith(".py") or not _is_dotted(module):
         meant = module.removeprefix("./").removesuffix(".py").replace("/", ".")
         hint = f"; write {meant}:{attribute or 'Class'}" if _is_dotted(meant) else ""
@@ -149,20 +148,20 @@ def _is_dotted(text: str) -> bool:
 
 
 def _hidden(names: Iterable[str]) -> list[str]:
-    """Names of modules that exist in the current folder, too, unless that is our own."""
+    """Those of the names of modules that also exist in the current folder, unless that is our own."""
     here = Path.cwd()
     places = {name: here.joinpath(*name.split(".")) for name in names if here != _ROOT}
     return [name for name, place in places.items() if place.is_dir() or place.with_name(f"{place.name}.py").is_file()]
 
 
 def _clash() -> str:
-    """The end of an error message: modules of the current folder that ours hide; empty: none."""
+    """The end of an error message: modules of the current folder that ours hide; empty if there are none."""
     hidden = ", ".join(_hidden(_OURS))
     return f"; Understory's packages hide those in the current folder of the names {hidden}" if hidden else ""
 
 
 def _missing(module: str, error: ModuleNotFoundError) -> str:
-    """Error message about a missing module: misspelt, or one that it needs is not installed."""
+    """Error message about a missing module, which is misspelt or needs a module that is not installed."""
     absent = error.name or ""
     if not f"{module}.".startswith(f"{absent}."):
         return f"{module} needs {absent!r}, which is not installed: {error}"

@@ -1,4 +1,4 @@
-"""Checks of the arrays that plug-ins return, and changes of the values that they were given and must leave."""
+"""Checks of the arrays that plug-ins return, and of changes to their arguments, which they must leave as they are."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -11,7 +11,7 @@ from tracking.numerics.factorisation import eigensystems
 from tracking.plugins.containment import Unusable, numbers
 
 _MOST = 1_000_000  # numbers of an array: more would take seconds
-_LEAST, _LARGEST = 1e-12, 1e12  # eigenvalues beyond spoil the arithmetic
+_LEAST, _LARGEST = 1e-12, 1e12  # bounds of eigenvalues, beyond which rounding spoils results
 
 
 def checked_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
@@ -25,7 +25,7 @@ def checked_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
 
 
 def whole_numbers(name: str, given: object, shape: tuple[int, ...], kinds: str = "iu") -> Indices:
-    """A new array of whole numbers of a shape; `Unusable` for anything else. kinds: of NumPy's types that count."""
+    """A new array of whole numbers of a shape; `Unusable` for anything else. kinds: of NumPy types, allowed."""
     found = np.asarray(given)
     if found.shape != shape or found.dtype.kind not in kinds:
         raise Unusable(f"{name} are no table {shape} of whole numbers")
@@ -33,7 +33,7 @@ def whole_numbers(name: str, given: object, shape: tuple[int, ...], kinds: str =
 
 
 def check_positive_definite(name: str, matrices: Array, unit: str = "") -> None:
-    """`Unusable` unless matrices (..., n, n) are symmetric, with eigenvalues from 1e-12 to 1e12."""
+    """Raise `Unusable` unless matrices (..., n, n) are symmetric, with eigenvalues from 1e-12 to 1e12."""
     values = eigensystems(np.ascontiguousarray(matrices).reshape(-1, *matrices.shape[-2:]))[0]
     transposed = np.swapaxes(matrices, -1, -2)
     symmetric = np.all(np.abs(matrices - transposed) <= 1e-8 + 1e-5 * np.abs(matrices))
@@ -42,7 +42,7 @@ def check_positive_definite(name: str, matrices: Array, unit: str = "") -> None:
 
 
 def contents(value: Any, path: str) -> dict[str, object]:  # noqa: ANN401 - whatever a value holds
-    """Everything in a value by its path: fields, entries and arrays, with their flag for writing."""
+    """Contents of a value by path: fields, entries, and arrays with their write flags."""
     if isinstance(value, np.ndarray):
         return {path: (value.dtype.str, value.shape, value.tobytes()), f"writing to {path}": value.flags.writeable}
     if is_dataclass(value):
@@ -60,7 +60,7 @@ def contents(value: Any, path: str) -> dict[str, object]:  # noqa: ANN401 - what
 
 
 def change(before: Mapping[str, object], after: Mapping[str, object]) -> str:
-    """The first difference, in words; empty: none."""
+    """The first difference of two `contents`, in words; empty if there is none."""
     for path, value in before.items():
         if path not in after or after[path] != value:
             return f"{path} is changed"
