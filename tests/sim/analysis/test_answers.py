@@ -207,7 +207,7 @@ def test_factors_are_what_varies_scenario_and_version_included():
 
 
 def test_wrong_names_and_trials_that_are_there_twice_are_refused():
-    with pytest.raises(InputError, match=r"--baseline: 'gredy' is none .* did you mean greedy\?"):
+    with pytest.raises(InputError, match=r"--baseline: 'gredy' is not one of .* did you mean greedy\?"):
         baseline_of(study(), "gredy")
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
         chosen(study(), ["ospa.mean"])
