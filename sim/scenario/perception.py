@@ -32,8 +32,8 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # `"range_bearing"`: noise of [Li22] eq. (4) is added to each detection, and its covariance to the detection's own;
     # `"camera"`: no noise is added
     noise: Literal["range_bearing", "camera"] = "range_bearing"
-    # model of occlusion that trackers and planners assume, and that ideal sensing obeys: `"line_of_sight"`: canopies
-    # are cylinders that block the view; `"disc"`: the paper's
+    # model of occlusion that trackers and planners assume, and that ideal sensing obeys: `"line_of_sight"`: trunks
+    # and canopies are cylinders that block the view; `"disc"`: the paper's
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
     # `"tiny"`: PyBullet's own renderer, on the CPU; `"egl"`: OpenGL without a display, for images of up to 768 pixels;
     # an error if it cannot start
