@@ -61,7 +61,8 @@ class Composed:
     # True: a track is weighted by its probability of existence, if the tracker gives one (`tracking.management =
     # "existence"`); False: each track has weight one
     existence: bool = True
-    # weight [m²] of search: a person without a track counts as a track with this covariance trace; 0: no search
+    # weight [m²] of search: a person without a track counts as a track whose position covariance has this trace; 0: no
+    # search
     search: float = 0.0
     separation: float = 0.0  # least distance [m] from the expected paths of other UAVs; 0: no limit
     # growth of a target's belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at

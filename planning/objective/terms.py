@@ -65,7 +65,7 @@ def _closest(relative: Array) -> Array:
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
-_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # offsets in units of a cell
+_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # from a cell's middle, in its edges
 
 # Aim point (x, y) of a UAV, radius of the circle about it that is in view, and distance flown in a step, all in m.
 _Sight = tuple[float, float, float, float]

@@ -45,9 +45,10 @@ def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
 def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
     """Children (N, k, H, 2) m/s, within the speed limits, of parents (E, k, H, 2), which have equally many children.
 
-    Mutations take turns: noise on all steps; a shift of one waypoint or of the path from there on; a shift that just
+    Mutations take turns: noise on all steps; a shift of one waypoint or of the path from there on; the least shift that
     brings a target into view; a move towards or away from a mate, which is another parent; a mate's path from some step
-    on. Noise and shifts have the size of `spread` maximum speeds, times a random factor.
+    on. Noise and shifts of waypoints have the size of `spread` maximum speeds, times a random factor. A move by a mate
+    is proportional to the difference of the parents.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))

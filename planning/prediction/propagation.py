@@ -20,7 +20,7 @@ from tracking.track import beliefs_of
 # Means of the five equally probable pieces of a standard normal, from the median up, scaled to a variance of one.
 _FIFTHS = np.array([0.0, 0.5616259126, 1.4780312359])
 # Five equally probable points with the mean (the first point) and covariance of a standard normal in the plane. Each
-# piece occurs once along either axis, so that an edge of a field of view has any number of points on one side.
+# piece occurs once along either axis, so that an edge of a field of view can have any number of them on one side.
 _LATTICE = np.array([(0, 0), (1, -2), (2, 1), (-1, 2), (-2, -1)])
 FIVE_POINTS = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
 

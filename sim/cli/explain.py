@@ -36,7 +36,7 @@ def explain(
         Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")
     ] = None,
 ) -> None:
-    """Say when and why people were lost. With --target, tell of one person: over the mission, or at one --time.
+    """Say when and why people were lost. With --target, tell of one person; with --time, at one scan, with a picture.
 
     With --track, say how a track was born, which measurements fed it, why it was kept, and how it ended.
     """

@@ -98,7 +98,10 @@ class Mission:
         return self._sense().snapshot
 
     def fly(self) -> Iterator[Snapshot]:
-        """Fly the rest of the mission with its planner, yield a snapshot per scan, and free the world at the end."""
+        """Fly the rest of the mission with its planner, and yield a snapshot per scan.
+
+        The mission is closed at the end, and also if the iteration is given up before.
+        """
         with self:
             while not self.over:
                 yield self.step()

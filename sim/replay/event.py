@@ -19,7 +19,7 @@ KINDS = (
     "link restored",
     "messages lost",  # all messages of a scan from one UAV to another
     "messages heard",
-    "track born",  # only confirmed tracks are recorded, or known at the start
+    "track born",  # only tracks that are confirmed or known at the start are recorded
     "track taken up",
     "track dropped",
     "track deleted",

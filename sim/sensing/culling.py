@@ -48,7 +48,7 @@ def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> F
     for i in range(len(people)):
         body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]
         for k in range(len(trees)):
-            # Trees with a different x are many and seldom hide a whole person, so they are not checked.
+            # Canopies that do not reach the person's x are many and seldom hide a whole person: they are not checked.
             if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
                 hidden[i] = True
                 break

@@ -33,7 +33,7 @@ class SensorOutput:
 
     ground: Array  # (N, 2) m
     matched: Callable[[Flags], Flags]  # mask (M,) of detected people, given the mask (N,) of detections not missed
-    visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person in view
+    visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person seen
     covariances: Array | None = None  # (N, 2, 2) m²; if None, a sample of the UAV's noise model is added
     frame: Frame | None = None
     pixels: Array | None = None  # (N, 2), positions of the detections in the frame, if there is one
@@ -50,7 +50,10 @@ class SensorMode(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LineOfSightMode:
-    """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden."""
+    """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden.
+
+    The error of each measurement is a sample of the UAV's noise model.
+    """
 
     setup: SensorSetup
 

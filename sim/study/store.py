@@ -158,6 +158,7 @@ def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
     """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
     There is one row per trial, with a column for each factor, such as `factor.lambda`, and for each metric.
+    OSPA over time is left out.
     """
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}

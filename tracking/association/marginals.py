@@ -9,7 +9,7 @@ from tracking.numerics.compiled import compiled
 # propagation takes over, so that a scan of fifty people takes less than 5 ms whatever the clusters.
 EXACT_SIDE = 10
 _ITERATIONS = 1000
-_MESSAGES = 10_000  # most messages per track: if gates contain more than 10 measurements, there are fewer iterations
+_MESSAGES = 10_000  # most messages per track on average: fewer iterations if gates contain more than 10 measurements
 _TOLERANCE = 1e-9  # so small, because among many people messages may hardly change for 100 iterations before they do
 
 

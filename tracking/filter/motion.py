@@ -41,7 +41,10 @@ class MotionModel(Protocol):
 
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
-    """The model of that name or import string; InputError if there is none, or later if its predictions are wrong."""
+    """The model of that name or import string.
+
+    InputError if there is none, if its attribute `dt` differs from this one, or later if its predictions are wrong.
+    """
     model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed, walking_speed)
     with MOTION_MODELS.errors(name, "be made"):
         step = float(getattr(model, "dt", math.nan))

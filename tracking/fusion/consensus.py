@@ -120,7 +120,11 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 @compiled
 def _latest(history: _History, heard: Flags) -> _History:
-    """History after one round: latest times (M, T, 4) and sightings (M, T, 3), all views, and common misses (M, T)."""
+    """History after one round of all messages heard.
+
+    It consists of the latest times (M, T, 4), all views (M, T, 2), common misses (M, T) and the latest sightings
+    (M, T, 3).
+    """
     times, views, misses, sightings = history
     last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
     common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()

@@ -19,7 +19,7 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters 
 # has a sighting. The other is lost, and its person may turn up elsewhere.
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
-_CERTAIN = 1.0 - 2e-9  # existence probability that counts as 1, because messages keep log-odds finite
+_CERTAIN = 1.0 - 2e-9  # least existence probability that counts as 1, because messages keep log-odds finite
 # Times and sighting of a track that is new or known at the start; it counts as sighted in its first scan.
 _UNSIGHTED = np.full(7, -np.inf)
 

@@ -78,7 +78,7 @@ class _Checked:
             weights = checked_array("weights", weights, (count,))
             if not summed.shape[1]:  # other UAVs may add up
                 summed = np.zeros((count, INFORMATION + local.uav + 1))
-            information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # only both together are definite
+            information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # only the sum has to be definite
             check_positive_definite("matrices of averaged, with summed,", information.reshape(-1, 4, 4))
             if count and not _LEAST <= weights.min() <= weights.max() <= _LARGEST:
                 allowed = f"weights must be positive, from {_LEAST:g} to {_LARGEST:g}"

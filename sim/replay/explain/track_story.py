@@ -109,9 +109,9 @@ class TrackFacts:
     def origins(self) -> list[Origin]:
         """Measurements of the UAV that confirmed the track, from its first scan backwards, each in reach of the next.
 
-        The reach is the largest speed of people. Measurements that another track explains are left out. The chain ends
-        once it suffices to confirm a track, or if there is no measurement for a second. It is empty for a track that
-        was known at the start.
+        In reach is any place to which a person can have moved in the meantime, at up to the largest speed. Measurements
+        that another track explains are left out. The chain ends once it suffices to confirm a track, or if there is no
+        measurement for a second. It is empty for a track that was known at the start.
         """
         return [] if self.known else max(map(self._chain, self.makers), key=len)
 

@@ -27,7 +27,7 @@ _TITLE = TextStyle(20, bold=True)
 _MOST = 12  # largest number of people or tracks that are listed
 
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
-_SLACK = 1e-6  # s, tolerance tolerance for typed times
+_SLACK = 1e-6  # s, tolerance for typed times
 
 
 def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
