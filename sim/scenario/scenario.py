@@ -17,8 +17,8 @@ from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
 from tracking.plugins.registry import Registry
 
-# m, least distance of UAVs at the start (rotors reach 0.3 m) and of cameras from canopies (images begin at 0.5 m)
-_CLEARANCE = 1.0
+_CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
+_ABOVE_CANOPIES = 1.0  # m, least height of rendering cameras above canopies; images leave out the nearest 0.5 m
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
 MOST_WALKED = 3.6e5  # s, sum over all people, which takes about a gigabyte
@@ -90,12 +90,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
     def _check_uav(self, i: int, uav: Uav) -> None:
-        gap = _CLEARANCE if self.sensing.renders else 0.0
+        gap, above = (_ABOVE_CANOPIES, f"{_ABOVE_CANOPIES:g} m above") if self.sensing.renders else (0.0, "above")
         if uav.altitude <= self.trees.canopy_top + gap:
-            raise ValueError(
-                f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
-                f"not {f'{gap:g} m ' * bool(gap)}above trees.canopy_top {self.trees.canopy_top:g} m"
+            text = (
+                f"means an altitude of {uav.altitude:.1f} m, not {above} trees.canopy_top {self.trees.canopy_top:g} m"
             )
+            raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if uav.altitude > _HIGHEST:
             text = f"with fov_deg {uav.fov_deg:g} means an altitude of {uav.altitude:.3g} m; allowed are {_HIGHEST:g} m"
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
