@@ -42,6 +42,7 @@ DEFAULT, *RIVALS = (
     "rsp",
     "thompson",
     "greedy",
+    "random",
 )
 ORDER = (DEFAULT, *RIVALS, "lawnmower", "oracle")
 _DIGITS = 10  # of a metric: the same trial gives all of them again
@@ -103,20 +104,20 @@ def scores_table() -> str:
     return _markdown(heads, lines)
 
 
-def gaps_table(name: str, world: str = "") -> str:
-    """A metric of the default, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
+def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
+    """A metric of a planner, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
     metric, groups = metric_shown(name), _groups(world)
-    planners = [planner for planner in ORDER[1:] if any(group.planner == planner for group in groups)]
+    planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
     gaps: dict[str, list[dict[Run, Array]]] = {planner: [] for planner in planners}
     lines = []
     for cell, own in _by_world(groups):
         for planner in planners:
-            gaps[planner].append(paired(own[planner], own[DEFAULT], [metric]) if planner in own else {})
-        base = f"{metric.text(map_means(own[DEFAULT], metric).value)} {metric.unit}"
-        lines.append([_name(cell), base, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
+            gaps[planner].append(paired(own[planner], own[base], [metric]) if planner in own else {})
+        mean = f"{metric.text(map_means(own[base], metric).value)} {metric.unit}"
+        lines.append([_name(cell), mean, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
     if not world:
         lines.append(["mean of these", "", *(_gap(gaps[planner], metric) for planner in planners)])
-    return _markdown(["world", *(f"`{name}`" for name in (DEFAULT, *planners))], lines)
+    return _markdown(["world", *(f"`{name}`" for name in (base, *planners))], lines)
 
 
 def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:
