@@ -1,4 +1,4 @@
-"""Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
+"""Tracks that share one person: one of them ends within two seconds, and a lost one turns up elsewhere."""
 
 from dataclasses import replace
 
