@@ -1,11 +1,11 @@
-"""Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
+"""Tracks that share one person: one of them ends within two seconds, and a lost one turns up elsewhere."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids
-from helpers.scenes import AWAY, play, scan, track, tracker
+from helpers.scenes import AWAY, R, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
@@ -69,6 +69,25 @@ def fed_apart(**settings) -> list[tuple[int, ...]]:
         assert len(set(ids(trackers))) == 1
         held.append(ids(trackers)[0])
     return held
+
+
+def shared_for(seed: int, **settings) -> float:
+    """Seconds for which two UAVs that measure one person with noise hold two tracks of this person; at most ten."""
+    trackers, rng = fleet(2, track(3, 0, 0.1, 1, 0), track(4, 0, -0.1, 1, 0), **settings), np.random.default_rng(seed)
+    for k in range(50):
+        for t in trackers:
+            t.step(scan(k, rng.multivariate_normal((0.2 * k, 0.0), R), uav=t.uav))
+        fuse(trackers, PAIR, 5)
+        if all(len(held) == 1 for held in ids(trackers)):
+            return 0.2 * k
+    return 10.0
+
+
+def test_one_of_two_noisy_tracks_of_a_person_ends_within_two_seconds():
+    times = np.array([shared_for(seed) for seed in range(60)])
+    assert np.median(times) < 1.3 and times.max() < 2.1
+    times = np.array([shared_for(seed, management="m_of_n") for seed in range(60)])
+    assert np.median(times) < 0.9 and times.max() < 10.0
 
 
 def test_two_uavs_do_not_feed_a_track_each_of_one_person():
