@@ -8,6 +8,7 @@ from helpers.graphs import NOW, exchange, graph, told
 from helpers.scenes import scan, track, tracker
 
 from tracking.fusion.consensus import fuse
+from tracking.fusion.track_association import associate_tracks
 
 KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
 KEPT = [0.0], [0.05], [3], [NOW]
@@ -197,3 +198,20 @@ def test_of_two_tracks_in_reach_the_likelier_matches_not_the_wider():
     vague = [4.0, 0.6], [9.0, 0.05], [60, 61], [NOW - 3.0, NOW]
     for m in met(([0.0], [0.05], [40], [NOW]), vague, "complete"):
         assert len(m) == 2 and m[40] == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_person_in_view_is_kept_though_a_third_partition_lost_the_track():
+    """Another person of that id, seen later than the lost track and within its reach, ends no track in view."""
+    parts = ([0.0], [0.05], [3], [NOW]), ([0.1], [1.0], [3], [NOW - 3.0]), ([5.0], [0.05], [3], [NOW])
+    said = [replace(told(u, *part, partition=(u, NOW)), degree=2) for u, part in enumerate(parts)]
+    for m in exchange(said, graph("complete", 3), 5):
+        assert m.beliefs[0][:, 0] == pytest.approx([0.0, 5.0], abs=0.1)
+
+
+def test_a_fresh_id_does_not_depend_on_which_partitions_a_uav_hears():
+    """UAVs 2 and 3 hear of other people by the ids 3 and 4, the one of both, the other of 4 alone."""
+    own = [told(u, [0.0, 20.0], [0.05, 0.05], [3, 4], [NOW, NOW]) for u in (2, 3)]
+    both, one = (told(0, [50.0, 70.0][-n:], [0.05] * n, [3, 4][-n:], [NOW] * n) for n in (2, 1))
+    heard = [associate_tracks(m, [other], 3.0)[0] for m, other in zip(own, (both, one), strict=True)]
+    fresh = [dict(zip(m.beliefs[0][:, 0].round(3).tolist(), m.ids.tolist(), strict=True)) for m in heard]
+    assert fresh[0][20.0] == fresh[1][20.0] and fresh[0][0.0] != fresh[0][20.0]

@@ -51,6 +51,19 @@ def test_the_likelier_of_two_tracks_takes_the_older_id_only_if_it_is_new(last, l
     assert joint.belief.mean[0] == pytest.approx(0.0) and joint.existence == pytest.approx(0.9, abs=1e-3)
 
 
+@pytest.mark.parametrize(("begun", "left"), [(3, 3), (2, new_label(2, 0, 0))])
+def test_a_track_takes_an_older_id_up_to_a_second_after_its_first_scan(begun, left):
+    place = Gaussian(np.zeros(4), 0.05 * np.eye(4))
+    subject = tracker(Track(3, place, 0.2), Track(4, place, 0.7))
+    for k in range(7):
+        subject.coast(0.2 * k)
+        fuse([subject], np.zeros((1, 1), bool), 5)
+    subject.coast(0.2 * 7)  # the eighth scan
+    said = subject.message(0)
+    subject.accept(replace(said, ids=np.array([3, new_label(begun, 0, 0)]), times=np.full((2, 4), said.time)))
+    assert [t.id for t in subject.tracks] == [left]
+
+
 def test_people_within_a_metre_may_give_one_measurement():
     means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
     near = 0.12 * np.exp(-0.5)
