@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from sim.evaluation.metric import METRICS, Metric, metric
+from sim.evaluation.catalogue import METRICS, metric
+from sim.evaluation.metric import Metric
 from sim.study.tasks import Row
 from tracking.plugins.registry import check_known
 

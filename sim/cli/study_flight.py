@@ -12,8 +12,8 @@ from rich.markup import escape
 
 from sim.analysis.planner_labels import baseline_of, entrant, labels_of
 from sim.analysis.score import ends_of
+from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import versions
-from sim.evaluation.metric import METRICS
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show

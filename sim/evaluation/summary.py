@@ -9,9 +9,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from sim.evaluation.catalogue import METRICS, evaluated, metric
 from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine, versions
-from sim.evaluation.metric import METRICS, Metric, Outcome, evaluated, mean, metric
+from sim.evaluation.metric import Metric, Outcome, mean
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording

@@ -24,6 +24,7 @@ class Unmatched:
     gap: float  # m, that median distance; infinite without people
     alone: Flags  # (last - first + 1, n), UAVs for which the track stands for no person
     left: int | None  # the track's last person, if they have left the area
+    since: int  # scan at which the track began, reported or not
 
     @property
     def duplicate(self) -> bool:
@@ -43,6 +44,7 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     A track within `HELD` m of a person with another track is a duplicate; others are false tracks.
     """
     people, working, stood = recording.people, recording.working, []
+    rows = recording.cells(recording.track_offsets)[0]  # scan of each row, in ascending order
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
     for i in range(working.shape[1]):
@@ -61,7 +63,8 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
             if value:
                 span = slice(first, last + 1)
                 left = _left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
-                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span], left)
+                since = int(rows[np.argmax(recording.track_ids == id_)])
+                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span], left, since)
 
 
 def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:

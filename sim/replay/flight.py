@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
+from sim.evaluation.catalogue import METRICS
 from sim.evaluation.fleet_facts import contacts
-from sim.evaluation.metric import METRICS, Outcome
+from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
 from sim.recording.recording import Recording

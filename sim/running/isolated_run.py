@@ -52,7 +52,7 @@ def _fly(trial: Trial, folder: Path, results: Results, tell: Callable[[object], 
         if name not in registry.built_in:
             registry.find(name)
     load_planner(trial.planner)
-    from sim.evaluation.metric import metric
+    from sim.evaluation.catalogue import metric
 
     for name in results.metrics:
         metric(name)

@@ -8,8 +8,9 @@ from contextlib import nullcontext
 import numpy as np
 from msgspec import Struct
 
+from sim.evaluation.catalogue import evaluated
 from sim.evaluation.machine import machine
-from sim.evaluation.metric import Outcome, evaluated
+from sim.evaluation.metric import Outcome
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up

@@ -16,7 +16,8 @@ import av
 import msgspec
 
 from sim.drawing.film import HEIGHT, WIDTH, parts_of
-from sim.evaluation.metric import METRICS, Outcome
+from sim.evaluation.catalogue import METRICS
+from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording

@@ -15,7 +15,8 @@ from helpers.summaries import hand_made, shown, summary
 from helpers.trials import row
 from rich.console import Console
 
-from sim.evaluation.metric import Outcome, evaluated, metric
+from sim.evaluation.catalogue import evaluated, metric
+from sim.evaluation.metric import Outcome
 from sim.report.report import About
 from sim.report.terminal import show
 from sim.study.store import read_rows

@@ -13,6 +13,8 @@ from sim.replay.flight import Flight
 from tracking.metrics.clearmot import correspondence
 from tracking.metrics.gospa import gospa
 
+YOUNG = 6  # scans in the first second of a track, both ends included
+
 
 def alone(recording):
     """Number of tracks (K, n) that stand for no person."""
@@ -61,8 +63,10 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert result["tracks"] == {
         "false": 1,
         "false_share": pytest.approx(shares[0]),
+        "false_old_share": pytest.approx(shares[0] - YOUNG / SCANS),
         "duplicate": 1,
         "duplicate_share": pytest.approx(shares[1]),
+        "duplicate_old_share": pytest.approx(shares[1] - YOUNG / SCANS),
     }
     text = " ".join(shown(result).split())
     assert "false tracks │ 1, 48.4 % of scans" in text and "duplicate tracks │ 1, 32.3 % of scans" in text
@@ -72,7 +76,16 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     result = summary(swapping(ospa=ospa))["tracks"]
     assert result["false_share"] == pytest.approx(2 * 15 / (2 * SCANS + FALSE[0]))
     none = summary(dataclasses.replace(standing_still([[{}]]), ospa=np.full((1, 1, 3), np.nan)))["tracks"]
-    assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}
+    shares = dict.fromkeys(f"{what}_{share}" for what in ("false", "duplicate") for share in ("share", "old_share"))
+    assert none == {"false": 0, "duplicate": 0} | shares
+
+
+def test_a_track_is_old_by_the_time_since_it_began_as_that_of_a_person():
+    scans, leaves = 15, 3
+    tracks = [[{70: (0.0 if k < leaves else -40.0, 0.0), 80: (20.0, 0.0)}] for k in range(scans)]
+    result = summary(dataclasses.replace(standing_still(tracks), ospa=np.ones((scans, 1, 3))))["tracks"]
+    assert result["false_share"] == pytest.approx((scans - leaves) / scans)
+    assert result["false_old_share"] == pytest.approx((scans - YOUNG) / scans)
 
 
 def test_a_duplicate_is_so_by_its_median_distance_where_the_first_uav_has_it():

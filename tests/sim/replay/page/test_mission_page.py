@@ -17,7 +17,8 @@ from typer.main import get_command
 
 from sim.__main__ import app
 from sim.drawing.film import parts_of
-from sim.evaluation.metric import METRICS, Outcome
+from sim.evaluation.catalogue import METRICS
+from sim.evaluation.metric import Outcome
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.flight import Flight

@@ -1,0 +1,228 @@
+"""The metrics by name, from which summary.json, studies and all tables take them.
+
+A plug-in metric is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+
+from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_bytes
+from sim.evaluation.metric import Better, Metric, Of, Outcome, mean
+from sim.evaluation.score import FAR, Score
+from sim.evaluation.searching import times_to_find
+from sim.evaluation.unmatched import Unmatched
+from sim.recording.recording import Recording
+from sim.sensing.fault import BREAKDOWN, Fault
+from sim.sensing.stopwatch import STAGES
+from tracking.numerics.arrays import Array, Indices
+from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.registry import InputError, check_known, imported
+
+_OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
+
+
+def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
+    """Statistic of the OSPA distances [m] of all scans and all UAVs that work at the scan."""
+
+    def of(outcome: Outcome) -> float | None:
+        distance = outcome.recording.ospa[:, :, 0][outcome.recording.working]
+        return float(reduced(distance)) if len(distance) else None
+
+    return of
+
+
+def _gospa(column: int, *, counted: bool = False) -> Of:
+    """Mean of a part of GOSPA over all scans and working UAVs, in m; if counted, in people or tracks."""
+
+    def of(outcome: Outcome) -> float | None:
+        parts = np.concatenate([score.gospa[:, column] for score in outcome.scores])
+        return mean(parts**2 / (FAR**2 / 2) if counted else parts)
+
+    return of
+
+
+def _unmatched(what: str) -> dict[str, Metric]:
+    """Number of "false" or "duplicate" tracks, and shares of pairs of scan and working UAV that have one.
+
+    The second share counts only scans at which the track is older than 1 s.
+    """
+
+    def tracks(outcome: Outcome) -> list[Unmatched]:
+        return [track for track in outcome.unmatched if track.duplicate == (what == "duplicate")]
+
+    def share(outcome: Outcome, least_age: float = 0.0) -> float | None:
+        on, times = outcome.recording.working, outcome.recording.times
+        found = np.zeros_like(on)
+        for track in tracks(outcome):
+            span = slice(track.first, track.last + 1)
+            found[span] |= track.alone & (times[span] - times[track.since] >= least_age)[:, None]
+        return mean(found[on])
+
+    count = Metric(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
+    shown = Metric(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
+    old = replace(shown, label=f"{shown.label} older than 1 s", of=lambda o: share(o, _OLD), digits=3)
+    return {f"tracks.{what}": count, f"tracks.{what}_share": shown, f"tracks.{what}_old_share": old}
+
+
+def _over_uavs(value: Callable[[Score], float]) -> Of:
+    """Mean over the UAVs; a UAV that breaks down counts until then."""
+    return lambda outcome: mean([value(score) for score in outcome.flown])
+
+
+def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
+    """Mean over the UAVs of each UAV's mean NEES."""
+
+    def of(outcome: Outcome) -> float | None:
+        return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
+
+    return Metric(label, of, better="neither", key=key)
+
+
+def _recall(outcome: Outcome) -> float | None:
+    """Share of detected people among those that a camera shows with at least one pixel."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
+
+
+def _precision(outcome: Outcome) -> float | None:
+    """Share of detections that were people."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
+
+
+def _ratio(part: np.generic, whole: np.generic) -> float | None:
+    return part.item() / whole.item() if whole else None
+
+
+def _disagreement(outcome: Outcome) -> float | None:
+    r = outcome.recording
+    tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
+    return float(np.mean([disagreement(held) for held in tracks]))
+
+
+def _sent(
+    label: str,
+    sent: Callable[[Recording], Indices | None],
+    reduced: Callable[[Indices], np.generic],
+    unit: str,
+    key: str,
+) -> Metric:
+    """Metric of the bytes that UAVs sent; None if they were not recorded."""
+
+    def of(outcome: Outcome) -> float | None:
+        found = sent(outcome.recording)
+        return None if found is None else reduced(found).item()
+
+    return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit], key=f"network.{key}")
+
+
+def _plan_rounds(outcome: Outcome) -> float | None:
+    return None if plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
+
+
+def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
+    """Mean time of a decision of the whole fleet, by a clock."""
+
+    def of(outcome: Outcome) -> float | None:
+        decisions = len(outcome.recording.plan_times)
+        return spent(outcome) / decisions if decisions else None
+
+    return Metric(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, key="")
+
+
+def _real_time_factor(outcome: Outcome) -> float | None:
+    """Simulated time divided by wall time without video and start-up."""
+    times = outcome.recording.times
+    flown = outcome.wall_s - outcome.seconds.get("video", 0.0) - outcome.seconds.get("start_up", 0.0)
+    return float(times[-1] - times[0]) / flown if flown > 0 else None
+
+
+def _share(label: str, of: Of, key: str | None = None) -> Metric:
+    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
+
+
+def _seconds(stage: str) -> Metric:
+    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
+
+
+METRICS = {
+    name: replace(known, name=name, least=0.0)
+    for name, known in {
+        "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
+        "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
+        "ospa.median_m": Metric("OSPA median", _ospa(np.median), "m"),
+        "gospa.mean_m": Metric("GOSPA mean", _gospa(0), "m"),
+        "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
+        "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
+        "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        **_unmatched("false"),
+        **_unmatched("duplicate"),
+        "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
+        "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
+        "fragmentations": Metric(
+            "fragmentations", _over_uavs(lambda s: s.fragmentations), key="identity.fragmentations"
+        ),
+        "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
+        "time_to_find_s": Metric("time to find a person", lambda o: mean(times_to_find(o.recording, o.scores)), "s"),
+        "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
+        "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
+        "recall": _share("detection recall", _recall, "detection.recall"),
+        "precision": _share("detection precision", _precision, "detection.precision"),
+        "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),
+        "bytes_per_scan_mean": _sent("sent by a UAV per scan", bytes_sent, np.mean, "kB", "bytes_per_scan_mean"),
+        "bytes_per_scan_max": _sent(
+            "sent by a UAV in one scan at most", bytes_sent, np.max, "kB", "bytes_per_scan_max"
+        ),
+        "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
+        "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
+        "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
+        "faults": Metric("faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), key=""),
+        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
+        "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
+        "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),
+        "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),
+        "wall_s": Metric("wall time per mission", lambda o: o.wall_s, "s"),
+        **{f"seconds.{stage}": _seconds(stage) for stage in STAGES},
+    }.items()
+}
+
+
+def metric(name: str) -> Metric:
+    """The metric with this name or import string; InputError if there is none."""
+    if name in METRICS:
+        return METRICS[name]
+    if ":" not in name:
+        check_known("--metric", name, METRICS, " (or yours, module:NAME)")
+    try:
+        found = imported(name)
+    except ImportError as error:
+        raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
+    if not isinstance(found, Metric):
+        raise InputError(f"--metric: {name!r} is not a metric; expected a sim.evaluation.metric.Metric")
+    check_known(f"--metric: {name}: better", found.better, get_args(Better))
+    return replace(found, name=name)
+
+
+def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
+    """Values of all metrics of the registry and of those asked for; None if there is nothing to count.
+
+    A metric that is asked for gets a copy. If its value is not finite, or it raises, it is None; an error adds a fault.
+    """
+    found = {name: known(outcome) for name, known in METRICS.items()}
+    for name in asked:
+        try:
+            with contained():
+                asked_for = metric(name)
+            with contained(called=(asked_for, "of")):
+                value = asked_for(deepcopy(outcome))
+                found[name] = float(value) if value is not None and math.isfinite(value) else None
+        except ForeignError as error:
+            text = f"metric {name}: {error.explained}"
+            outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
+            found |= {name: None, "faults": METRICS["faults"](outcome)}
+    return found
