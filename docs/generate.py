@@ -3,8 +3,8 @@
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
 lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- commands -->`, `<!-- planners -->` and, of the
 default planner or of one that is named, `<!-- planner options -->`; those of `scores.py`, of all worlds or one, with
-`<!-- scores -->` and `<!-- gaps: METRIC -->`. MkDocs calls the functions `on_...`: a formula between `$$`
-becomes MathML, and each tutorial is written as a notebook, too.
+`<!-- scores -->`, `<!-- gaps: METRIC -->` and `<!-- ends: WORLD -->`. MkDocs calls the functions `on_...`: a formula
+between `$$` becomes MathML, and each tutorial is written as a notebook, too.
 """
 
 import ast
@@ -54,10 +54,10 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
-    from scores import gaps_table, scores_table
+    from scores import ends_line, gaps_table, scores_table
 
     makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
-    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table}
+    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table, "ends": ends_line}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())

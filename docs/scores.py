@@ -104,6 +104,17 @@ def scores_table() -> str:
     return _markdown(heads, lines)
 
 
+def ends_line(world: str) -> str:
+    """Mean GOSPA of floor, bound, default and oracle in one world."""
+    groups = _groups(world)
+    _, metric, (floor, bound) = _scored(groups)
+    ((_, own),) = _by_world(groups)
+    named = {f"floor (`{floor}`)": floor, "bound": bound, f"`{DEFAULT}`": DEFAULT, "`oracle`": "oracle"}
+    means = [f"{name} {map_means(own[key], metric).text(metric)} {metric.unit}" for name, key in named.items()]
+    maps = min(len({row.seed for row in own[key].done}) for key in named.values())
+    return f"Mean GOSPA on {maps} maps: {', '.join(means)}."
+
+
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     """A metric of a planner, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
     metric, groups = metric_shown(name), _groups(world)
