@@ -1,4 +1,4 @@
-"""Planners that optimise the first action, which the base policy follows, against brute force."""
+"""Planners on a grid of controls against brute force: of first actions, which the base policy follows, and of MCR."""
 
 import dataclasses
 import itertools
@@ -70,6 +70,25 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
                 costs[first] = team_cost(view, tried, 0.0, 6)
             assert costs[tuple(plans[uav, 0])] <= min(costs.values()) * (1 + 1e-12)
             joint[uav] = plans[uav]
+
+
+def test_mcr_with_the_penalty_finds_the_best_of_all_sequences(random_team):
+    """Each UAV in turn, by the mean over its own sampled trajectories, each with its cost-to-go."""
+    sequences = np.array(list(itertools.product(GridSearch().controls(5.0), repeat=2)))
+    changed = 0
+    for seed in range(6):
+        team = knowing(random_team(seed, uavs=2, spread=25.0), np.zeros((2, 2, 2)))
+        plans = planned("mcr(beta=0.5, samples=6, horizon=2, optimizer=grid)", team, seed)
+        rng, joint = np.random.default_rng(seed), expected_plans(team[0], 2)
+        for uav, situation in enumerate(team):
+            view = MonteCarlo(6).predict(situation, 2, rng)
+            tried = np.repeat(joint[None], len(sequences), axis=0)
+            tried[:, uav] = sequences
+            costs, truncated = ([team_cost(view, each, beta, 6) for each in tried] for beta in (0.5, 0.0))
+            joint[uav] = plans[uav]
+            assert team_cost(view, joint, 0.5, 6) <= min(costs) * (1 + 1e-12)
+            changed += costs[np.argmin(truncated)] > min(costs) * 1.001
+    assert changed > 3
 
 
 def test_joint_first_actions_are_the_best_by_brute_force(random_team):
