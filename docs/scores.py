@@ -120,15 +120,16 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     metric, groups = metric_shown(name), _groups(world)
     planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
     gaps: dict[str, list[dict[Run, Array]]] = {planner: [] for planner in planners}
-    lines = []
+    columns = [["planner", *(f"`{name}`" for name in (base, *planners))]]
     for cell, own in _by_world(groups):
         for planner in planners:
             gaps[planner].append(paired(own[planner], own[base], [metric]) if planner in own else {})
         mean = f"{metric.text(map_means(own[base], metric).value)} {metric.unit}"
-        lines.append([_name(cell), mean, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
+        columns.append([_name(cell), mean, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
     if not world:
-        lines.append(["mean of these", "", *(_gap(gaps[planner], metric) for planner in planners)])
-    return _markdown(["world", *(f"`{name}`" for name in (base, *planners))], lines)
+        columns.append(["mean of these", "", *(_gap(gaps[planner], metric) for planner in planners)])
+    heads, *lines = zip(*columns, strict=True)
+    return _markdown(heads, lines)
 
 
 def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:

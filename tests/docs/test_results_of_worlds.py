@@ -28,10 +28,10 @@ def page():
     return " ".join((DOCS / "results" / "worlds.md").read_text(encoding="utf-8").split())
 
 
-def columns(table):
-    """Texts of a table by the name of the column, line by line."""
-    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-    return {head.strip("`"): [line[i] for line in lines] for i, head in enumerate(heads)}
+def rows(table):
+    """Texts of a table by the first of a line."""
+    _, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+    return {name.strip("`"): texts for name, *texts in lines}
 
 
 def value(text):
@@ -42,16 +42,16 @@ def test_the_default_is_first_over_all_worlds_and_no_rival_ahead_in_one(page):
     assert "the default has the lowest mean GOSPA among the planners of the table that do not know the truth," in page
     assert "ahead of each by more than the interval, paired by map." in page
     assert "No rival but the oracle is ahead of the default by more than its interval, in any world." in page
-    gaps = columns(scores.gaps_table("gospa.mean_m"))
+    gaps = rows(scores.gaps_table("gospa.mean_m"))
     rivals = {name: texts for name, texts in gaps.items() if name in scores.RIVALS}
-    assert len(gaps["world"]) == WORLDS + 1 and list(rivals) == scores.RIVALS
+    assert list(rivals) == scores.RIVALS and all(len(texts) == WORLDS + 1 for texts in rivals.values())
     assert all(texts[-1].startswith("**+") for texts in rivals.values())
     assert not [text for texts in rivals.values() for text in texts if text.startswith("**-")]
 
 
 def test_no_planner_is_ahead_of_the_oracle(page):
     assert "The oracle is an upper bound: no planner is ahead of it by more than an interval." in page
-    gaps = columns(scores.gaps_table("gospa.mean_m", base="oracle"))
+    gaps = rows(scores.gaps_table("gospa.mean_m", base="oracle"))
     names = [scores.DEFAULT, *scores.RIVALS]
     assert all(len(gaps[name]) == WORLDS + 1 for name in names)
     assert not [text for name in names for text in gaps[name] if text.startswith("**-")]
@@ -65,8 +65,7 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     for (world, planner, _), seeds in flown.items():
         assert sorted(seeds) == list(range(20 if world == "fleet" and planner in ON_TWENTY else 50)), (world, planner)
     assert len(flown) == WORLDS * (7 + len(ON_TWENTY)) + 1  # and lawnmower in search
-    counts = [texts[0] for texts in columns(scores.scores_table()).values()][1 : WORLDS + 1]
-    assert counts == ["50"] * (WORLDS - 1) + ["20 or 50"]
+    assert rows(scores.scores_table())["maps"][:WORLDS] == ["50"] * (WORLDS - 1) + ["20 or 50"]
 
 
 def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monkeypatch):
