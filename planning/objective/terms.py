@@ -125,8 +125,8 @@ class Search:
 def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected: tuple[Array, Array, Array]) -> _Raster:
     """Raster of the places in reach of UAVs.
 
-    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C), of whom
-    those are removed whom the other UAVs detect.
+    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C); those
+    detected by the other UAVs are removed.
     """
     centres, points, left = undetected
     vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
