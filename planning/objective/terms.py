@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Situation, Vehicle
+from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.intent import camera_paths
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.targets_in_reach import Objective
 from tracking.geometry.line_of_sight import Grid, unobstructed
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import hypot
 
@@ -65,6 +65,7 @@ def _closest(relative: Array) -> Array:
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
+_ENTRIES = 4096  # sequences of places that are kept; an optimiser tries some thousand different ones
 _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # from a cell's middle, in its edges
 
 # Aim point (x, y) of a UAV, radius of the circle about it that is in view, and distance flown in a step, all in m.
@@ -87,6 +88,9 @@ class _Raster(NamedTuple):
     first: Indices  # (k,): number of the first place
     views: _Views
     costs_to_go: Array  # (V,): steps from a final place until people left by others can be in view, summed over people
+    # Most of the plans that an optimiser tries visit a sequence of places that other plans visited before.
+    visited: Indices  # (_ENTRIES, H k): sequences of places; each has one entry, which others may take over
+    found: Array  # (_ENTRIES,): sums over people detected from them
 
 
 @dataclass(frozen=True)
@@ -110,43 +114,62 @@ class Search:
             return None
         centres = undetected.centres().reshape(-1, 2)[cells]
         points = centres[:, None] + _QUARTERS * undetected.cell
-        vehicles = situation.vehicles
-        fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), velocities, situation.step)
+        now = np.array([v.position for v in situation.vehicles], dtype=float)
+        fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
-        for i in sorted(set(range(len(vehicles))) - set(uavs)):
-            _thin(left, _viewed([vehicles[i]], [fleet[i]], points, situation.forest))
-        raster = _raster(situation, uavs, fleet, (centres, points, left[-1]))
+        raster = _raster(situation, uavs, fleet, (centres, points, left))
         to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
-        own = np.array([vehicles[i].position[:2] for i in uavs], dtype=float)
-        return partial(_costs, float(self.weight), to_come, raster, own, situation.step)
+        return partial(_costs, float(self.weight), to_come, raster, now[list(uavs)], situation.step)
 
 
 def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected: tuple[Array, Array, Array]) -> _Raster:
     """Raster of the places in reach of UAVs.
 
-    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people left in them (C,).
+    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C); those
+    detected by the other UAVs are removed.
     """
-    centres, points, people = undetected
-    deciding, step = [situation.vehicles[i] for i in uavs], situation.step
-    reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places in each direction
-    low = np.array([v.position[:2] - _SPACING * r for v, r in zip(deciding, reach, strict=True)], dtype=float)
+    centres, points, left = undetected
+    vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
+    shown = np.array([view_quadrangle(v) for v in vehicles])
+    sights = [_sight(view, step * v.max_speed) for view, v in zip(shown, vehicles, strict=True)]
+    reach = [math.ceil(steps * step * vehicles[i].max_speed / _SPACING) for i in uavs]  # places in each direction
+    low = np.array([vehicles[i].position[:2] - _SPACING * r for i, r in zip(uavs, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    places, costs_to_go = [], []
-    for j, (uav, vehicle) in enumerate(zip(uavs, deciding, strict=True)):
-        x, y = np.meshgrid(*(low[j][:, None] + _SPACING * np.arange(side[j])))
-        places.append(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, vehicle.position[2])]))
+    places = list(fleet)
+    for j, i in enumerate(uavs):
+        places[i] = _square(low[j], int(side[j]), float(vehicles[i].position[2]))
+    first = np.cumsum([0, *map(len, places)])
+    owners = np.repeat(np.arange(len(vehicles)), np.diff(first))
+    # A cell in view may begin this far beyond the range.
+    farthest = np.array([viewing_range(v) for v in vehicles]) + float(np.ptp(points[0], axis=0).max(initial=0.0))
+    forest = situation.forest
+    views = _views(np.concatenate(places), owners, (shown, farthest), points, (forest.blockers, forest.grid))
+    for i in sorted(set(range(len(vehicles))) - set(uavs)):
+        _thin(left, views, first[i])
+    costs_to_go = np.zeros(first[-1])
+    for i in uavs:
         away = np.full(len(centres), np.inf)
-        for i, other in enumerate(situation.vehicles):
-            if i != uav:
-                away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
-        costs_to_go.append(_costs_to_go(places[j], centres, _sight(vehicle, step), people, away))
-    first = np.cumsum([0, *map(len, places[:-1])])
-    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(costs_to_go))
+        for other in range(len(vehicles)):
+            if other != i:
+                away = np.minimum(away, _steps_off(fleet[other, -1], centres, sights[other]))
+        costs_to_go[first[i] : first[i + 1]] = _costs_to_go(places[i], centres, sights[i], left[-1], away)
+    visited, found = np.full((_ENTRIES, steps * len(uavs)), -1), np.empty(_ENTRIES)
+    return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found)
 
 
-def _sight(vehicle: Vehicle, step: float) -> _Sight:
-    view = view_quadrangle(vehicle)
-    return float(view[4, 0]), float(view[4, 1]), radius_in_view(view), vehicle.max_speed * step
+@compiled
+def _square(low: Array, side: int, height: float) -> Array:
+    """Places (V, 3) m of a square raster with a south-west corner (2,) m and a number of places along each edge."""
+    places = np.empty((side * side, 3))
+    for v in range(len(places)):
+        places[v, 0], places[v, 1] = low[0] + _SPACING * (v % side), low[1] + _SPACING * (v // side)
+        places[v, 2] = height
+    return places
+
+
+def _sight(view: Array, way: float) -> _Sight:
+    """Sight of a UAV with a field of view (5, 3) that flies `way` m in a step."""
+    return float(view[4, 0]), float(view[4, 1]), radius_in_view(view), way
 
 
 @compiled
@@ -162,32 +185,31 @@ def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
 @compiled
 def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
     """Steps until people can be in view, from a place (V,) or after `away` (C,) steps by others; summed over people."""
-    total = np.empty(len(places))
-    for v in range(len(places)):
-        total[v] = np.sum(np.minimum(_steps_off(places[v], centres, sight), away) * people)
+    x, y, radius, way = sight
+    total, east, north = np.zeros(len(places)), places[:, 0] + x, places[:, 1] + y
+    for c in range(len(centres)):
+        for v in range(len(places)):  # the inner loop, so that several places are summed at once
+            gap = hypot(east[v] - centres[c, 0], north[v] - centres[c, 1])
+            total[v] += min(max(gap - radius, 0.0) / way, away[c]) * people[c]
     return total
-
-
-def _viewed(vehicles: Sequence[Vehicle], places: Sequence[Array], points: Array, forest: Forest) -> _Views:
-    """Views of UAVs, each from its places (V, 3) m, on cells given by four points (C, 4, 2) m each."""
-    cell = float(np.ptp(points[0], axis=0).max(initial=0.0))
-    sight = np.array([view_quadrangle(v) for v in vehicles]), np.array([viewing_range(v) + cell for v in vehicles])
-    uavs = np.repeat(np.arange(len(vehicles)), [len(own) for own in places])
-    return _views(np.concatenate(places), uavs, sight, points, (forest.blockers, forest.grid))
 
 
 @compiled
 def _views(
     places: Array, uavs: Indices, sight: tuple[Array, Array], points: Array, trees: tuple[Array, Grid]
 ) -> _Views:
-    """Views from places (V, 3) m of UAVs (V,); sight: fields of view (k, 5, 3), and how far cells matter (k,) m."""
+    """Views from places (V, 3) m of UAVs (V,); sight: fields of view (n, 5, 3), and how far cells matter (n,) m.
+
+    Cells are given by four points (C, 4, 2) m each, from south to north.
+    """
     (view, farthest), (blockers, grid) = sight, trees
     starts = np.zeros(len(places) + 1, np.int64)
     cells, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
     for v in range(len(places)):
-        camera = places[v, 0], places[v, 1], places[v, 2]
-        for c in range(len(points)):
-            if max(abs(points[c, 0, 0] - camera[0]), abs(points[c, 0, 1] - camera[1])) > farthest[uavs[v]]:
+        camera, far = (places[v, 0], places[v, 1], places[v, 2]), farthest[uavs[v]]
+        within = np.searchsorted(points[:, 0, 1], np.array([camera[1] - far, camera[1] + far]))
+        for c in range(within[0], within[1]):
+            if abs(points[c, 0, 0] - camera[0]) > far:
                 continue
             seen = 0
             for k in range(points.shape[1]):
@@ -201,41 +223,55 @@ def _views(
     return _Views(starts, np.array(cells)[1:], np.array(shares)[1:])
 
 
-def _thin(left: Array, views: _Views) -> None:
-    """Remove those detected by a UAV at place h after step h from the people left after each step (H, C)."""
+@compiled
+def _thin(left: Array, views: _Views, first: int) -> None:
+    """Remove those detected by a UAV at place first + h after step h from the people left after each step (H, C)."""
     for h in range(len(left)):
-        rows = slice(views.starts[h], views.starts[h + 1])
-        left[h:, views.cells[rows]] *= 1.0 - _DETECTION * views.shares[rows]
+        for m in range(views.starts[first + h], views.starts[first + h + 1]):
+            left[h:, views.cells[m]] *= 1.0 - _DETECTION * views.shares[m]
 
 
 @compiled
 def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array) -> Array:
-    """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 2) m; to_come (H, C) people."""
+    """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 3) m; to_come (H, C) people."""
     result = np.full(len(candidates), to_come[0].sum())
-    left = np.ones(to_come.shape[1])
-    places = np.empty((len(to_come), len(own)), np.int64)
+    left, (H, k) = np.ones(to_come.shape[1]), (len(to_come), len(own))
+    places = np.empty(H * k, np.int64)
     for n in range(len(candidates)):
-        for j in range(len(own)):
+        entry = 0
+        for j in range(k):
             x, y = own[j, 0] - raster.low[j, 0], own[j, 1] - raster.low[j, 1]
-            for h in range(len(to_come)):
+            for h in range(H):
                 x += step * candidates[n, j, h, 0]
                 y += step * candidates[n, j, h, 1]
-                places[h, j] = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
-            result[n] += raster.costs_to_go[places[-1, j]] / len(own)
-        result[n] -= _found(raster.views, places, to_come, left)
+                place = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
+                places[h * k + j], entry = place, (131 * entry + place) % _ENTRIES
+            result[n] += raster.costs_to_go[places[(H - 1) * k + j]] / k
+        if not _equal(raster.visited[entry], places):
+            raster.visited[entry] = places
+            raster.found[entry] = _found(raster.views, places, to_come, left)
+        result[n] -= raster.found[entry]
     return weight * result
+
+
+@inlined
+def _equal(one: Indices, other: Indices) -> bool:
+    for m in range(len(one)):
+        if one[m] != other[m]:
+            return False
+    return True
 
 
 @compiled
 def _found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
-    """Sum over people detected from places (H, k) of the steps from then on; left (C,) is ones before and after."""
-    total = 0.0
-    for h in range(len(places)):
-        for place in places[h]:
-            for m in range(views.starts[place], views.starts[place + 1]):
-                cell, found = views.cells[m], _DETECTION * views.shares[m]
-                total += left[cell] * found * to_come[h, cell]
-                left[cell] *= 1.0 - found
-    for place in places.ravel():
-        left[views.cells[views.starts[place] : views.starts[place + 1]]] = 1.0
+    """Sum over people detected from places (H k,) of the steps from then on; left (C,) is ones before and after."""
+    total, k = 0.0, len(places) // len(to_come)
+    for p in range(len(places)):
+        for m in range(views.starts[places[p]], views.starts[places[p] + 1]):
+            cell, found = views.cells[m], _DETECTION * views.shares[m]
+            total += left[cell] * found * to_come[p // k, cell]
+            left[cell] *= 1.0 - found
+    for place in places:
+        for m in range(views.starts[place], views.starts[place + 1]):
+            left[views.cells[m]] = 1.0
     return total

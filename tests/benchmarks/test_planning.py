@@ -5,11 +5,13 @@ In ordinary test runs each runs once, on little, and its times are not judged.
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planning.loading import load_planner
+from tracking.undetected import Intensity
 
 EVALUATIONS = 12_288  # of every planner, for each plan or joint plan that it looks for
 # s, a whole trial of 40 decisions or more, R = 5, lambda = 75: [Li22], table of runtimes, by horizon.
@@ -58,6 +60,20 @@ def test_decisions(random_team, judged):
     print(f"\nsma-nbo-gospa {default:.1f} ms, sma-nbo-mwtp {mwtp:.1f} ms, sma-nbo {nbo:.1f} ms, ", end="")
     print(f"mcr {mcr:.1f} ms: {mcr / nbo:.1f} x sma-nbo")
     assert not judged or (default < 25.0 and mwtp < 30.0 and mcr < 10.0 * nbo)
+
+
+def test_decisions_with_people_to_find(random_team, judged):
+    """The default planner in the same scenes, without undetected people and with four spread over the whole area."""
+    people = Intensity(np.full((20, 30), 4.0 / 600), (-75.0, -50.0), (5.0, 5.0))
+    known = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
+    searching = [[replace(situation, undetected=people) for situation in team] for team in known]
+    planner = load_planner("sma-nbo-gospa" if judged else "sma-nbo-gospa(evaluations=64)")
+    planner.plan(searching[0], np.random.default_rng(0))
+    pairs = zip(known, searching, strict=True)
+    times = [timed([deciding(planner, team) for team in pair], 10 if judged else 1) for pair in pairs]
+    without, searched = np.mean(times, axis=0)
+    print(f"\nwithout {without:.1f} ms, with {searched:.1f} ms: {searched / without:.2f} x")
+    assert not judged or searched < 1.4 * without
 
 
 def test_decisions_of_rivals(random_team, judged):

@@ -76,13 +76,24 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
         np.testing.assert_allclose(costs, by_hand, rtol=1e-9)
 
 
+@pytest.mark.parametrize("uavs", [[1], [0, 2]])
+def test_a_plan_costs_the_same_alone_and_after_many_others(random_team, uavs):
+    rng = np.random.default_rng(0)
+    situation = unaware(random_team(0, trees=75)[0], rng.random((20, 30)))
+    controls, candidates = expected_plans(situation, 5), rng.uniform(-3.5, 3.5, (20_000, len(uavs), 5, 2))
+    costs, some = Search(7.0).term(situation, controls, uavs), candidates[::200]
+    alone = [Search(7.0).term(situation, controls, uavs)(plan[None])[0] for plan in some]
+    np.testing.assert_array_equal(costs(candidates)[::200], alone)
+    np.testing.assert_array_equal(costs(some), alone)
+
+
 @pytest.mark.parametrize("tilt", [0, 20, 30, 45])
 def test_steps_to_an_undetected_target_are_none_only_where_it_is_in_view(random_team, tilt):
     """They are at least as many as bring its cell into the image, at most as many as bring it into the middle."""
     attitude = Rotation.from_euler("ZY", [35, -tilt], degrees=True).as_quat()
     own = dataclasses.replace(random_team(0)[0].own, attitude=attitude)
     centres, view = NONE.centres().reshape(-1, 2), view_quadrangle(own)
-    steps = _steps_off(own.position, centres, _sight(own, 1.0))
+    steps = _steps_off(own.position, centres, _sight(view, 5.0))
     least = [np.hypot(*shortest_move(view[None], 0, *cell)) / 5.0 for cell in centres - own.position[:2]]
     most = np.linalg.norm(centres - own.position[:2] - view[4, :2], axis=1) / 5.0
     assert np.all(steps >= np.array(least) - 1e-9) and np.all(steps <= most)
