@@ -36,15 +36,21 @@ STUDY = read("bench-1")
 DEFAULT, *RIVALS = (
     "sma-nbo-gospa",
     "sma-nbo-mwtp",
+    "sma-nbo",
+    "pma-nbo",
     "mcr(samples=10)",
+    "mcr(samples=4, beta=0.5, evaluations=9216)",
+    "dec-pomdp",
+    "centralized",
     "greedy-mi",
     "dec-mcts",
     "rsp",
     "thompson",
     "greedy",
+    "lawnmower",
     "random",
 )
-ORDER = (DEFAULT, *RIVALS, "lawnmower", "oracle")
+ORDER = (DEFAULT, *RIVALS, "oracle")
 _DIGITS = 10  # of a metric: the same trial gives all of them again
 METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
 
