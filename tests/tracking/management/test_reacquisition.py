@@ -1,5 +1,6 @@
 """Re-acquisition of lost tracks by new ones."""
 
+import itertools
 import math
 
 import numpy as np
@@ -41,6 +42,45 @@ def test_two_new_tracks_are_two_people():
     assert pairs((4.0, 0), (1.0, 0), lost=(LOST[0][:1], LOST[1][:1]), seen=SEEN[:1]) == [(1, 0)]
     # Both are nearest to the first; only the first of them can have reached the second.
     assert pairs((4.0, 0), (-1.0, 0)) == [(0, 1), (1, 0)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_go_to_new_tracks_as_in_the_best_of_all_assignments(seed):
+    """As many lost people as possible are found again; among these assignments, in the likeliest way."""
+    rng, several = np.random.default_rng(seed), 0
+    for _ in range(50):
+        new, lost = (random_tracks(rng, count) for count in rng.integers(0, 4, 2))
+        seen = np.column_stack(
+            [lost[0][:, :2] + rng.normal(size=(len(lost[0]), 2)), rng.uniform(5.0, 9.9, len(lost[0]))]
+        )
+        reach = 3.0 * (10.0 - seen[:, 2]) + 1.0
+        near = np.linalg.norm(new[0][:, None, :2] - seen[:, :2], axis=2) <= reach
+        cost = np.array([[-2.0 * log_density(a, b) for b in zip(*lost, strict=True)] for a in zip(*new, strict=True)])
+        ways = [way for way in assignments(*near.shape) if all(near[pair] for pair in way)]
+        best = min((-len(way), sum(cost[pair] for pair in way)) for way in ways)
+        found = reacquisitions(new, lost, seen, now=10.0, max_speed=3.0)
+        assert set(map(tuple, found)) in map(set, ways)
+        assert (-len(found), sum(cost[pair] for pair in found)) == pytest.approx(best, abs=1e-9)
+        several += len({(-len(way), sum(cost[pair] for pair in way)) for way in ways if -len(way) == best[0]}) > 1
+    assert several > 5
+
+
+def random_tracks(rng, count):
+    roots = rng.normal(size=(count, 4, 4))
+    return rng.normal(scale=5.0, size=(count, 4)), roots @ np.swapaxes(roots, 1, 2) + 0.1 * np.eye(4)
+
+
+def log_density(one, other):
+    """Of the difference of two positions, if both tracks are of one person."""
+    return multivariate_normal(np.zeros(2), one[1][:2, :2] + other[1][:2, :2]).logpdf(one[0][:2] - other[0][:2])
+
+
+def assignments(rows, columns):
+    """All sets of pairs with each row and each column in one pair at most."""
+    for count in range(min(rows, columns) + 1):
+        for chosen in itertools.combinations(range(rows), count):
+            for others in itertools.permutations(range(columns), count):
+                yield tuple(zip(chosen, others, strict=True))
 
 
 def test_people_never_sighted_are_nowhere():
