@@ -227,8 +227,8 @@ def test_of_two_deletions_of_a_track_the_later_one_counts(until):
 
 
 @pytest.mark.parametrize(("place", "held"), [(12.9, [12.9]), (13.8, [3.9, 13.8])])
-def test_a_lost_track_ends_only_if_its_person_can_have_come_from_all_its_sightings(place, held):
-    """UAVs 0 and 1 lost person 3 one after the other. In 4 s at 3 m/s, with 1 m of margin, people come no 13.8 m far."""
+def test_a_lost_track_ends_only_within_reach_of_all_its_sightings(place, held):
+    """UAVs 0 and 1 lost person 3 one after the other. In 4 s at 3 m/s, with 1 m of margin, people come 13 m far."""
     parts = ([0.0, place], [1.0, 0.05], [3, 7], [NOW - 4.0, NOW]), ([3.9], [1.0], [3], [NOW - 3.0])
     said = [told(u, *part, partition=(u, NOW)) for u, part in enumerate((*parts, ([place], [0.05], [3], [NOW])))]
     for m in exchange([replace(m, degree=2) for m in said], graph("complete", 3), 5):
