@@ -37,7 +37,7 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
         if twice > 0 and shown < missed.shape[1]:
             again = exp(-_AGAIN * share_crossed(means[t], covariances[t], elapsed[t]))
             for k in range(missed.shape[1]):
-                if views[t, 0, k] and views[t, 1, k]:
+                if views[t, 1, k]:
                     missed[t, k] = max(missed[t, k], again)
     return missed
 

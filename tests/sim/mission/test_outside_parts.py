@@ -243,6 +243,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
             "given = given._replace(summed=np.zeros((4, 20)))",
             "summed of 20 columns; allowed are 0, or ",
         ),
+        ("contribution", "given = given._replace(summed=np.zeros((4, 21)))", "21 columns lacks that of UAV 1"),
         ("contribution", "given = given._replace(summed=-1e3 * np.ones((4, 21)))", "averaged, with summed, are not"),
         ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("contribution", "return None", "cannot contribute: "),

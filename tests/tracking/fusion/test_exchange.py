@@ -110,6 +110,8 @@ def test_halves_that_meet_again_join_their_tracks():
     [
         (lambda m: setattr(m, "tracks", m.tracks * 2), r"ids of tracks are there twice: \[0, 0\]"),
         (lambda m: setattr(m, "tracks", (track(5, 0, 0, 0, 0),)), r"ids \[5\] are not of the fleet; .* from new_id"),
+        (lambda m: setattr(m, "detected", {5: 1.0}), r"detected must have .* has \{5: 1\.0\}"),
+        (lambda m: setattr(m, "detected", {0: 1.5}), r"detected must have .* has \{0: 1\.5\}"),
         (lambda m: setattr(m, "time", 0.0), r"scan at 0\.0 s is not after the last one at 0\.0 s"),
         (lambda m: [m.exchange.new_id() for _ in range(501)], "at most 500 tracks may begin in a scan"),
     ],
@@ -120,6 +122,26 @@ def test_what_the_fleet_cannot_use_is_refused(wrong, complaint):
     with pytest.raises(ValueError, match=complaint):
         wrong(member)
         member.message(0)
+
+
+def test_each_scan_may_begin_500_tracks_and_only_the_fleets_tracks_are_deleted():
+    lone = Scripted(0, [track(0, 0, 0, 0, 0)])
+    lone.tracks = ()
+    for k in range(3):
+        born = [lone.exchange.new_id() for _ in range(500)]  # none of which lives until the message
+        assert born == [new_label(k + 1, 0, n) for n in range(500)]
+        said = lone.message(0)
+        assert said.deleted == ((0, 0.0),)
+        lone.accept(said)
+
+
+def test_only_a_sure_detection_is_a_sighting():
+    lone, sighted = Scripted(0, [track(0, 0, 0, 0, 0)]), []
+    for k, chance in enumerate((0.0, 0.5, 0.98, 0.99)):
+        lone.tracks, lone.detected = (track(0, k, 0, 0, 0),), {0: chance}
+        fuse([lone], ALONE, 5)
+        sighted.append(lone.tracks[0].sighting)
+    np.testing.assert_allclose(sighted, [[0, 0, 0.0]] * 3 + [[3, 0, 0.6]], atol=1e-9)
 
 
 def test_the_built_in_tracker_is_made_unchecked():

@@ -56,6 +56,18 @@ def test_a_partition_brings_a_deleted_track_back_only_if_it_detected_the_person(
         assert [len(t.tracks) for t in trackers] == [int(k < 4 or k > 7), 1]
 
 
+def test_a_partition_has_the_name_of_its_smallest_uav_heard_within_a_second():
+    """From the eleventh scan on UAV 0 is alone. At the start the fleet is one partition."""
+    trackers, leaders = fleet(3, track(3, 0, 0, 0, 0)), []
+    for k in range(20):
+        for t in trackers:
+            t.coast(0.25 * k)
+        leaders.append([t.message(2).partition[0] for t in trackers])
+        apart = (np.arange(3) == 0) & (k > 9)
+        fuse(trackers, apart[:, None] == apart, 5)
+    assert leaders == [[0, 0, 0]] * 14 + [[0, 1, 2]] + [[0, 1, 1]] * 5
+
+
 def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
     """A fleet of three that starts from nothing above four people in a forest, with false alarms and misses."""
     rng = np.random.default_rng(seed)

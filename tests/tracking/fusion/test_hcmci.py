@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from helpers.graphs import graph, metropolis
 from helpers.information import information_form, moment_form
-from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, R, scan, track, tracker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tracking.fusion.consensus import fuse
-from tracking.fusion.hcmci import largest_innovation, split_information
+from tracking.fusion.hcmci import HybridConsensus, largest_innovation, split_information
+from tracking.fusion.rule import LocalBeliefs
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.
@@ -183,6 +184,42 @@ def test_prior_and_novel_parts_add_up_and_are_never_indefinite(seed, scale, reac
         assert np.linalg.eigvalsh(matrices[0][t] - held[t, 4:].reshape(4, 4)).min() > -1e-8 * max(
             largest, np.linalg.norm(matrices[0][t])
         )
+
+
+def test_the_largest_innovation_is_that_of_all_measurements_in_the_gate():
+    rng = np.random.default_rng(7)
+    z, roots = rng.normal(size=(3, 2)), rng.normal(size=(6, 4, 4))
+    means, covariances = rng.normal(size=(6, 4)), roots @ np.swapaxes(roots, 1, 2)
+    orders = [(0, 1), (1, 0), (0, 1, 2), (2, 1, 0), (2,), ()]
+    gates = np.array([(t, j) for t, order in enumerate(orders) for j in order])
+    offsets, inverse = z - means[:, None, :2], np.linalg.inv(covariances[:, :2, :2])
+    distances = np.sqrt(np.einsum("tji,tik,tjk->tj", offsets, inverse, offsets))
+    expected = [max((distances[t, j] for j in order), default=0.0) for t, order in enumerate(orders)]
+    np.testing.assert_allclose(largest_innovation(means, covariances, z, gates), expected)
+
+
+def test_a_posterior_that_is_the_prior_up_to_rounding_has_no_novel_part():
+    rng = np.random.default_rng(6)
+    roots = rng.normal(size=(50, 4, 4))
+    means, covariances = rng.normal(size=(50, 4)), roots @ np.swapaxes(roots, 1, 2) + 0.01 * np.eye(4)
+    q, omega = information_form(means, covariances)
+    _, novel = split_information((means, covariances), (q[..., None], omega), np.full(50, 3.0))
+    assert not novel.any()
+
+
+def test_priors_are_weighed_by_their_uncertainty_and_only_gains_have_a_share():
+    """The first track is measured, the second detected without any gain, the third not detected."""
+    P = np.stack([np.diag([1.0, 3.0, 1.0, 1.0]), np.diag([2.0, 2.0, 1.0, 1.0]), np.diag([4.0, 1.0, 1.0, 1.0])])
+    prior, gain = information_form(np.zeros((3, 4)), P), H.T @ np.linalg.inv(R) @ H
+    means, covariances = moment_form(prior[0], prior[1] + gain * np.array([1.0, 0.0, 0.0])[:, None, None])
+    weights, gates, seen = np.array([1.0, 0.5, 0.1]), np.array([[0, 0]]), np.array([0, 1])
+    before = np.zeros((3, 4)), P
+    local = LocalBeliefs(1, means, covariances, weights, before, np.zeros((1, 2)), gates, seen)
+    averaged, novel, shares = HybridConsensus().contribution(local)
+    np.testing.assert_allclose(shares, weights / np.array([4.0, 4.0, 5.0]))
+    np.testing.assert_allclose(averaged[:, 4:], prior[1].reshape(3, 16), atol=1e-12)
+    np.testing.assert_allclose(novel[0, 4:20], gain.ravel(), atol=1e-12)
+    assert novel[:, 20:].tolist() == [[0, 1], [0, 0], [0, 0]] and not novel[1:].any()
 
 
 def test_the_bytes_of_a_message_are_those_of_its_numbers():

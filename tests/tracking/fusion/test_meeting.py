@@ -215,3 +215,28 @@ def test_a_fresh_id_does_not_depend_on_which_partitions_a_uav_hears():
     heard = [associate_tracks(m, [other], 3.0)[0] for m, other in zip(own, (both, one), strict=True)]
     fresh = [dict(zip(m.beliefs[0][:, 0].round(3).tolist(), m.ids.tolist(), strict=True)) for m in heard]
     assert fresh[0][20.0] == fresh[1][20.0] and fresh[0][0.0] != fresh[0][20.0]
+
+
+@pytest.mark.parametrize("until", [(NOW - 3.0, NOW - 1.0), (NOW - 1.0, NOW - 3.0)])
+def test_of_two_deletions_of_a_track_the_later_one_counts(until):
+    """UAV 0 detected the person between the times at which UAVs 1 and 2 deleted the track."""
+    holder = told(0, [0.0], [0.05], [5], [NOW - 2.0])
+    empty = [told(u + 1, [], [], [], [], deleted=((5, time),)) for u, time in enumerate(until)]
+    for m in exchange([replace(m, degree=2) for m in (holder, *empty)], graph("complete", 3), 2):
+        assert m.ids.tolist() == [] and m.deleted == ((5, NOW - 1.0),)
+
+
+@pytest.mark.parametrize(("place", "held"), [(12.9, [12.9]), (13.8, [3.9, 13.8])])
+def test_a_lost_track_ends_only_within_reach_of_all_its_sightings(place, held):
+    """UAVs 0 and 1 lost person 3 one after the other. In 4 s at 3 m/s, with 1 m of margin, people come 13 m far."""
+    parts = ([0.0, place], [1.0, 0.05], [3, 7], [NOW - 4.0, NOW]), ([3.9], [1.0], [3], [NOW - 3.0])
+    said = [told(u, *part, partition=(u, NOW)) for u, part in enumerate((*parts, ([place], [0.05], [3], [NOW])))]
+    for m in exchange([replace(m, degree=2) for m in said], graph("complete", 3), 5):
+        assert sorted(m.beliefs[0][:, 0]) == pytest.approx(held, abs=0.1)
+
+
+def test_a_track_is_joined_by_its_latest_version_in_a_partition():
+    """UAV 0 missed a message in which its partition took up person 3 again, a newcomer to UAV 2."""
+    parts = ([0.0], [1.0], [3], [NOW - 2.0]), ([20.0], [0.05], [3], [NOW]), ([20.1], [0.05], [50], [NOW])
+    for m in exchange([replace(told(u, *part), degree=2) for u, part in enumerate(parts)], graph("complete", 3), 5):
+        assert m.ids.tolist() == [3] and m.beliefs[0][0, 0] == pytest.approx(20.05, abs=0.06)

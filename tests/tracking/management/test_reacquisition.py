@@ -9,7 +9,7 @@ from helpers.fleets import fleet, ids, play
 from helpers.scenes import MOTION, track
 from scipy.stats import multivariate_normal
 
-from tracking.management.reacquisition import reacquisitions, turned_density
+from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.tracker import TrackerParameters
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
@@ -83,11 +83,11 @@ def assignments(rows, columns):
                 yield tuple(zip(chosen, others, strict=True))
 
 
-def test_people_never_sighted_are_nowhere():
-    never = np.array([[0.0, 0.0, -np.inf], [0.0, 0.0, np.nan]])
-    loss = TrackerParameters(MOTION).loss
-    found = turned_density(never, np.ones(2), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), loss)
-    assert found.tolist() == [0.0]
+def test_people_never_sighted_or_just_now_are_not_lost():
+    seen, p = np.array([[0.0, 0.0, time] for time in (-np.inf, np.nan, 9.8)]), TrackerParameters(MOTION)
+    found = turned_density(seen, np.ones(3), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), p.loss)
+    assert found.tolist() == [0.0] and lost_tracks(seen, 9.8, p).tolist() == []
+    assert lost_tracks(seen, 10.0, p).tolist() == [2]
 
 
 def test_lost_people_after_a_turn_are_about_their_last_places():

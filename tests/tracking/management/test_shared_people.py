@@ -64,6 +64,24 @@ def test_a_track_takes_an_older_id_up_to_a_second_after_its_first_scan(begun, le
     assert [t.id for t in subject.tracks] == [left]
 
 
+def test_a_track_that_ends_takes_no_other_track_of_its_person_along():
+    """The first track would be kept of the two, but is too uncertain to live on."""
+    wide, narrow = (Gaussian(np.zeros(4), variance * np.eye(4)) for variance in (60.0, 1.0))
+    subject = tracker(Track(3, wide, 0.7), Track(4, narrow, 0.7))
+    subject.step(scan(0, pose=AWAY))
+    said = subject.message(0)  # both are told as detected in this scan
+    subject.accept(replace(said, times=np.zeros((2, 4))))
+    assert [t.id for t in subject.tracks] == [4] and subject.tracks[0].existence == pytest.approx(0.7, abs=1e-3)
+
+
+def test_a_joint_track_exists_for_certain_at_most():
+    place = Gaussian(np.zeros(4), 0.05 * np.eye(4))
+    subject = tracker(Track(3, place, 0.7), Track(4, place, 0.7))
+    subject.step(scan(0, pose=AWAY))
+    subject.accept(replace(subject.message(0), times=np.zeros((2, 4))))
+    assert [(t.id, t.existence) for t in subject.tracks] == [(3, 1.0)]
+
+
 def test_people_within_a_metre_may_give_one_measurement():
     means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
     near = 0.12 * np.exp(-0.5)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers.scenes import ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
+from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, track, tracker
 
 from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.perception import Tracking
@@ -16,6 +16,7 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
+from tracking.management.initiation import initiated
 from tracking.parameters import TrackerParameters
 from tracking.tracker import Tracker
 
@@ -48,6 +49,42 @@ def test_a_tentative_track_ends_after_a_second_without_a_measurement(apart, conf
     assert bool(ids[-1]) == confirmed
 
 
+@pytest.mark.parametrize(("misses", "confirmed"), [(1, True), (2, False)])
+def test_a_tentative_track_ends_after_two_misses_in_plain_view(misses, confirmed):
+    """Each divides its odds, 5 at first, by 100; it ends below 0.001 of its first existence."""
+    subject = tracker(clutter_density=2e-6, confirmation_threshold=0.9)
+    ids = play(subject, [scan(0, (0, 0)), *(scan(k + 1) for k in range(misses)), scan(misses + 1, (0, 0))])
+    assert bool(ids[-1]) == confirmed
+
+
+def test_the_second_without_a_measurement_begins_again_with_each():
+    """Of three measurements a second apart, the third confirms."""
+    subject = tracker(clutter_density=2e-4)
+    ids = play(subject, [scan(k, (0, 0)) if k % 5 == 0 else scan(k, pose=AWAY) for k in range(11)])
+    assert [bool(held) for held in ids] == [False] * 10 + [True]
+
+
+@pytest.mark.parametrize(("clutter", "confirmed"), [(0.2, True), (2.0, False)])
+def test_a_measurement_that_is_more_likely_clutter_is_no_hit(clutter, confirmed):
+    """A second measurement at the first has density 1 / (2π 0.19 m²): it is the track's with 0.81 or 0.29."""
+    subject = tracker(management="m_of_n", confirm=(2, 2), clutter_density=clutter, detection_probability=0.5)
+    assert bool(play(subject, [scan(k, (0, 0)) for k in range(2)])[-1]) == confirmed
+
+
+def test_a_person_with_a_track_gets_no_second_one():
+    """Counting scans leaves the existence of both at 1, so that they would not be merged."""
+    subject = tracker(track(3, 0, 0, 0, 0), management="m_of_n")
+    assert play(subject, [scan(k, (0, 0)) for k in range(6)]) == [(3,)] * 6
+
+
+def test_a_measurement_of_a_tentative_track_starts_no_other():
+    p, z, view = TrackerParameters(MOTION, management="m_of_n", confirm=(3, 3)), np.zeros((1, 2)), CAMERA.lens(ABOVE)
+    tentative = []
+    for k in range(3):
+        confirmed, tentative = initiated(tentative, z, R[None], elapsed=k and 1, view=(OPEN, view), p=p)
+        assert (len(confirmed), len(tentative)) == ((0, 1) if k < 2 else (1, 0))
+
+
 @BOTH
 def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(management):
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), management=management)
@@ -78,10 +115,11 @@ def test_two_people_detected_at_once_get_two_lasting_tracks(management):
     assert all((t.existence == 1.0) == (management == "m_of_n") for t in subject.tracks)
 
 
+@BOTH
 @pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
-def test_only_scans_that_should_have_shown_the_person_count(place, counts):
+def test_only_scans_that_should_have_shown_the_person_count(place, counts, management):
     """At the edge half of the belief is in view, at the corner a quarter, a metre inside all of it."""
-    subject = tracker(track(3, *place, 0, 0, variance=0.01), negative_information=0.0)
+    subject = tracker(track(3, *place, 0, 0, variance=0.01), negative_information=0.0, management=management)
     ids = play(subject, [scan(k) for k in range(5)])
     assert ids[3] == (3,) and (ids[4] == ()) == counts
 
@@ -158,6 +196,13 @@ def test_a_look_without_a_detection_tells_nothing_where_another_uav_detects_the_
         found.append(trackers[1].tracks[0].belief)
     np.testing.assert_allclose(found[0].mean, found[1].mean, atol=1e-3)
     np.testing.assert_allclose(found[0].covariance, found[1].covariance, atol=1e-3)
+
+
+def test_a_frame_that_the_association_has_used_is_not_sent():
+    for points, used in ([(EDGE, 0)], True), ([], False):
+        subject = tracker(track(3, EDGE, 0, 0, 0))
+        subject.step(scan(0, *points))
+        assert (subject.message(0).views[0, 0] == 0) == used
 
 
 def test_the_motion_of_a_scenario_is_what_it_says():
