@@ -80,7 +80,7 @@ def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     assert none == {"false": 0, "duplicate": 0} | shares
 
 
-def test_a_track_is_old_by_the_time_since_it_began_as_that_of_a_person():
+def test_a_false_track_is_old_by_the_time_since_it_began():
     scans, leaves = 15, 3
     tracks = [[{70: (0.0 if k < leaves else -40.0, 0.0), 80: (20.0, 0.0)}] for k in range(scans)]
     result = summary(dataclasses.replace(standing_still(tracks), ospa=np.ones((scans, 1, 3))))["tracks"]
