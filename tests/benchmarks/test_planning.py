@@ -25,7 +25,8 @@ NAMES = ("sma-nbo", "sma-nbo-mwtp", "pma-nbo", "mcr", "dec-pomdp", "centralized"
 FAST = ("thompson", "random")  # which search nothing
 MCR = "mcr(samples=4, beta=0.5, evaluations=9216)"
 COMPOSED = ("sma-nbo-mwtp", "sma-nbo-gospa", "greedy-mi", "rsp", "dec-mcts")
-RIVALS = (*(f"{name}(horizon=5)" for name in COMPOSED), MCR, *FAST)
+LONGER = "mcr(samples=10, horizon=5)"  # which has more time than the others in docs/results/worlds.md
+RIVALS = (*(f"{name}(horizon=5)" for name in COMPOSED), MCR, *FAST, LONGER)
 
 
 def timed(runs, rounds):
@@ -77,7 +78,7 @@ def test_decisions_with_people_to_find(random_team, judged):
 
 
 def test_decisions_of_rivals(random_team, judged):
-    """Three UAVs, four targets, 75 trees: no planner takes much longer than the first, `sma-nbo-mwtp`."""
+    """Three UAVs, four targets, 75 trees: only the last planner takes much longer than the first, `sma-nbo-mwtp`."""
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
     few = [name.replace(", evaluations=9216)", ")").replace(")", ", evaluations=64)") for name in RIVALS]
     names = RIVALS if judged else few
@@ -86,7 +87,7 @@ def test_decisions_of_rivals(random_team, judged):
         planner.plan(teams[0], np.random.default_rng(0))
     times = np.mean([timed([deciding(p, team) for p in planners], 10 if judged else 1) for team in teams], axis=0)
     print("\n" + ", ".join(f"{name} {ms:.1f} ms" for name, ms in zip(names, times, strict=True)))
-    assert not judged or times.max() < 1.25 * times[0]
+    assert not judged or (times[:-1].max() < 1.25 * times[0] and times[-1] < 2.0 * times[0])
 
 
 @pytest.mark.parametrize(("what", "most", "bound"), [("uavs", 20, 1.15), ("targets", 50, 1.15)])
