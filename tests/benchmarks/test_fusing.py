@@ -18,7 +18,7 @@ pytestmark = pytest.mark.benchmark(group="consensus of 50 tracks, 5 rounds")
 PLACES = np.array([[2.5 * (k % 8) - 9.0, 2.5 * (k // 8) - 9.0] for k in range(50)])
 
 
-BOUND = 20.0  # ms, for 20 UAVs
+BOUND = 10.0  # ms, for 20 UAVs
 
 
 def ready(uavs, fusion):

@@ -45,8 +45,8 @@ def test_detection(benchmark):
 @pytest.mark.benchmark(group="scan")
 @pytest.mark.parametrize("targets", [4, 10])
 @pytest.mark.parametrize("uavs", [1, 3])
-def test_scan(benchmark, uavs, targets):
-    """JPDA of UAVs that all see all targets, and the consensus that ends a scan."""
+def test_scan(benchmark, judged, uavs, targets):
+    """JPDA of UAVs that all see all targets, and the consensus that ends a scan; of 3 UAVs and 4 targets in 0.5 ms."""
     places = np.array([[3.5 * (k % 4) - 5.0, 3.5 * (k // 4) - 4.0] for k in range(targets)])
     known = [track(k, *place, 0.0, 0.0) for k, place in enumerate(places)]
     seen = places + np.random.default_rng(0).normal(0, 0.1, (uavs, targets, 2))
@@ -64,6 +64,7 @@ def test_scan(benchmark, uavs, targets):
 
     trackers = benchmark.pedantic(once, setup=ready, rounds=200, warmup_rounds=5)
     assert [[t.id for t in tracker.tracks] for tracker in trackers] == [list(range(targets))] * uavs
+    assert not judged or (uavs, targets) != (3, 4) or 1e3 * benchmark.stats.stats.median < 0.5
 
 
 @pytest.mark.benchmark(group="objective")
