@@ -125,8 +125,8 @@ class Search:
 def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected: tuple[Array, Array, Array]) -> _Raster:
     """Raster of the places in reach of UAVs.
 
-    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C); those
-    detected by the other UAVs are removed.
+    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C), an array
+    from which those that the other UAVs detect are removed.
     """
     centres, points, left = undetected
     vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
@@ -196,13 +196,13 @@ def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, aw
 
 @compiled
 def _views(
-    places: Array, uavs: Indices, sight: tuple[Array, Array], points: Array, trees: tuple[Array, Grid]
+    places: Array, uavs: Indices, cameras: tuple[Array, Array], points: Array, trees: tuple[Array, Grid]
 ) -> _Views:
-    """Views from places (V, 3) m of UAVs (V,); sight: fields of view (n, 5, 3), and how far cells matter (n,) m.
+    """Views from places (V, 3) m of UAVs (V,); cameras: fields of view (n, 5, 3), and how far cells matter (n,) m.
 
-    Cells are given by four points (C, 4, 2) m each, from south to north.
+    Cells, from south to north, are given by four points (C, 4, 2) m each.
     """
-    (view, farthest), (blockers, grid) = sight, trees
+    (view, farthest), (blockers, grid) = cameras, trees
     starts = np.zeros(len(places) + 1, np.int64)
     cells, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
     for v in range(len(places)):

@@ -24,7 +24,7 @@ class Unmatched:
     gap: float  # m, that median distance; infinite without people
     alone: Flags  # (last - first + 1, n), UAVs for which the track stands for no person
     left: int | None  # the track's last person, if they have left the area
-    since: int  # scan at which the track began, reported or not
+    since: int  # first scan at which a UAV has a track of this id, reported or not
 
     @property
     def duplicate(self) -> bool:

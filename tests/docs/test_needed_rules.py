@@ -1,4 +1,4 @@
-"""docs/explanation: each rule of association and track management has a test, which is there."""
+"""docs/explanation: the tests that the tables of rules name exist, each once."""
 
 import ast
 import re
