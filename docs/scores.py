@@ -100,12 +100,13 @@ def scores_table() -> str:
     found, metric, ends = _scored(groups)
     texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
     planners = [name for name in ORDER if any(score.planner == name for score in found)]
-    columns = [["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
+    flown = [sorted({score.maps for score in found if score.cell and score.planner == name}) for name in planners]
+    columns = [["planner", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
+    columns.append(["maps", "", "", *(" or ".join(map(str, counts)) for counts in flown)])
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
-        maps = sorted({str(score.maps) for score in found if score.cell == cell}, key=int)
-        columns.append([_name(cell), " or ".join(maps), *means, *(texts.get((cell, name), "") for name in planners)])
-    columns.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
+        columns.append([_name(cell), *means, *(texts.get((cell, name), "") for name in planners)])
+    columns.append(["mean of these", "", "", *(texts.get((None, name), "") for name in planners)])
     heads, *lines = zip(*columns, strict=True)
     return _markdown(heads, lines)
 
@@ -117,8 +118,8 @@ def ends_line(world: str) -> str:
     ((_, own),) = _by_world(groups)
     named = {f"floor (`{floor}`)": floor, "bound": bound, f"`{DEFAULT}`": DEFAULT, "`oracle`": "oracle"}
     means = [f"{name} {map_means(own[key], metric).text(metric)} {metric.unit}" for name, key in named.items()]
-    maps = min(len({row.seed for row in own[key].done}) for key in named.values())
-    return f"Mean GOSPA on {maps} maps: {', '.join(means)}."
+    (maps,) = {len({row.seed for row in own[key].done}) for key in named.values()}
+    return f"{metric.label} on {maps} maps: {', '.join(means)}."
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:

@@ -10,6 +10,7 @@ from helpers.pages import DOCS
 from helpers.studies import invented
 from msgspec.structs import replace
 
+from planning.registry import PLANNERS
 from sim.study.store import Store
 from sim.study.study import adapted
 from sim.study.tasks import tasks
@@ -19,7 +20,15 @@ sys.path.append(str(DOCS))
 import scores
 
 WORLDS = 10
-ON_TWENTY = ("dec-mcts", "rsp", "thompson", "greedy", "random")  # maps of `fleet`
+TWENTY_OF_FLEET = ("dec-mcts", "rsp", "thompson", "greedy", "random")  # planners with twenty maps of this world
+TWENTY_OF_ALL = (
+    "sma-nbo",
+    "pma-nbo",
+    "mcr(samples=4, beta=0.5, evaluations=9216)",
+    "dec-pomdp",
+    "centralized",
+    "lawnmower",
+)
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +70,18 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 20") == 2
+    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 20") == 3
     for (world, planner, _), seeds in flown.items():
-        assert sorted(seeds) == list(range(20 if world == "fleet" and planner in ON_TWENTY else 50)), (world, planner)
-    assert len(flown) == WORLDS * (7 + len(ON_TWENTY)) + 1  # and lawnmower in search
-    assert rows(scores.scores_table())["maps"][:WORLDS] == ["50"] * (WORLDS - 1) + ["20 or 50"]
+        few = planner in TWENTY_OF_ALL or (world == "fleet" and planner in TWENTY_OF_FLEET)
+        maps = 20 if few and (world, planner) != ("search", "lawnmower") else 50
+        assert sorted(seeds) == list(range(maps)), (world, planner)
+    assert len(flown) == WORLDS * (7 + len(TWENTY_OF_FLEET) + len(TWENTY_OF_ALL))
+    maps = {name: texts[0] for name, texts in rows(scores.scores_table()).items()}
+    assert maps["sma-nbo-gospa"] == "50" and maps["rsp"] == maps["lawnmower"] == "20 or 50" and maps["pma-nbo"] == "20"
+
+
+def test_the_tables_have_all_built_in_planners():
+    assert {name.partition("(")[0] for name in scores.ORDER} | {"hover"} == set(PLANNERS)
 
 
 def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monkeypatch):
