@@ -20,8 +20,7 @@ sys.path.append(str(DOCS))
 import scores
 
 WORLDS = 10
-TWENTY_OF_FLEET = ("dec-mcts", "rsp", "thompson", "greedy", "random")  # planners with twenty maps of this world
-TWENTY_OF_ALL = (
+TWENTY = (
     "sma-nbo",
     "pma-nbo",
     "mcr(samples=4, beta=0.5, evaluations=9216)",
@@ -70,14 +69,13 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 20") == 3
+    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 20") == 2
     for (world, planner, _), seeds in flown.items():
-        few = planner in TWENTY_OF_ALL or (world == "fleet" and planner in TWENTY_OF_FLEET)
-        maps = 20 if few and (world, planner) != ("search", "lawnmower") else 50
+        maps = 20 if planner in TWENTY and (world, planner) != ("search", "lawnmower") else 50
         assert sorted(seeds) == list(range(maps)), (world, planner)
-    assert len(flown) == WORLDS * (7 + len(TWENTY_OF_FLEET) + len(TWENTY_OF_ALL))
+    assert len(flown) == WORLDS * (12 + len(TWENTY))
     maps = {name: texts[0] for name, texts in rows(scores.scores_table()).items()}
-    assert maps["sma-nbo-gospa"] == "50" and maps["rsp"] == maps["lawnmower"] == "20 or 50" and maps["pma-nbo"] == "20"
+    assert maps["sma-nbo-gospa"] == maps["rsp"] == "50" and maps["lawnmower"] == "20 or 50" and maps["pma-nbo"] == "20"
 
 
 def test_the_tables_have_all_built_in_planners():
