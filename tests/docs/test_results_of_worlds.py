@@ -20,7 +20,7 @@ sys.path.append(str(DOCS))
 import scores
 
 WORLDS = 10
-TWENTY = (
+THIRTY = (
     "sma-nbo",
     "pma-nbo",
     "mcr(samples=4, beta=0.5, evaluations=9216)",
@@ -69,13 +69,13 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 20") == 2
+    assert page.count("compare bench-1 --maps 50") == 3 and page.count("compare bench-1 --maps 30") == 1
     for (world, planner, _), seeds in flown.items():
-        maps = 20 if planner in TWENTY and (world, planner) != ("search", "lawnmower") else 50
+        maps = 30 if planner in THIRTY and (world, planner) != ("search", "lawnmower") else 50
         assert sorted(seeds) == list(range(maps)), (world, planner)
-    assert len(flown) == WORLDS * (12 + len(TWENTY))
+    assert len(flown) == WORLDS * (12 + len(THIRTY))
     maps = {name: texts[0] for name, texts in rows(scores.scores_table()).items()}
-    assert maps["sma-nbo-gospa"] == maps["rsp"] == "50" and maps["lawnmower"] == "20 or 50" and maps["pma-nbo"] == "20"
+    assert maps["sma-nbo-gospa"] == maps["rsp"] == "50" and maps["lawnmower"] == "30 or 50" and maps["pma-nbo"] == "30"
 
 
 def test_the_tables_have_all_built_in_planners():
