@@ -1,6 +1,5 @@
 """The multiple weighted trace penalty (MWTP): the cost-to-go of targets outside all fields of view at the end."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from planning.prediction.quadrangle import inside, shortest_move
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
 
 
 class Match(NamedTuple):
@@ -42,29 +42,12 @@ def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: A
     found = []
     for t in np.argsort(-traces, kind="stable").tolist():  # equal traces by index
         if not seen[t]:
-            uav, distance = _nearest(targets, t, sensors, views)
+            gaps = targets[t, :2] - sensors[:, :2]
+            distances = length(gaps - views[:, 4, :2])
+            uav = int(np.argmin(sensors[:, 2] + distances))
+            distance = float(distances[uav])
             penalty = distance * float(traces[t]) if sensors[uav, 2] == 0.0 else 0.0
             found.append(Match(uav, t, distance, penalty))
             sensors[uav, 2] += distance
-            _move(sensors, uav, targets, t, views)
+            sensors[uav, :2] += shortest_move(views, uav, *gaps[uav])
     return tuple(found)
-
-
-@compiled
-def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> None:
-    """Move a sensor by the least displacement after which its field of view covers the target."""
-    x, y = shortest_move(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
-    sensors[uav, 0] += x
-    sensors[uav, 1] += y
-
-
-@compiled
-def _nearest(targets: Array, t: int, sensors: Array, views: Array) -> tuple[int, float]:
-    """Row of the sensor of least D_i plus distance to a target, and that distance [m]."""
-    best, shortest, total = 0, 0.0, np.inf
-    for i in range(len(sensors)):
-        dx, dy = targets[t, 0] - sensors[i, 0] - views[i, 4, 0], targets[t, 1] - sensors[i, 1] - views[i, 4, 1]
-        d = math.sqrt(dx * dx + dy * dy)
-        if sensors[i, 2] + d < total:
-            best, shortest, total = i, d, sensors[i, 2] + d
-    return best, shortest
