@@ -73,8 +73,7 @@ def terminal_matches(belief: PredictedBelief, velocities: Array) -> tuple[Array,
     none = np.empty(0, dtype=np.int64)
     others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), none, TRACE)
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
-    ends = others.costs[len(others.costs) - belief.points[-1, :, :, 0].size :]
-    traces = belief.weights * ends.reshape(len(targets), -1).mean(axis=1)
+    traces = belief.weights * others.costs.reshape(belief.points.shape[:3])[-1].mean(axis=1)
     return targets, matches(targets, traces, others.seen, others.ends, belief.views)
 
 
