@@ -109,9 +109,9 @@ class Search:
     def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
         """As `planning.composition.Term.term`; None where no undetected people are expected."""
         undetected = situation.undetected
-        cells = np.zeros(0, np.int64) if undetected is None else np.flatnonzero(undetected.people.ravel() > _FEWEST)
-        if undetected is None or len(cells) == 0:
+        if undetected is None or not np.any(undetected.people > _FEWEST):
             return None
+        cells = np.flatnonzero(undetected.people.ravel() > _FEWEST)
         centres = undetected.centres().reshape(-1, 2)[cells]
         points = centres[:, None] + _QUARTERS * undetected.cell
         now = np.array([v.position for v in situation.vehicles], dtype=float)
@@ -157,14 +157,10 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
     return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found)
 
 
-@compiled
 def _square(low: Array, side: int, height: float) -> Array:
     """Places (V, 3) m of a square raster with a south-west corner (2,) m and a number of places along each edge."""
-    places = np.empty((side * side, 3))
-    for v in range(len(places)):
-        places[v, 0], places[v, 1] = low[0] + _SPACING * (v % side), low[1] + _SPACING * (v // side)
-        places[v, 2] = height
-    return places
+    norths, easts = np.divmod(np.arange(side * side), side)
+    return np.column_stack([low[0] + _SPACING * easts, low[1] + _SPACING * norths, np.full(side * side, height)])
 
 
 def _sight(view: Array, way: float) -> _Sight:
@@ -172,14 +168,11 @@ def _sight(view: Array, way: float) -> _Sight:
     return float(view[4, 0]), float(view[4, 1]), radius_in_view(view), way
 
 
-@compiled
 def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
     """Steps (C,) that a UAV flies from a place (2 or 3,) m until cells (C, 2) m can be in the circle about its aim."""
-    (x, y, radius, way), steps = sight, np.empty(len(centres))
-    for c in range(len(centres)):
-        gap = hypot(place[0] + x - centres[c, 0], place[1] + y - centres[c, 1])
-        steps[c] = max(gap - radius, 0.0) / way
-    return steps
+    x, y, radius, way = sight
+    gaps = length(place[:2] + np.array([x, y]) - centres)
+    return np.asarray(np.maximum(gaps - radius, 0.0) / way)
 
 
 @compiled
@@ -223,12 +216,11 @@ def _views(
     return _Views(starts, np.array(cells)[1:], np.array(shares)[1:])
 
 
-@compiled
 def _thin(left: Array, views: _Views, first: int) -> None:
     """Remove those detected by a UAV at place first + h after step h from the people left after each step (H, C)."""
     for h in range(len(left)):
-        for m in range(views.starts[first + h], views.starts[first + h + 1]):
-            left[h:, views.cells[m]] *= 1.0 - _DETECTION * views.shares[m]
+        seen = slice(views.starts[first + h], views.starts[first + h + 1])
+        left[h:, views.cells[seen]] *= 1.0 - _DETECTION * views.shares[seen]
 
 
 @compiled
