@@ -24,19 +24,11 @@ def proposed_plans(plans: Iterable[object] | None, uavs: int) -> list[object]:
     return found
 
 
-def usable_plan(plan: object) -> Plan:
-    """A copy of a plan; `Unusable` if it is no plan."""
-    return shaped_plan(plan, finite=True)
-
-
-def shaped_plan(plan: object, *, finite: bool = False) -> Plan:
-    """A copy of a plan, as `usable_plan`, but unless `finite` the UAV's own controls may be infinite or NaN."""
+def usable_plan(plan: object, *, finite: bool = True) -> Plan:
+    """A copy of a plan; `Unusable` if it is no plan. Unless `finite` its own controls may be infinite or NaN."""
     if not hasattr(plan, "controls"):
         raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
-    controls = _controls("controls", plan.controls)
-    if finite:
-        _check_finite("controls", controls)
-    return Plan(controls, _expected_of(plan))
+    return Plan(_controls("controls", plan.controls, finite=finite), _expected_of(plan))
 
 
 def _expected_of(plan: object) -> dict[int, Array]:
@@ -47,20 +39,14 @@ def _expected_of(plan: object) -> dict[int, Array]:
     expected = list(islice(others.items(), _MOST_OTHERS + 1))
     if len(expected) > _MOST_OTHERS:
         raise Unusable(f"others has more than {_MOST_OTHERS} entries")
-    found = {j: _controls(f"others[{j!r}]", given) for j, given in expected}
-    for j, controls in found.items():
-        _check_finite(f"others[{j!r}]", controls)
-    return found
+    return {j: _controls(f"others[{j!r}]", given) for j, given in expected}
 
 
-def _controls(name: str, given: object) -> Array:
-    """A copy of controls (H, 2) m/s; `Unusable` if they have another shape."""
+def _controls(name: str, given: object, *, finite: bool = True) -> Array:
+    """A copy of controls (H, 2) m/s; `Unusable` if they have another shape or, if they must be finite, are not."""
     controls = numbers(name, given, 2 * LONGEST_PLAN)
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
         raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H at least 1")
-    return controls
-
-
-def _check_finite(name: str, controls: Array) -> None:
-    if not np.all(np.isfinite(controls)):
+    if finite and not np.all(np.isfinite(controls)):
         raise Unusable(f"{name} are not finite")
+    return controls

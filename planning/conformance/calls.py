@@ -19,7 +19,7 @@ import numpy as np
 from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import Plan, Planner, Situation
-from planning.returned_plans import proposed_plans, shaped_plan
+from planning.returned_plans import proposed_plans, usable_plan
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.results import change, contents
@@ -51,7 +51,7 @@ class Attempt:
             return False
         try:
             with contained():
-                after = [shaped_plan(plan) for plan in self.plans]
+                after = [usable_plan(plan, finite=False) for plan in self.plans]
         except ForeignError:
             return True
         return any(any(differences(now, before)) for now, before in zip(after, self.copies, strict=True))
@@ -130,7 +130,7 @@ def _copies(planner: Planner, plans: Sequence[Any]) -> tuple[tuple[Plan, ...], s
     for k, plan in enumerate(plans):
         try:
             with contained(called=(planner, "plan")):
-                copies.append(shaped_plan(plan))
+                copies.append(usable_plan(plan, finite=False))
         except ForeignError as error:
             return tuple(copies), f"plan {k}: {error.whole}"
     return tuple(copies), ""
