@@ -47,19 +47,19 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
     control, completes the sequence at random, and adds the reward to the nodes on its path. The reward is the gain over
     the others' information. fading: powers of the discount.
     """
-    H, path = tree.sequences.shape[1], np.empty(tree.sequences.shape[1] + 1, np.int64)
-    controls = np.empty(H, np.int64)
+    H = tree.sequences.shape[1]
+    controls, path = np.empty(H, np.int64), np.zeros(H + 1, np.int64)  # each path begins at the root
     for i in range(len(draws)):
         information = drawn_information(team, draws[i])
         reward = -gain_of(team.prior, information)
         node, place, depth = 0, -1, 0
-        path[0] = 0
         for h in range(H):
             chance = draws[i, len(team.first) - 1 + h]
             if depth == h:  # in the tree
                 controls[h] = _chosen(tree, node, chance, fading, exploration)
                 if tree.children[node, controls[h]] < 0:
-                    _expand(tree, node, controls[h])
+                    tree.children[node, controls[h]] = tree.counts[0]
+                    tree.counts[0] += 1
                 else:
                     depth += 1
                 node = tree.children[node, controls[h]]
@@ -90,14 +90,6 @@ def _chosen(tree: SearchTree, node: int, chance: float, fading: Array, explorati
         if bound > most:
             best, most = a, bound
     return best
-
-
-@compiled
-def _expand(tree: SearchTree, node: int, control: int) -> None:
-    """Add the child of a node."""
-    child = tree.counts[0]
-    tree.children[node, control] = child
-    tree.counts[0] += 1
 
 
 @compiled
