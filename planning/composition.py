@@ -92,25 +92,22 @@ class Composition:
 
         def value(candidates: Array, ease: Array | None = None) -> Array:
             """Sum of all terms; `ease` relaxes only the term of tracks."""
-            velocities = mean_velocities(own, np.ascontiguousarray(candidates, dtype=float))
+            plans = self._completed(situation, uavs, candidates)
+            velocities = mean_velocities(own, np.ascontiguousarray(plans, dtype=float))
             found = of_tracks(velocities, ease)
             return found + reduce(np.add, (term(velocities) for term in extra)) if extra else found
 
         speeds = np.array([vehicles[i].max_speed for i in uavs])
         in_reach = targets_in_reach(belief, uavs, speeds, own)
-        if self.actions == "all":
-            return self.optimizer.minimise(value, starts, speeds, rng, in_reach)
-
-        def value_of_first(candidates: Array, ease: Array | None = None) -> Array:
-            return value(self._completed(situation, uavs, candidates), ease)
-
-        soon = in_reach.which[:, 1] == 0
+        soon = in_reach.which[:, 1] < starts.shape[2]
         in_reach = in_reach._replace(which=in_reach.which[soon], places=in_reach.places[soon])
-        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, in_reach)
-        return np.asarray(self._completed(situation, uavs, first[None])[0])
+        found = self.optimizer.minimise(value, starts, speeds, rng, in_reach)
+        return np.asarray(self._completed(situation, uavs, found[None])[0])
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
-        """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: first controls (N, k, 1, 2), then the base policy."""
+        """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: controls (N, k, h, 2), then the base policy."""
+        if self.actions == "all":
+            return firsts
         plans = [
             base_policy_plans(situation, situation.vehicles[i], firsts[:, j], self.horizon) for j, i in enumerate(uavs)
         ]
