@@ -98,14 +98,12 @@ class _CameraPaths(NamedTuple):
 
 @compiled
 def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
-    result = np.empty(len(own))
-    steps, targets = belief.points.shape[0], belief.points.shape[1]
-    flight = _CameraPaths(np.empty((len(others.uavs), steps, 2, LANES)), np.empty((len(others.uavs), steps, 4)))
+    result, targets = np.empty(len(own)), belief.points.shape[1]
     traces, total, sums = np.empty((targets, LANES)), np.empty(LANES), np.empty(LANES)
     work = workspace(targets // samples, len(belief.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
-        _fly(belief, others.uavs, plans, flight)
+        flight = _fly(belief, others.uavs, plans)
         _sum(belief, others, flight, traces, total)
         if beta > 0.0:
             _penalise(belief, others, flight.cameras[:, -1], traces, work, sums)
@@ -117,9 +115,9 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 
 @compiled
-def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPaths) -> None:
-    """Set the camera paths of up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
-    cameras, boxes = flight
+def _fly(belief: PredictedBelief, uavs: Indices, plans: Array) -> _CameraPaths:
+    """Camera paths of up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
+    cameras, boxes = np.empty((len(uavs), plans.shape[2], 2, LANES)), np.empty((len(uavs), plans.shape[2], 4))
     for j in range(len(uavs)):
         for axis in range(2):
             start, now = belief.positions[uavs[j], axis], cameras[j, 0, axis]
@@ -133,6 +131,7 @@ def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPa
                     now[lane] = at
                     low, high = min(low, at), max(high, at)
                 boxes[j, step, 2 * axis], boxes[j, step, 2 * axis + 1] = low, high
+    return _CameraPaths(cameras, boxes)
 
 
 @compiled
@@ -248,12 +247,11 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
 def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> None:
     """Set the information of the UAVs that do not decide, their final positions and the targets in view there."""
     steps = belief.points.shape[0]
-    flight = _CameraPaths(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
     information, free = np.empty(3 * LANES), np.empty(LANES)
     for i in range(len(velocities)):
         if i in others.uavs:
             continue
-        _fly(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2), flight)
+        flight = _fly(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
         others.ends[i, 0], others.ends[i, 1] = flight.cameras[0, -1, 0, 0], flight.cameras[0, -1, 1, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         near = possibly_visible(belief, np.array([i]), flight.boxes)
