@@ -69,5 +69,5 @@ def turns(max_speed: float, horizon: int) -> Array:
     angles = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
     controls = np.concatenate([max_speed * np.column_stack([cos_each(angles), sin_each(angles)]), np.zeros((1, 2))])
     first = horizon // 2
-    before, after = np.repeat(controls, len(controls) if first else 1, axis=0), np.tile(controls, (len(controls), 1))
-    return np.array([[a] * first + [b] * (horizon - first) for a, b in zip(before, after, strict=False)])
+    before = controls if first else controls[:1]  # a plan of one step has no first leg
+    return np.array([[a] * first + [b] * (horizon - first) for a in before for b in controls])
