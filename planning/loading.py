@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import warnings
 from collections.abc import Mapping
 from importlib.machinery import PathFinder
 from typing import TYPE_CHECKING, Any, cast
 
 from planning.planner_text import split_options
-from planning.registry import PlannerSpec, installed_planners
+from planning.registry import PlannerSpec, installed_planners, parameters_of
 from tracking.plugins.registry import InputError, Registry, imported, lack
 from tracking.plugins.spelling import nearest
 
@@ -59,7 +58,7 @@ def canonical_text(text: str) -> str:
     spec = _spec(name)
     make = _import(name, spec)
     with ANY_PLANNER.errors(name, "tell its options"):
-        defaults = {key: parameter.default for key, parameter in (_parameters(make) or {}).items()}
+        defaults = {key: parameter.default for key, parameter in (parameters_of(make) or {}).items()}
         told = []
         for key, value in sorted({**spec.options, **options}.items()):
             default = defaults.get(key)
@@ -121,17 +120,9 @@ def _value(text: str) -> Any:  # noqa: ANN401 - any literal
         return text
 
 
-def _parameters(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - as `_check`
-    """Parameters of the class or function that makes a planner; None if unknown, as for one that is written in C."""
-    try:
-        return inspect.signature(make).parameters
-    except (TypeError, ValueError):
-        return None
-
-
 def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
     """Raise InputError if the planner lacks an option, or if the option's default is of another kind."""
-    parameters = _parameters(make)
+    parameters = parameters_of(make)
     if parameters is None or any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
     for option, value in options.items():

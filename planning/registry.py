@@ -77,18 +77,18 @@ GROUP = "understory.planners"  # of entry points
 def installed_planners() -> dict[str, PlannerSpec]:
     """Planners by name: built-in ones, then those of other packages; the first of a name counts."""
     found = dict(PLANNERS)
-    for point in plugin_entry_points():
-        found.setdefault(point.name, PlannerSpec(point.value, {}, source=package_of(point)))
+    for point in _plugin_entry_points():
+        found.setdefault(point.name, PlannerSpec(point.value, {}, source=_package_of(point)))
     return found
 
 
-def plugin_entry_points() -> list[EntryPoint]:
+def _plugin_entry_points() -> list[EntryPoint]:
     """Entry points of planners of other packages, by name, usable or not."""
     try:
         points = list(entry_points(group=GROUP))
     except Exception:  # the metadata of some package, of planners or not, cannot be read: take all the others
         points = [point for distribution in distributions() for point in _points(distribution)]
-    return sorted(points, key=lambda point: (point.name, package_of(point)))
+    return sorted(points, key=lambda point: (point.name, _package_of(point)))
 
 
 def _points(distribution: Distribution) -> list[EntryPoint]:
@@ -98,7 +98,7 @@ def _points(distribution: Distribution) -> list[EntryPoint]:
         return []
 
 
-def package_of(point: EntryPoint) -> str:
+def _package_of(point: EntryPoint) -> str:
     """Name and version of the package that an entry point belongs to."""
     return f"{point.dist.name} {point.dist.version}" if point.dist else point.value.partition(":")[0]
 
@@ -111,10 +111,10 @@ def catalogue() -> dict[str, dict[str, str]]:
         marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
         ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
     options = _built_in_options()
-    for point in plugin_entry_points():
-        theirs = groups.setdefault(f"From {package_of(point)}", {})
+    for point in _plugin_entry_points():
+        theirs = groups.setdefault(f"From {_package_of(point)}", {})
         spec = installed_planners()[point.name]
-        if spec.target != point.value or spec.source != package_of(point):
+        if spec.target != point.value or spec.source != _package_of(point):
             theirs[point.name] = (
                 f"hidden: the name is that of a planner {f'of {spec.source}' * bool(spec.source) or 'built in'}"
             )
@@ -163,12 +163,16 @@ def _described(target: str) -> tuple[str, str]:
     """First line of the docstring of another package's class, and its options; ImportError if it cannot be imported."""
     made = imported(target)
     text = inspect.getdoc(made) or ""
-    try:
-        parameters = dict(inspect.signature(made).parameters)
-    except (TypeError, ValueError):  # written in C, say
-        parameters = {}
-    options = {p.name: p.default for p in parameters.values() if p.default is not p.empty}
+    options = {p.name: p.default for p in (parameters_of(made) or {}).values() if p.default is not p.empty}
     return text.partition("\n")[0], _text(options)
+
+
+def parameters_of(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - whatever a module holds
+    """Parameters of the class or function that makes a planner; None if unknown, as for one that is written in C."""
+    try:
+        return inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return None
 
 
 def _text(options: Mapping[str, Any]) -> str:
