@@ -17,7 +17,6 @@ from tracking.numerics.arrays import Array, Indices
 
 _RANGES = {"horizon": (1, 8), "directions": (1, 16), "evaluations": (1, 1_000_000), "rounds": (1, 100)}
 _RANGES |= {"sequences": (1, 10), "samples": (1, 1000), "updates": (1, 10_000)}
-_RATE = 0.1  # of gradient steps
 
 
 @dataclass(frozen=True)
@@ -91,8 +90,7 @@ class TreeSearch:
         self._prior, self._moves = prior_of(self._belief), moves(horizon, planner.directions)
         own = situation.own
         places = own.position[:2] + own.max_speed * situation.step * self._moves.places
-        self._row = self._vehicles.index(own)
-        self._own = information_from(self._belief, self._row, places, self._moves.steps)
+        self._own = information_from(self._belief, self._vehicles.index(own), places, self._moves.steps)
         self._tree = new_tree(planner.evaluations, horizon, len(self._moves.controls))
         # Information of the sequences of each other UAV, and their probabilities.
         self._others: dict[int, tuple[Array, Array]] = {}
@@ -112,7 +110,7 @@ class TreeSearch:
         heat = planner.temperature * np.prod(np.full(now, planner.cooling))
         scaled = found / max(float(found.max()), 1e-12)
         self.controls = self._situation.own.max_speed * self._moves.controls[chosen]
-        self.chances = cooled(scaled, heat, _RATE, planner.updates)
+        self.chances = cooled(scaled, heat, planner.updates)
         if not found.max() > 0.0:
             intent = policy_of_intent(self._situation, self._situation.own, planner.horizon)
             self.controls, self.chances = intent[None], np.ones(1)

@@ -9,6 +9,8 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
 
+_RATE = 0.1  # of gradient steps
+
 
 class Team(NamedTuple):
     """Beliefs of a UAV: on people, on its own sequences, and on the sequences of the others."""
@@ -41,11 +43,11 @@ def gains(team: Team, sequences: Array, draws: Array) -> Array:
         alone = gain_of(team.prior, others)
         for s in range(len(sequences)):
             found[s] += gain_of(team.prior, others + sequences[s]) - alone
-    return found / max(len(draws), 1)
+    return found / len(draws)
 
 
 @compiled
-def cooled(gains: Array, temperature: float, rate: float, updates: int) -> Array:
+def cooled(gains: Array, temperature: float, updates: int) -> Array:
     """Probabilities (S,) of sequences after gradient steps from a uniform start to large gains and large entropy.
 
     The steps are those of [Best19] Algorithm 3; they converge to probabilities proportional to exp(gain / temperature).
@@ -57,7 +59,7 @@ def cooled(gains: Array, temperature: float, rate: float, updates: int) -> Array
             mean += q[s] * gains[s]
             entropy -= q[s] * log(q[s])
         for s in range(len(q)):
-            q[s] -= rate * q[s] * ((mean - gains[s]) / temperature + entropy + log(q[s]))
+            q[s] -= _RATE * q[s] * ((mean - gains[s]) / temperature + entropy + log(q[s]))
             q[s] = max(q[s], 1e-12)
         q /= q.sum()
     return q

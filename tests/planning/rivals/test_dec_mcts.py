@@ -55,7 +55,7 @@ def test_information_by_places_sums_to_the_objective_of_joint_plans(random_team,
 def test_distributions_cool_towards_exponentials_of_the_gains(temperature):
     gains = np.random.default_rng(0).random(8)
     expected = np.exp(gains / temperature)
-    found = cooled(gains, temperature, 0.1, 300)
+    found = cooled(gains, temperature, 300)
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-9)
 
 
