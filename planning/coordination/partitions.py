@@ -32,16 +32,12 @@ class Partitions:
         made: dict[int, Array] = {}
         for now in range(int(drawn.max(initial=-1)) + 1):
             deciding = [s for s, own in zip(team, drawn.tolist(), strict=True) if own == now]
-            made |= {s.own.id: _plan_given(s, known[s.own.id], decision, rng) for s in deciding}
+            for s in deciding:
+                heard = known[s.own.id]
+                among = replace(s, neighbours=tuple(v for v in s.neighbours if v.id in heard))
+                made[s.own.id] = own_plan(among, expected_plans(among, decision.horizon, heard), decision, rng)
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):
                         known[s.own.id][sender.own.id] = made[sender.own.id]
         return [Plan(made[s.own.id]) for s in team]
-
-
-def _plan_given(situation: Situation, known: dict[int, Array], decision: Decision, rng: np.random.Generator) -> Array:
-    """Plan (H, 2) m/s of a UAV that leaves out all UAVs without a known plan."""
-    among = replace(situation, neighbours=tuple(v for v in situation.neighbours if v.id in known))
-    plans = expected_plans(among, decision.horizon, known)
-    return own_plan(among, plans, decision, rng)
