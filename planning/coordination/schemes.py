@@ -88,7 +88,7 @@ class Decentralised:
         seed = int(rng.integers(2**63))
         plans = []
         for s in team:
-            shares = {v.id: plan for v, plan in zip(s.vehicles, _joint(s, decision, seed), strict=True)}
+            shares = _joint(s, decision, seed)
             plans.append(Plan(shares.pop(s.own.id), shares))
         return plans
 
@@ -107,11 +107,11 @@ class Centralised:
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)
         plans = _joint(centre, decision, int(rng.integers(2**63)))
-        rows = {vehicle.id: row for row, vehicle in enumerate(centre.vehicles)}
-        return [Plan(plans[rows[s.own.id]]) for s in team]
+        return [Plan(plans[s.own.id]) for s in team]
 
 
-def _joint(situation: Situation, decision: Decision, seed: int) -> Array:
-    """Joint plan (n, H, 2) m/s of all UAVs in a situation."""
+def _joint(situation: Situation, decision: Decision, seed: int) -> dict[int, Array]:
+    """Joint plan of all UAVs in a situation: the share (H, 2) m/s of each, by id."""
     plans = expected_plans(situation, decision.horizon)
-    return decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))
+    found = decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))
+    return {v.id: plan for v, plan in zip(situation.vehicles, found, strict=True)}
