@@ -160,7 +160,7 @@ def _global_chance(seed: int) -> Iterator[list[str]]:
         yield drew
     finally:
         end = _global_states()
-        drew += [name for name in start if str(start[name]) != str(end[name])]
+        drew += [name for name in start if start[name] != end[name]]
         random.setstate(before["random"])
         np.random.set_state(before["numpy.random"])  # noqa: NPY002
 
