@@ -25,7 +25,7 @@ class Team(NamedTuple):
 @compiled
 def drawn_information(team: Team, draws: Array) -> Array:
     """Information (H, B, 3 LANES) of sequences of the others, drawn by uniform numbers (n - 1 or more,)."""
-    information = np.zeros((team.others.shape[1], team.own.shape[1], team.own.shape[2]))
+    information = np.zeros(team.others.shape[1:])
     for j in range(len(team.first) - 1):
         s = team.first[j]
         while s + 1 < team.first[j + 1] and team.chances[s] <= draws[j]:
