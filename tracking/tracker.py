@@ -20,8 +20,7 @@ from tracking.management.initiation import Tentative, initiated
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
-from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.plugins.containment import Unusable
@@ -98,10 +97,11 @@ class Tracker:
         hits = detected >= SEEN
         if p.management == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
-        scores = detected, hits, before.visible
-        history = _history((table.times, table.views), scores, after.gates, scan.time)
-        rest = after.existence, *history, table.misses, table.sightings
-        self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
+        now, visible = scan.time, before.visible
+        table.times[hits, 0] = table.times[visible >= EXPECTED, 1] = table.times[detected >= SURE, 2] = now
+        table.views[after.gates[:, 0], 0] = 0  # the association has already used this frame
+        table.weights = np.maximum(detected, UNSEEN + _VIEWED * visible)
+        table.means, table.covariances, table.existence = after[:3]
         self._initiate(lens, z[~after.explained], R[~after.explained])
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
@@ -129,18 +129,15 @@ class Tracker:
         elapsed = round((time - self._first) / self.parameters.motion.dt) - self._steps
         self._steps += elapsed
         self._waited += elapsed
-        means, covariances = self._table.means, self._table.covariances
+        table, (last, before) = self._table, self._last_frame
         for _ in range(elapsed):
-            means, covariances = self.motion.predict_all(means, covariances)
-        existence = self._table.existence * power(self.parameters.step_survival, elapsed)
-        times = self._table.times.copy()
-        last, before = self._last_frame
-        views = visible_samples(self._forest, (means, covariances), frame, before)
-        times[:, 3] = np.where(views[:, 1].any(axis=1), last, -math.inf)
+            table.means, table.covariances = self.motion.predict_all(table.means, table.covariances)
+        table.existence = table.existence * power(self.parameters.step_survival, elapsed)
+        views = visible_samples(self._forest, (table.means, table.covariances), frame, before)
+        table.views = (views << _BITS).sum(axis=2)
+        table.times = table.times.copy()  # a message may hold the former ones
+        table.times[:, 3] = np.where(views[:, 1].any(axis=1), last, -math.inf)
         self._last_frame = (time, frame) if frame else self._last_frame
-        shown, table = (views << _BITS).sum(axis=2), self._table
-        rest = existence, table.weights, times, shown, table.misses, table.sightings
-        self._table = TrackTable(table.ids, means, covariances, *rest)
         return views
 
     def message(self, degree: int) -> Message:
@@ -210,25 +207,3 @@ class Tracker:
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
         return replace(table, ids=ids)[order]
-
-
-@compiled
-def _history(
-    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float
-) -> tuple[Array, Array, Indices]:
-    """Weights, times and views of tracks after a scan, from their times and views before.
-
-    scores: probability of a detection, flag if it counts as a hit, and probability of being in plain view, all (T,).
-    """
-    times, views = columns[0].copy(), columns[1].copy()
-    detected, hits, visible = scores
-    for t in range(len(times)):
-        if hits[t]:
-            times[t, 0] = now
-        if visible[t] >= EXPECTED:
-            times[t, 1] = now
-        if detected[t] >= SURE:
-            times[t, 2] = now
-    for g in range(len(gates)):
-        views[gates[g, 0], 0] = 0  # the association has already used this frame
-    return np.maximum(detected, UNSEEN + _VIEWED * visible), times, views
