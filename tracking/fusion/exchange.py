@@ -7,10 +7,8 @@ import numpy as np
 
 from tracking.association.jpda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
-from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
 from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import Track, TrackTable, tracks_of
 
@@ -51,7 +49,9 @@ class Link:
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
         partition = (self.uav, self.time) if leads else self._heard
-        shares, names = _weighted(averaged, log_odds(table.existence), weights, partition[0], table.ids)
+        names, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
+        names[:, 0], names[:, 1] = partition[0], table.ids
+        shares = np.concatenate([w, w * averaged, w * log_odds(table.existence)[:, None]], axis=1)
         deleted = tuple(sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
         return Message(self.uav, degree, self.scans, self.time, partition, table.ids, names, *rest)
@@ -61,18 +61,6 @@ class Link:
         # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
         self._heard = message.partition
-
-
-@compiled
-def _weighted(averaged: Array, odds: Array, weights: Array, leader: int, ids: Indices) -> tuple[Array, Indices]:
-    """Shares (T, 22) and names (T, 2) of a message, from the information (T, 20) to average and log-odds (T,)."""
-    shares, names = np.empty((len(ids), INFORMATION + 2)), np.empty((len(ids), 2), np.int64)
-    for t in range(len(ids)):
-        names[t, 0], names[t, 1] = leader, ids[t]
-        shares[t, 0], shares[t, -1] = weights[t], odds[t] * weights[t]
-        for c in range(INFORMATION):
-            shares[t, 1 + c] = averaged[t, c] * weights[t]
-    return shares, names
 
 
 class TrackExchange:
