@@ -8,10 +8,9 @@ import numpy as np
 
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.checked_tracker import checked_tracks
-from tracking.fusion.exchange import SURE, UNSEEN, Link
+from tracking.fusion.exchange import NOTHING, SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
-from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
@@ -33,7 +32,6 @@ _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that sh
 _MOST_NEW = LABELS_PER_SCAN // 2  # largest number of new tracks in a scan
 _NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
 _BITS = np.arange(len(SAMPLES))  # bit of each sample of a belief in a number that says which are in view
-_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 
 
 class Tracker:
@@ -68,7 +66,7 @@ class Tracker:
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
-        self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
+        self._predicted = NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
 
@@ -92,7 +90,7 @@ class Tracker:
         before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         after = scan_update(before, z, R, turned, p)
-        self._predicted = *beliefs, z, after.gates
+        self._predicted = beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= SEEN
         if p.management == "m_of_n":
@@ -142,11 +140,7 @@ class Tracker:
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to `degree` neighbours."""
-        table = self._table
-        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= SEEN)
-        beliefs = table.means, table.covariances, table.weights
-        prior, measured = self._predicted[:2], self._predicted[2:]
-        return self._link.message(degree, table, LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
+        return self._link.message(degree, self._table, self._predicted)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
@@ -166,7 +160,7 @@ class Tracker:
             if ids[kept] >= new_label(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._link.accept(message)
-        self._predicted = _NOTHING
+        self._predicted = NOTHING
         rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
         table = TrackTable(ids, means, covariances, *rest)
         if gone.any():

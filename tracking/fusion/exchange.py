@@ -9,6 +9,7 @@ from tracking.association.jpda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import Track, TrackTable, tracks_of
 
@@ -18,6 +19,8 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters 
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # least existence probability that counts as 1, because messages keep log-odds finite
+_Predicted = tuple[tuple[Array, Array], Array, Indices]  # prior beliefs, measurements and gates of `LocalBeliefs`
+NOTHING: _Predicted = (np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 # Times and sighting of a track that is new or known at the start; it counts as sighted in its first scan.
 _UNSIGHTED = np.full(7, -np.inf)
 
@@ -43,8 +46,10 @@ class Link:
         """Record tracks that end in this scan."""
         self._deleted.update(dict.fromkeys(ids, self.time))
 
-    def message(self, degree: int, table: TrackTable, local: LocalBeliefs) -> Message:
-        """Message for the first round about the tracks of a table, which have the beliefs `local`."""
+    def message(self, degree: int, table: TrackTable, predicted: _Predicted) -> Message:
+        """Message for the first round about the tracks of a table; the first of them were `predicted` to the scan."""
+        detected = np.flatnonzero(table.weights[: len(predicted[0][0])] >= SEEN)
+        local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *predicted, detected)
         averaged, novel, weights = self._rule.contribution(local)
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
@@ -105,10 +110,7 @@ class TrackExchange:
         table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
         table.sightings[sighted], table.sightings[~sighted, 2] = history[sighted, 4:], time
-        means, covariances = table.means, table.covariances
-        nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
-        local = LocalBeliefs(self._link.uav, means, covariances, table.weights, *nothing)
-        return self._link.message(degree, table, local)
+        return self._link.message(degree, table, NOTHING)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, which replace this UAV's; ids may change, and tracks may begin or end."""
