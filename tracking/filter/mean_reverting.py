@@ -44,8 +44,6 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     @cached_property
     def Q(self) -> Array:
         """As `NearlyConstantVelocity.Q`."""
-        if self.scans == 1:
-            return super().Q
         return np.asarray(self.predict_all(np.zeros((1, 4)), np.zeros((1, 4, 4)))[1][0])
 
     @cached_property
