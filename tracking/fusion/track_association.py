@@ -172,9 +172,8 @@ def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags
     for k in np.flatnonzero(~ends).tolist():
         for id in sorted(labels[k]):
             owners.setdefault(id, int(group[k]))
-    least: dict[int, int] = {}  # the smallest id of each group
-    for id, owner in owners.items():
-        least[owner] = min(id, least.get(owner, id))
+    # The smallest id of each group, because the last of equal keys counts.
+    least = {owner: id for id, owner in sorted(owners.items(), reverse=True)}
     ids = np.full(len(names), -1)
     for g in np.unique(group[~ends]).tolist():
         if g not in least:
