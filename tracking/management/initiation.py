@@ -41,9 +41,8 @@ def initiated(
         return [], []
     grown, known = _updated(tentative, z, R, (elapsed, view), p)
     grown += [_started(z[j], R[j], p) for j in np.flatnonzero(~known).tolist()]
-    verdicts = [_verdict(t, p) for t in grown]
-    confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
-    return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
+    verdicts = [(t, _verdict(t, p)) for t in grown]
+    return [t for t, confirmed in verdicts if confirmed], [t for t, confirmed in verdicts if confirmed is None]
 
 
 def _start(p: TrackerParameters) -> float:
