@@ -27,36 +27,21 @@ class CheckedTracker:
         self.uav, self.max_speed = uav, max_speed
         self._name, self._made = name, made
         self._scans, self._time = 0, -math.inf  # number of scans, and time of the last [s]
-        self._read: tuple[Track, ...] | None = None
-        self._last = ""  # method that was called last; empty: none
-        _ = self.tracks
-
-    @property
-    def tracks(self) -> tuple[Track, ...]:
-        """As `Member.tracks`, by ascending id."""
-        if self._read is None:
-            what = f"give its tracks after {self._last}" if self._last else "give its tracks"
-            with self._errors(what, self._last or "tracks"):
-                self._read = checked_tracks(self._made.tracks)
-        return self._read
+        with self._errors("give its tracks", "tracks"):
+            self.tracks = checked_tracks(made.tracks)  # after the last call but `message`, by ascending id
 
     def step(self, scan: Scan) -> None:
         """As `Member.step`."""
-        self._begin(scan.time)
-        with self._errors("take a scan", "step"):
-            self._made.step(deepcopy(scan))
-        self._look("step")
+        self._scans, self._time = self._scans + 1, scan.time
+        self._call("take a scan", "step", deepcopy(scan))
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""
-        self._begin(time)
-        with self._errors("coast", "coast"):
-            self._made.coast(time)
-        self._look("coast")
+        self._scans, self._time = self._scans + 1, time
+        self._call("coast", "coast", time)
 
     def message(self, degree: int) -> Message:
         """As `Member.message`."""
-        self._read, self._last = None, "message"
         with self._errors("give a message", "message"):
             given = checked_message(self._made.message(degree))
             if (given.scan, given.time) != (self._scans, self._time):
@@ -66,17 +51,14 @@ class CheckedTracker:
 
     def accept(self, message: Message) -> None:
         """As `Member.accept`."""
-        with self._errors("accept a message", "accept"):
-            self._made.accept(deepcopy(message))
-        self._look("accept")
+        self._call("accept a message", "accept", deepcopy(message))
 
-    def _begin(self, time: float) -> None:
-        self._scans, self._time = self._scans + 1, time
-
-    def _look(self, method: str) -> None:
-        """Read and check the tracks at once, so that an error names the method that caused it."""
-        self._read, self._last = None, method
-        _ = self.tracks
+    def _call(self, what: str, method: str, given: object) -> None:
+        """Call a method, and check the tracks at once, so that an error names the method that caused it."""
+        with self._errors(what, method):
+            getattr(self._made, method)(given)
+        with self._errors(f"give its tracks after {method}", method):
+            self.tracks = checked_tracks(self._made.tracks)
 
     def _errors(self, what: str, method: str) -> AbstractContextManager[None]:
         return TRACKERS.errors(self._name, what, called=(self._made, method))
