@@ -57,10 +57,7 @@ class NearlyConstantVelocity:
         variance = self.sigma_a * self.sigma_a
         position = variance * (n * (4 * n * n - 1) // 3 * square * square / 4)
         both, velocity = variance * (n * n * dt * square / 2), variance * (n * square)
-        return np.array(
-            [[position, 0, both, 0], [0, position, 0, both], [both, 0, velocity, 0], [0, both, 0, velocity]],
-            dtype=float,
-        )
+        return np.kron(np.array([[position, both], [both, velocity]]), np.eye(2))
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """Predict a belief one step ahead."""
