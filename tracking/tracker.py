@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -195,9 +194,7 @@ class Tracker:
         lost = lost_tracks(table.sightings, self._link.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
         pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
-        ids = table.ids.copy()
         for n, k in pairs:
-            ids[new[n]] = table.ids[lost[k]]
-        left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
-        order = left[np.argsort(ids[left], kind="stable")]
-        return replace(table, ids=ids)[order]
+            table.ids[new[n]] = table.ids[lost[k]]
+        left = np.setdiff1d(np.arange(len(table.ids)), [lost[k] for _, k in pairs])
+        return table[left[np.argsort(table.ids[left], kind="stable")]]
