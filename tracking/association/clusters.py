@@ -26,7 +26,8 @@ def gating_clusters(
     j = np.concatenate([order[first:end] for first, end in zip(firsts, ends, strict=True)])
     near = np.square(measurements[j, 1] - means[i, 1]) <= _ROOM * gate * (covariances[i, 1, 1] + noise[j, 1, 1])
     edges, nodes = (i[near], count + j[near]), count + len(measurements)
-    component = connected_components(coo_array((near[near], edges), (nodes, nodes)), directed=False)[1]
+    found = connected_components(coo_array((near[near], edges), (nodes, nodes)), directed=False)[1]
+    component = np.unique(found, return_index=True)[1][found]  # named by its first node, not by the library's order
     sizes = np.bincount(component[:count], minlength=nodes)  # number of tracks in each component
     cluster = np.where(sizes > 0, (np.cumsum(sizes) - sizes) // _TRACKS, -1)[component]  # whole ones, one by one
     tracks, others = cluster[:count], cluster[count:]
