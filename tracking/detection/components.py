@@ -23,21 +23,23 @@ def components(image: NDArray[np.uint8]) -> list[Array]:
 @compiled
 def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
     """Pixel centres (M, 2) of all components, and the end of each."""
-    mask, count = _coloured(image)
-    todo, found = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    mask, left = _coloured(image)
+    todo, found = np.empty(left, dtype=np.int64), np.empty(left, dtype=np.int64)
     width = mask.shape[1]
     flat = mask.ravel()
     ends = [0 for _ in range(0)]
     end = 0
-    for cell in _cells(mask, count):
-        seed = cell
-        for at in (cell, cell + 1, cell + width, cell + width + 1):
-            seed = at if flat[at] > 0 else seed
-        if flat[seed] > 0:
-            size = _filled(flat, (seed, width), todo, found[end:])
-            if size > 0:
-                end += size
-                ends.append(end)
+    for row in range(2, mask.shape[0] - 2, 2):
+        if left == 0:
+            break
+        for cell in range(row * width + 2, (row + 1) * width - 2, 2):
+            for seed in (cell, cell + 1, cell + width, cell + width + 1):
+                if flat[seed] > 0:
+                    size, sure = _filled(flat, (seed, width), todo, found[end:])
+                    left -= size
+                    if sure:
+                        end += size
+                        ends.append(end)
     pixels = np.empty((end, 2))
     for k in range(end):
         pixels[k, 0], pixels[k, 1] = found[k] % width - 1.5, found[k] // width - 1.5
@@ -60,23 +62,8 @@ def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 @compiled
-def _cells(mask: NDArray[np.uint8], count: int) -> Indices:
-    """Indices of the cells of two by two with any of the mask's `count` coloured pixels, from the top."""
-    cells, found, left = np.empty(count, dtype=np.int64), 0, count
-    for i in range(2, mask.shape[0] - 2, 2):
-        if left == 0:
-            break
-        for j in range(2, mask.shape[1] - 2, 2):
-            here = (mask[i, j] > 0) + (mask[i, j + 1] > 0) + (mask[i + 1, j] > 0) + (mask[i + 1, j + 1] > 0)
-            if here > 0:
-                cells[found] = i * mask.shape[1] + j
-                found, left = found + 1, left - here
-    return cells[:found]
-
-
-@compiled
-def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> int:
-    """Move the component at start (index, width of a row) from a flat mask to `out`; its size, or 0 if not sure."""
+def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> tuple[int, bool]:
+    """Move the component at start (index, width of a row) from a flat mask to `out`; its size, and if it is sure."""
     seed, width = start
     sure = mask[seed] == 2
     mask[seed] = 0
@@ -93,7 +80,5 @@ def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out:
                     mask[next] = 0
                     todo[waiting] = next
                     waiting += 1
-    if not sure:
-        return 0
     out[:size].sort()
-    return size
+    return size, sure
