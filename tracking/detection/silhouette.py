@@ -96,22 +96,11 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
             near = c.shadows[:, 6] <= hypot(c.distance + u[first], v[i])
             around = Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[near])
             last = first + 1
-            while last < len(u) and _same(clearing, v[i], (u[first], u[last])):
+            while last < len(u) and np.all((c.shadows[:, 6] <= hypot(c.distance + u[last], v[i])) == near):
                 last += 1
             _add_shown(around, silhouette, (u[first:last], v[i]), out[i, first:last])
             first = last
     return out
-
-
-@compiled
-def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
-    """Test if two people in the row at v are in front of the same trunks."""
-    one, other = hypot(clearing.distance + u[0], v), hypot(clearing.distance + u[1], v)
-    for k in range(len(clearing.shadows)):
-        front = clearing.shadows[k, 6]
-        if (front <= one) != (front <= other):
-            return False
-    return True
 
 
 @compiled
