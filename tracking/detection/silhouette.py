@@ -46,16 +46,17 @@ class Silhouette(NamedTuple):
 @compiled
 def silhouette_of(distance: float, altitude: float) -> Silhouette:
     """Silhouette of a person `distance` m away, horizontally, from a camera `altitude` m above ground."""
-    low, high, half = math.inf, -math.inf, 0.0
-    for h, radius, _ in _LEVELS:
+    circles, low, high, half = np.empty((len(_LEVELS), 3)), math.inf, -math.inf, 0.0
+    for k, (h, radius, share) in enumerate(_LEVELS):
         growth = (altitude - TARGET_HEIGHT) / (altitude - h)
         u, r = distance * (growth - 1.0), radius * growth
         low, high, half = min(low, u - r), max(high, u + r), max(half, r)
+        circles[k, 0], circles[k, 1], circles[k, 2] = u, r, share
     step, row = (high - low) / _BINS, half / _ROWS
     cover, moment = np.zeros((_ROWS, _BINS + 1)), np.zeros((_ROWS, _BINS + 1))
     area = middle = 0.0
     for i in range(_ROWS):
-        line = _line((i + 0.5) * row, distance, altitude, (low, step))
+        line = _line((i + 0.5) * row, circles, (low, step))
         for j in range(_BINS):
             cover[i, j + 1] = cover[i, j] + line[j] * step
             moment[i, j + 1] = moment[i, j] + line[j] * step * (low + (j + 0.5) * step)
@@ -65,21 +66,19 @@ def silhouette_of(distance: float, altitude: float) -> Silhouette:
 
 
 @compiled
-def _line(v: float, distance: float, altitude: float, bins: tuple[float, float]) -> Array:
-    """Share of each bin (_BINS,) that a row of the silhouette covers; bins: start and width, m."""
+def _line(v: float, circles: Array, bins: tuple[float, float]) -> Array:
+    """Share of each bin (_BINS,) that a row of the silhouette covers.
+
+    circles (8, 3): u and radius of the levels, m, and their share of headings; bins: start and width, m.
+    """
     low, step = bins
     line = np.zeros(_BINS)
-    before = (0.0, 0.0, 0.0)
-    for h, radius, share in _LEVELS:
-        growth = (altitude - TARGET_HEIGHT) / (altitude - h)
-        circle = (distance * (growth - 1.0), 0.0, radius * growth)
-        if h > 0.0:
-            start, end = crossing(before + circle, v)
-            for j in range(_BINS):
-                inside = min(end, low + (j + 1) * step) - max(start, low + j * step)
-                if inside > 0.0:  # higher parts are nearer to the camera
-                    line[j] += (share - line[j]) * inside / step
-        before = circle
+    for k in range(1, len(circles)):
+        start, end = crossing((circles[k - 1, 0], 0.0, circles[k - 1, 1], circles[k, 0], 0.0, circles[k, 1]), v)
+        for j in range(_BINS):
+            inside = min(end, low + (j + 1) * step) - max(start, low + j * step)
+            if inside > 0.0:  # higher parts are nearer to the camera
+                line[j] += (circles[k, 2] - line[j]) * inside / step
     return line
 
 
