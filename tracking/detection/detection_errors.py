@@ -47,13 +47,32 @@ class WholeError(NamedTuple):
         radial = polynomial(self.radial_posture, self.radial_rounding)
         return radial, polynomial(self.tangential_posture, self.tangential_rounding)
 
+    @compiled
     def detected(self, tangents: Array, footprints: Array) -> Array:
         """Radial and tangential variances (N, 2) m² of detections by a camera at any attitude.
 
         footprints (N, 2) m as from `pixel_footprints`. For a level camera both are gsd, and variances up to `corner`
         are the polynomials of `variances` times `excess`. Beyond `corner`, growths are powers.
         """
-        return _detected(tangents, footprints, self)
+        posture, limb = self.posture * self.posture, self.limb * self.limb
+        rounding = self.rounding * self.rounding / 12
+        growths = self.radial_posture, self.radial_rounding, self.tangential_posture, self.tangential_rounding
+        growth = np.empty(4)
+        excess = np.interp(tangents, np.array(self.tangents), np.array(self.excess))
+        out = np.empty((len(tangents), 2))
+        for k in range(len(tangents)):
+            within, beyond = min(tangents[k], self.corner), max(tangents[k] / self.corner, 1.0)
+            for j in range(4):
+                growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
+                growth[j] *= power(beyond, self.powers[j])
+            # Rounding averages over a silhouette's pixels. On the long sides it averages over the pixels along its
+            # length, which are fewer if pixels are long.
+            area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
+            for j in range(2):
+                grain = area * power(longer, j * self.stretch)
+                pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
+                out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
+        return out
 
 
 WHOLE = WholeError()
@@ -124,27 +143,4 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
             along, across = cos * east + sin * north, cos * north - sin * east
             radial, tangential = radial + along * along, tangential + across * across
         out[k, 0], out[k, 1] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
-    return out
-
-
-@compiled
-def _detected(tangents: Array, footprints: Array, error: WholeError) -> Array:
-    posture, limb = error.posture * error.posture, error.limb * error.limb
-    rounding = error.rounding * error.rounding / 12
-    growths = error.radial_posture, error.radial_rounding, error.tangential_posture, error.tangential_rounding
-    growth = np.empty(4)
-    excess = np.interp(tangents, np.array(error.tangents), np.array(error.excess))
-    out = np.empty((len(tangents), 2))
-    for k in range(len(tangents)):
-        within, beyond = min(tangents[k], error.corner), max(tangents[k] / error.corner, 1.0)
-        for j in range(4):
-            growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
-            growth[j] *= power(beyond, error.powers[j])
-        # Rounding averages over a silhouette's pixels. On the long sides it averages over the pixels along its length,
-        # which are fewer if pixels are long.
-        area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
-        for j in range(2):
-            grain = area * power(longer, j * error.stretch)
-            pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
-            out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
     return out
