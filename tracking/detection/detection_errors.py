@@ -111,16 +111,9 @@ def sight_axes(lens: Lens, ground: Array) -> tuple[Array, Array]:
     return axes, tangents
 
 
-@compiled
 def covariances_along(axes: Array, variances: Array) -> Array:
     """Covariances (N, 2, 2) with variances (N, 2) along axes in columns (N, 2, 2)."""
-    out = np.empty((len(axes), 2, 2))
-    for n in range(len(axes)):
-        for i in range(2):
-            for k in range(2):
-                x = axes[n, i, 0] * axes[n, k, 0] * variances[n, 0]
-                out[n, i, k] = x + axes[n, i, 1] * axes[n, k, 1] * variances[n, 1]
-    return out
+    return np.asarray(np.sum(axes[:, :, None] * axes[:, None] * variances[:, None, None], axis=-1))
 
 
 @compiled
