@@ -102,8 +102,10 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
     if not hidden:
         return None
+    x, y = clearing.away
     whole = whole_covariances(frame.camera, frame.pose, np.array([clearing.origin]))[0]
-    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART)
+    along, pixel = _congruent(np.array([[x, y], [-y, x]]), whole), _congruent(clearing.footprint, np.eye(2))
+    places = _places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART)
     return places if places.shares.max() >= _LEAST else None
 
 
@@ -120,14 +122,6 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
     # At the horizon sizes are not finite.
     placed = bool(np.isfinite(clearing.footprint).all() and np.isfinite(area))
     return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
-
-
-@compiled
-def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
-    """Observation along a clearing's axes, from areas and a whole person's covariance (2, 2) m² in world axes."""
-    x, y = clearing.away
-    turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
-    return Seen(_congruent(turn.T, whole), _congruent(pixel, np.eye(2)), area, shown)
 
 
 @compiled
