@@ -37,9 +37,6 @@ class Registry:
     bare: bool = False  # plug-ins from outside are made without arguments
     raises: type[InputError] = InputError  # for errors of plug-ins
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.built_in)
-
     def check(self, name: str) -> None:
         """Raise InputError unless a name is built in or may be an import string, "package.module:Class"."""
         if not isinstance(name, str):

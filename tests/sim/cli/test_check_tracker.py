@@ -179,7 +179,7 @@ def named(kind):
     return f"{__name__}:{kind.__name__}"
 
 
-@pytest.mark.parametrize("name", [*TRACKERS, named(Nearest), "soup:SoupJPDA"])
+@pytest.mark.parametrize("name", [*TRACKERS.built_in, named(Nearest), "soup:SoupJPDA"])
 def test_good_trackers_conform(name, monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "soup"))
     findings = check(name)

@@ -85,7 +85,7 @@ def fly(setting, seed=0):
     return mission, [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
 
 
-@pytest.mark.parametrize("name", [*DETECTORS])
+@pytest.mark.parametrize("name", [*DETECTORS.built_in])
 def test_every_detector_has_a_name_that_flies(name):
     mission, flown = fly(scenario(name, noise="camera"))
     assert len(flown) == 5 and mission.faults == []

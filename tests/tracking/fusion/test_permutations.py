@@ -24,7 +24,7 @@ class Scene:
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
-        self.parameters = replace(PARAMETERS, fusion=[*FUSION_RULES][seed % 2])
+        self.parameters = replace(PARAMETERS, fusion=[*FUSION_RULES.built_in][seed % 2])
         self.states = np.column_stack([rng.uniform(-1.5, 1.5, (PEOPLE, 2)), rng.uniform(-1, 1, (PEOPLE, 2))])
         self.states[-1, :2] += 7
         self.poses = [Pose.level(*rng.uniform(-3, 3, 2), 20.0) for _ in range(UAVS)]
