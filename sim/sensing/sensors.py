@@ -122,7 +122,7 @@ class Sensors:
         """
         camera, pose = self.cameras[scan.uav], scan.pose
         places, ground = self._clutter.false_alarms(camera, pose)
-        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera, pose, ground)
+        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
         exact = output.frame is not None and output.covariances is not None
         alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.person_size import sizes_at
-from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
@@ -34,16 +33,15 @@ def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
     pixels = np.array([_centre(frame, blob) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    return Detections(pixels, ground, whole_covariances(frame.camera, frame.pose, ground))
+    return Detections(pixels, ground, whole_covariances(frame.camera.lens(frame.pose), ground))
 
 
-def whole_covariances(camera: Camera, pose: Pose, ground: Array) -> Array:
+def whole_covariances(lens: Lens, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
-    lens = camera.lens(pose)
     axes, tangents = sight_axes(lens, ground)
     variances = WHOLE.detected(tangents, pixel_footprints(lens, ground))
     # Towards the horizon a pixel's footprint grows without bound; the distance bounds the standard deviation.
-    distances = np.sum(np.square(ground - pose.position[:2]), axis=1) + np.square(pose.position[2])
+    distances = np.sum(np.square(ground - lens.eye[:2]), axis=1) + np.square(lens.eye[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 

@@ -103,7 +103,7 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     if not hidden:
         return None
     x, y = clearing.away
-    whole = whole_covariances(frame.camera, frame.pose, np.array([clearing.origin]))[0]
+    whole = whole_covariances(lens, np.array([clearing.origin]))[0]
     along, pixel = _congruent(np.array([[x, y], [-y, x]]), whole), _congruent(clearing.footprint, np.eye(2))
     places = _places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART)
     return places if places.shares.max() >= _LEAST else None

@@ -141,7 +141,7 @@ def test_the_covariance_of_a_level_camera_is_that_of_the_planners_times_its_exce
     inner = tangents < WHOLE.corner
     excess = np.interp(tangents, WHOLE.tangents, WHOLE.excess)
     expected = np.array([e * model.covariance(pose.position[:2], z) for e, z in zip(excess, ground, strict=True)])
-    found = whole_covariances(CAMERA, pose, ground)
+    found = whole_covariances(CAMERA.lens(pose), ground)
     assert inner.sum() > 40
     np.testing.assert_allclose(found[inner], expected[inner], rtol=1e-12, atol=1e-15)
 
@@ -152,8 +152,8 @@ def test_the_covariance_turns_with_the_camera_and_is_bounded_up_to_the_horizon()
         ground = CAMERA.ground_points(one, np.random.default_rng(3).uniform(0, 128, (200, 2)), TARGET_HEIGHT)
         turn = Rotation.from_euler("Z", 70.0, degrees=True).as_matrix()[:2, :2]
         turned = (ground - one.position[:2]) @ turn.T + one.position[:2]
-        R = whole_covariances(CAMERA, one, ground)
-        Q = whole_covariances(CAMERA, other, turned)
+        R = whole_covariances(CAMERA.lens(one), ground)
+        Q = whole_covariances(CAMERA.lens(other), turned)
         np.testing.assert_allclose(turn @ R @ turn.T, Q, rtol=1e-6, atol=1e-9)
         np.testing.assert_array_equal(R, np.swapaxes(R, 1, 2))
         distances = np.sum((ground - one.position[:2]) ** 2, axis=1) + 19.0**2

@@ -228,11 +228,11 @@ def test_false_alarms_have_the_covariance_of_a_person_there(noise):
         scan, pose = snapshot.scans[0], snapshot.cameras[0]
         frame = Frame(0, snapshot.time, CAMERA, pose, np.zeros((128, 128, 3), dtype=np.uint8))
         if noise == "camera":
-            expected = whole_covariances(frame.camera, frame.pose, scan.measurements)
+            expected = whole_covariances(frame.camera.lens(frame.pose), scan.measurements)
         else:
             eye, model = pose.position[:2], NoiseModel.range_bearing(Uav(start=(0.0, 0.0)).alpha)
             expected = np.array([model.covariance(eye, z) for z in scan.measurements]).reshape(-1, 2, 2)
-            expected = expected + whole_covariances(frame.camera, frame.pose, scan.measurements)
+            expected = expected + whole_covariances(frame.camera.lens(frame.pose), scan.measurements)
         np.testing.assert_array_equal(scan.covariances, expected)
         count += len(expected)
     assert count > 20
