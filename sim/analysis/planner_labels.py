@@ -104,17 +104,18 @@ def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[st
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Labels for a narrow table: without modules, and without options that all planners of one name share.
+    """Labels for a narrow table: without modules, and without options other than a tracker that planners share.
 
     Trackers of a single planner are labelled by their own names. Labels that would be equal are not shortened.
     """
     options = {label: split_options(label.removesuffix(BOUND)) for label in labels}
     tracker = f"{TRACKER}="
-    single = len({(name, *(o for o in own if not o.startswith(tracker))) for name, own in options.values()}) == 1
+    planners = {(name, *(o for o in own if not o.startswith(tracker))) for name, own in options.values()}
+    single = len(planners) == 1 < len(options)
     shorts = {}
     for label, (name, own) in options.items():
         alike = [other for base, other in options.values() if base == name]
-        telling = [option for option in own if not all(option in other for other in alike)]
+        telling = [option for option in own if option.startswith(tracker) or any(option not in of for of in alike)]
         telling = [re.sub(f"^({tracker}).*:", r"\1", option) for option in telling]
         last = name.rpartition(":")[2]
         short = f"{last}({', '.join(telling)})" if telling else last

@@ -49,6 +49,9 @@ def test_labels_of_planners_and_trackers_say_what_differs():
     labels = {g.planner for g in grouped(every)}
     assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
     assert short_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
+    one, other = "greedy(tracker=jpda)", "greedy(tracker=mine:Mine)"
+    assert short_labels([one, other]) == {one: "jpda", other: "Mine"}
+    assert short_labels([one, "nearest"]) == {one: one, "nearest": "nearest"} and short_labels([one]) == {one: one}
     with pytest.raises(InputError, match="--baseline: 'jpda' stands for several of the study's planners: greedy"):
         baseline_of(every, "jpda")
     assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
