@@ -18,6 +18,7 @@ from sim.study.cells import cells
 from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
+from tracking.fusion.rule import LocalBeliefs
 
 PAGE = (DOCS / "how-to" / "planners.md").read_text(encoding="utf-8")
 PLUGINS_PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
@@ -104,6 +105,14 @@ def test_study_files_on_pages_are_valid(tmp_path):
     assert [cell.settings for cell in cells(read(str(path)))] == [
         {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
     ]  # fmt: skip
+    path.write_text(next(content for language, content in blocks(PLUGINS_PAGE) if language == "toml"))
+    assert [cell.settings for cell in cells(read(str(path)))] == [
+        {"network.fusion": "hcmci"}, {"network.fusion": "mymodels:EqualWeights"}
+    ]  # fmt: skip
+
+
+def test_all_that_a_fusion_rule_is_given_is_listed():
+    assert set(listed(PLUGINS_PAGE, "| of `local` |")) == set(LocalBeliefs._fields)
 
 
 def test_the_query_on_a_study_answers(tmp_path):
