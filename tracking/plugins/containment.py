@@ -114,9 +114,12 @@ def _listed(name: str, given: object, left: list[int], depth: int = _DEEPEST) ->
     if isinstance(given, str | bytes | Mapping) or not (hasattr(kind, "__len__") and hasattr(kind, "__getitem__")):
         return given
     if hasattr(kind, "__array__"):
-        if getattr(given, "size", 0) > left[0]:
+        import numpy as np
+
+        array = np.asarray(given)  # which tells the size of every kind of array, such as another library's
+        if array.size > left[0]:
             raise Unusable(_too_many(name, left[0]))
-        return given
+        return array
     if depth == 0:
         raise Unusable(f"{name} are not numbers")
     most = left[0]
