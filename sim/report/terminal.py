@@ -21,6 +21,7 @@ from sim.study.tasks import Row
 from sim.terminal.console import console
 
 _WIDE = 100  # characters, least width of a terminal with room for all columns
+_NAMES = 12  # characters, least width of the column of names
 _WIDE_ONLY = ("median", "maps needed")
 
 
@@ -38,10 +39,10 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     for table in tables(found, shorts[first]):
-        on.print(_terminal_table(table, on.width >= _WIDE))
+        on.print(_terminal_table(table, on.width))
     if scores := scored(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)
-        on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
+        on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads]), on.width))
         on.print(escape(table.note), style="dim")
     for label, short in {**about.labels, **shorts}.items():
         if short != label:
@@ -52,14 +53,19 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
         on.print(escape(line), style="bold red")
 
 
-def _terminal_table(shown: Table, wide: bool = True) -> rich.table.Table:
-    kept = [i for i, name in enumerate(shown.heads) if wide or not shown.metric or name not in _WIDE_ONLY]
+def _terminal_table(shown: Table, width: int) -> rich.table.Table:
+    kept = [i for i, name in enumerate(shown.heads) if width >= _WIDE or not shown.metric or name not in _WIDE_ONLY]
     table = rich.table.Table(
         title=escape(shown.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
-    for i in kept:
-        name = escape(shown.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
-        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+    heads = {i: shown.heads[i].replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded") for i in kept}
+    # Names make room for numbers, if that shows these whole. Heads may be folded between words if they are planners.
+    cut = "\n" if shown.metric else None
+    widths = (max(map(len, (*heads[i].split(cut), *(texts[i] for _, texts in shown.rows)))) for i in kept[1:])
+    room = width - sum(widths) - (2 * len(kept) + 1)  # less the gaps
+    for i, head in heads.items():
+        most = room if i == 0 and room >= _NAMES else None
+        table.add_column(escape(head), justify="left" if i == 0 else "right", overflow="fold", max_width=most)
     for cell, lines in groupby(shown.rows, lambda row: row[0]):
         table.add_section()
         if cell != ():

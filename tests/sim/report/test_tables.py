@@ -54,6 +54,21 @@ def test_the_terminal_shows_every_number_whole(width):
     assert text.startswith("Everywhere: R = 5\n") and "λ = 15" in text and "all cells" in text
 
 
+@pytest.mark.parametrize("width", [80, 120])
+def test_long_titles_of_cells_do_not_break_intervals(width):
+    cells = [(("radio range", reach), ("wind", wind)) for reach in ("near", "far") for wind in ("calm", "in gusts")]
+    planners = {"greedy": 2.0, "hover": 1.8}
+    found = [
+        row(p, k, cell, {"ospa.mean_m": 8.0 + rate * k})
+        for p, rate in planners.items()
+        for cell in cells
+        for k in range(4)
+    ]
+    text = shown(found, width, "greedy", ["ospa.mean_m"])
+    assert max(map(len, text.splitlines())) <= width
+    assert len(re.findall(r" hover +4 .*\d\] +-0\.30 \[-0\.\d\d, [+-]0\.\d\d\] +\d, \d, \d ", text)) == len(cells)
+
+
 def test_terminal_and_markdown_fold_long_names_and_escape_markup():
     name = "lab.planners:Mine(style='[red]', horizon=5, optimizer=particle-swarm)"
     text = shown([row(name, 0), row("sma-nbo", 0)], 80)
