@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from planning.loading import load_planner, planner_target
+from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.atomic_files import unused
-from sim.running.isolated_run import Results, fly_apart
+from sim.running.isolated_run import Results, fly_apart, is_built_in
 from sim.scenario.loading import load, place_of
 from sim.scenario.quantities import seconds, seed_and_repeat
 from sim.scenario.remarks import remarks
@@ -63,8 +63,7 @@ def run(
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Plug-ins run in a separate process, because nothing else limits the harm that they may do.
-    theirs = metric or any(name not in registry.built_in for registry, name in setting.plugins)
-    trusted = planner_target(planner).startswith("planning.") and not theirs
+    trusted = is_built_in(trial) and not metric
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))

@@ -14,9 +14,12 @@ from sim.analysis.planner_labels import baseline_of, entrant, labels_of
 from sim.analysis.score import ends_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import versions
+from sim.mission.trial import Trial, naming
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
+from sim.running.flight import mission_of
+from sim.running.isolated_run import is_built_in
 from sim.scenario.loading import place_of
 from sim.scenario.random_streams import numbered
 from sim.scenario.remarks import remarks
@@ -53,11 +56,11 @@ def fly_study(
     try:
         new = not (folder / NAME).exists()
         if new:  # checked before any file is written
-            _check_worlds(study, listed)
+            _check_missions(study, listed)
         with _backend(workers, dask) as backend, Store.opened(folder, study.name) as store:
             if not new:
-                flown = store.done(listed)
-                _check_worlds(study, [task for task in listed if task.key not in flown])
+                flown = {} if options.redo else store.done(listed)
+                _check_missions(study, [task for task in listed if task.key not in flown])
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
 
@@ -83,17 +86,33 @@ def fly_study(
     fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
 
 
-def _check_worlds(study: Study, listed: Sequence[Task]) -> None:
-    """InputError, with file and levels, if forest and people of a setting cannot be placed with its first seed."""
-    first = {msgspec.json.encode(task.setting): task for task in reversed(listed)}
-    for task in first.values():
-        try:
-            forest_and_people(task.setting, task.seed)
-        except InputError as error:
-            levels = [f"factors.{f}.{level}" for f, level in task.factors if f in study.factors.keys() - {*ENTERED}]
-            several = f"scenario {task.scenario}: " * (len(study.scenarios) > 1)
-            place = "".join(f"{part}: " for part in (study.file, ", ".join(levels)) if part)
-            raise InputError(f"{place}{place_of(task.scenario, task.settings) or several}{error}") from error
+def _check_missions(study: Study, listed: Sequence[Task]) -> None:
+    """InputError, with file and levels, if a mission cannot be built with the first seed of a setting or planner.
+
+    Without plug-ins from outside, only forest and people can be wrong, and no mission is built.
+    """
+    first = {(msgspec.json.encode(task.setting), task.planner): task for task in reversed(listed)}
+    tried: set[bytes | str] = set()  # settings and planners
+    for (setting, planner), task in first.items():
+        trial = Trial(task.setting, planner, task.seed, place=_place(study, task))
+        ours = is_built_in(trial)
+        parts: set[bytes | str] = {setting} if ours else {setting, planner}
+        if parts <= tried:
+            continue
+        tried |= parts
+        if ours:
+            with naming(trial.place):
+                forest_and_people(trial.scenario, trial.seed)
+        else:
+            mission_of(trial).close()
+
+
+def _place(study: Study, task: Task) -> str:
+    """Beginning of an error about a task's setting: the study's file, the levels and the scenario."""
+    levels = [f"factors.{f}.{level}" for f, level in task.factors if f in study.factors.keys() - {*ENTERED}]
+    several = f"scenario {task.scenario}: " * (len(study.scenarios) > 1)
+    place = "".join(f"{part}: " for part in (study.file, ", ".join(levels)) if part)
+    return f"{place}{place_of(task.scenario, task.settings) or several}"
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:

@@ -30,10 +30,7 @@ def flown(
     cannot be built.
     """
     start = time.perf_counter()
-    if planner is None:
-        planner = load_planner(trial.planner)
-    with naming(trial.place, PlannerError):
-        mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
+    mission = mission_of(trial, planner)
     recorder = Recorder(trial.repeat)
     with mission:
         prepare()
@@ -52,6 +49,14 @@ def flown(
         planning_s=mission.clock.laps["planning"],
         planning_cpu_s=mission.clock.planning_cpu_s,
     )
+
+
+def mission_of(trial: Trial, planner: Planner | None = None) -> Mission:
+    """The mission of a trial before its first scan; InputError if it cannot be built. planner: as in `flown`."""
+    if planner is None:
+        planner = load_planner(trial.planner)
+    with naming(trial.place, PlannerError):
+        return Mission(trial.scenario, planner, trial.seed, trial.repeat)
 
 
 def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recording:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from planning.loading import planner_target
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
@@ -15,6 +16,12 @@ class Results(NamedTuple):
     place: str  # final name of the folder
     video: bool = True
     metrics: tuple[str, ...] = ()  # import strings of plug-in metrics for the summary
+
+
+def is_built_in(trial: Trial) -> bool:
+    """True if no plug-in from outside flies in a mission; InputError if there is no planner of that name."""
+    parts = all(name in registry.built_in for registry, name in trial.scenario.plugins)
+    return planner_target(trial.planner).startswith("planning.") and parts
 
 
 def fly_apart(trial: Trial, results: Results, *, timeout: float | None, progress: Progress, say: Say) -> dict[str, Any]:
