@@ -28,7 +28,7 @@ _Planners = Annotated[
 ]
 _Trackers = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="A tracker, flown with each planner; repeat for more. Default: the scenario's."),
+    typer.Option(metavar="NAME", help="A tracker, flown with each planner; repeat for more. Default: the study's."),
 ]
 _Scenarios = Annotated[
     list[str] | None,
