@@ -85,6 +85,8 @@ class Store:
                 raise InputError(f"--out: {path}: cannot be used: is not a file")  # SQLite would wait for a pipe
             if (folder / "mission.npz").exists():
                 raise InputError(f"--out: {folder} holds a mission; allowed is a new folder, or that of a study")
+        except FileExistsError as error:
+            raise InputError(f"--out: {folder} is not a folder; allowed is a new folder, or that of a study") from error
         except OSError as error:
             raise _unusable(path, error, "--out: ") from error
         with _connected(path) as connection:
@@ -132,11 +134,14 @@ class Store:
             raise StoreError(f"{self.path}: {error}") from error
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: str | Path) -> list[Row]:
     """All rows of a store, sorted by scenario, factors, planner, seed and repeat; InputError if it is no store.
+
+    path: the folder of a study, or the store in it.
 
     Rows of one trial in several package versions are in the order in which they were written.
     """
+    path = Path(path)
     file = path / NAME if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"{file}: there is no store of a study")
@@ -149,7 +154,7 @@ def read_rows(path: Path) -> list[Row]:
     return [_row(path, study, values) for values in rows]
 
 
-def frame(path: Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
+def frame(path: str | Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
     """All trials of a store as a data frame, as in `frame_of`."""
     return frame_of(read_rows(path))
 

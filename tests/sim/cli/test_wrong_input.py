@@ -175,7 +175,11 @@ COMPARISONS = {
     "people that do not fit": (["crowds.toml"], ["understory: crowds.toml: crowd.toml: people.count = 200: "]),
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
     "folder of a mission": (["--out", "run"], ["--out: run holds a mission; allowed is a new folder"]),
-    "file for a folder": (["--out", "empty.toml"], ["--out: empty.toml", "cannot be used"]),
+    "file for a folder": (
+        ["--out", "empty.toml"],
+        ["--out: empty.toml is not a folder; allowed is a new folder, or that of a study\n"],
+    ),
+    "folder in a file": (["--out", "bad.csv/study"], ["--out: bad.csv/study", "cannot be used"]),
     "folder that cannot be": (["--out", "/proc/study"], ["--out: /proc/study", "cannot be used"]),
     "dask that does not answer": (["--dask", "tcp://127.0.0.1:9"], ["--dask: 'tcp://127.0.0.1:9' does not answer"]),
 }

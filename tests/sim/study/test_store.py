@@ -59,6 +59,8 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
     assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'precision'") == [(None,)]
     table = frame(folder)
+    for path in (str(folder), folder / NAME, str(folder / NAME)):
+        assert frame(path).equals(table)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
     expected = [r.metrics["recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
