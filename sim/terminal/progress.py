@@ -22,32 +22,49 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
     total, count = 0.0, 0  # sum and number of the distances so far
     progress = Progress(*columns, console=console)
     task = progress.add_task("", total=len(scenario.scan_times))
-    with console.status(START_UP) as status:  # disappears before a mission or an error message
+    with _begun_late(progress) as begin:
 
         def show(moment: ScanProgress) -> None:
             nonlocal total, count
-            if not count:
-                status.stop()
-                progress.start()
+            begin()
             total, count = total + sum(moment.distances), count + len(moment.distances)
             error = f"{fmean(moment.distances):.2f} m" if moment.distances else "-"
             now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m"
             progress.update(task, advance=1, description=now)
 
-        try:
-            yield show
-        finally:
-            if progress.live.is_started:  # otherwise an empty line would precede an error message
-                progress.stop()
+        yield show
 
 
 @contextmanager
 def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
     """A bar with the number of frames or scans done."""
     columns = (SpinnerColumn(), BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task("", total=total)
-        yield lambda outcome: progress.advance(task)
+    progress = Progress(*columns, console=console)
+    task = progress.add_task("", total=total)
+    with _begun_late(progress) as begin:
+
+        def advance(outcome: object) -> None:
+            begin()
+            progress.advance(task)
+
+        yield advance
+
+
+@contextmanager
+def _begun_late(progress: Progress) -> Iterator[Callable[[], None]]:
+    """Yield a function that shows the progress from its first call on, so that none precedes an error of the start."""
+    with console.status(START_UP) as status:  # disappears before the progress or an error message
+
+        def begin() -> None:
+            if not progress.live.is_started:
+                status.stop()
+                progress.start()
+
+        try:
+            yield begin
+        finally:
+            if progress.live.is_started:  # otherwise an empty line would precede an error message
+                progress.stop()
 
 
 @contextmanager

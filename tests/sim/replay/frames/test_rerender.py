@@ -247,3 +247,5 @@ def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_p
     assert first.read_bytes() == second.read_bytes() and cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30
     assert call("frames", "run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
     assert [path.name for path in (tmp_path / "deep" / "new").iterdir()] == ["uav0-scan0005-1.0s.png"]
+    code, out, err = call("frames", "run", "--uav", "0", "--time", "1", "--out", "deep/new")
+    assert (code, out) == (2, "") and err.startswith("understory: --out: deep/new exists")
