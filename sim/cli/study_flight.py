@@ -126,9 +126,8 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
     text = ", ".join(f"{count} of version {version}" for version, count in others.items())
     notes = [f"{store.path}: trials of another version are kept apart, not shown: {text}"] if others else []
     if rest:
-        notes.append(
-            f"{store.path}: kept, not shown: {rest} trials of other planners, code, scenarios, settings or seeds"
-        )
+        trials = f"{rest} trial{'s' * (rest != 1)}"
+        notes.append(f"{store.path}: kept, not shown: {trials} of other planners, code, scenarios, settings or seeds")
     return notes
 
 

@@ -241,8 +241,9 @@ def _unmatched(recording: Recording) -> Iterator[Event]:
         uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
         near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
         near = near if found.left is None or found.duplicate else f" after its person {found.left} left"
-        cost = np.nanmax(recording.ospa[found.first : found.last + 1, uavs, 2])
-        why = f"held by {fleet_text(uavs)}{near}; OSPA's cardinality part is up to {cost:.1f} m"
+        cost = f"{np.nanmax(recording.ospa[found.first : found.last + 1, uavs, 2]):.1f}"
+        part = "" if cost == "0.0" else f"; OSPA's cardinality part is up to {cost} m"
+        why = f"held by {fleet_text(uavs)}{near}{part}"
         person = found.nearest if found.duplicate else None
         stands = f"is person {found.nearest}'s second one" if found.duplicate else "stands for no person"
         kind, text = "duplicate track" if found.duplicate else "false track", f"track {number} {stands}"

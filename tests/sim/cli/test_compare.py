@@ -172,7 +172,9 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
         "understory: s/study.sqlite: kept, not shown: 2 trials of other planners, code, scenarios, settings or seeds\n"
     )
     assert code == 0 and err.endswith(told)
-    assert "not shown" not in compare(*first, "--planner", "greedy", backend=Serial())[2]
+    both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
+    assert compare(*both, "--seeds", "0", backend=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
+    assert "not shown" not in compare(*both, "--seeds", "0,1", backend=Serial())[2]
 
 
 def test_the_pace_of_a_study_in_words():

@@ -185,8 +185,11 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
         ("duplicate track", "track 2 is person 0's second one", "0.2 to 0.6 s", (0, 1), 0),
         ("false track", "track 3 stands for no person", "0.6 to 0.8 s", (1,), None),
     ]
-    cost = recording.ospa[3, 1, 2]
-    assert found[1].why == f"held by UAV 1, 30.0 m from person 1; OSPA's cardinality part is up to {cost:.1f} m"
+    for cost, part in ((3.33, "; OSPA's cardinality part is up to 3.3 m"), (0.0, "")):
+        ospa = np.zeros_like(recording.ospa)
+        ospa[3, 1, 2] = cost
+        (event,) = (e for e in Flight(replace(recording, ospa=ospa)).events if e.kind == "false track")
+        assert event.why == f"held by UAV 1, 30.0 m from person 1{part}"
 
 
 def test_breakdowns_faults_contacts_and_links_are_told_once():
