@@ -9,7 +9,7 @@ from sim.drawing.lettering import Group
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
-from sim.replay.event import UNHELD, UNMATCHED, lasting
+from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
@@ -22,18 +22,15 @@ _LEAST = 0.005  # least probability of a measurement that gets a line
 
 
 def explanation(facts: PersonFacts) -> list[Group]:
-    """Sentences on one person at one scan: the person, each UAV, the track, events at that time, and intents."""
+    """Sentences on one person at one scan: the person, each UAV, the tracks, events at that time, and intents."""
     groups = [(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
     if np.isnan(facts.place[0]):
         return groups
     if facts.note:
         groups.append(("note", [facts.note]))
     groups += [(f"UAV {w.uav}", _observation(w, facts)) for w in facts.observations]
-    if facts.holder:
-        groups.append((f"track {facts.holder.number}", _track(facts.holder, facts)))
-    now = [event for event in facts.flight.events if event.first <= facts.k <= event.last]
-    now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
-    if now:
+    groups += [(f"track {holder.number}", _track(holder, facts)) for holder in facts.holders]
+    if now := _events(facts):
         groups.append(("events", [f"{event.when}: {event.sentence}" for event in now]))
     groups.append(("intents", _intents(facts)))
     return groups
@@ -51,11 +48,10 @@ def _person(facts: PersonFacts) -> list[str]:
 
 def _holding(facts: PersonFacts) -> list[str]:
     """UAVs that hold the person or, if none does, the beginning and end of the loss."""
-    history, holder = facts.flight.history, facts.holder
-    times = history.times
-    if holder and holder.holds:
-        by = [(holder.number, holder.holds), *holder.others]
-        return [f"held by {fleet_text(uavs)} as track {number}" for number, uavs in by]
+    history, times = facts.flight.history, facts.flight.history.times
+    held = [f"held by {fleet_text(holder.holds)} as track {holder.number}" for holder in facts.holders if holder.holds]
+    if held:
+        return held
     unheld = (event for event in facts.flight.events if event.kind in UNHELD and event.person == facts.person)
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end = loss.last + 1
@@ -63,10 +59,11 @@ def _holding(facts: PersonFacts) -> list[str]:
         later = "not held again by the end of the mission"
     else:
         later = f"{'held from' if history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
-    if holder is None:
+    if not facts.holders:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
     lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track within {HELD:g} m"]
-    return [*lines, f"last held as track {holder.number} at {holder.until:.1f} s; {later}"]
+    (last,) = facts.holders
+    return [*lines, f"last held as track {last.number} at {last.until:.1f} s; {later}"]
 
 
 def _seen(facts: PersonFacts) -> str:
@@ -93,7 +90,7 @@ def _observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
         lines += _detection(w.found, w.association)
     elif w.sighting.looked and w.sighting.pixels:
         lines.append("not detected")
-    return lines + (_association(w, w.association, facts.holder) if w.association and facts.holder else [])
+    return lines + (_association(w, w.association, facts) if w.association and facts.holders else [])
 
 
 def _view(w: PersonObservation, recording: Recording) -> list[str]:
@@ -120,9 +117,12 @@ def _detection(found: PersonMeasurement, a: Association) -> list[str]:
     return lines if len(tracks) else [*lines, "in the gate of no track"]
 
 
-def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> list[str]:
+def _association(w: PersonObservation, a: Association, facts: PersonFacts) -> list[str]:
     """The scan that the person's track predicted, and other measurements that may be associated with the track."""
-    lines = []
+    lines, holder = [], facts.track_of(w.uav)
+    if holder is None:
+        other = facts.holders[0]
+        return [f"holds person {other.elsewhere[w.uav]} as track {other.number}"]
     for t in np.flatnonzero(a.numbers == holder.number):
         lines.append(f"expected track {holder.number} in plain view with {percent_text(float(a.before.visible[t]))}")
         weights = a.beta[t, 1:]
@@ -152,6 +152,14 @@ def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     return lines
 
 
+def _events(facts: PersonFacts) -> list[Event]:
+    """Events at the scan that concern the person or tracks of no person."""
+    events, k = facts.flight.events, facts.k
+    now = [event for event in events if event.first <= k <= event.last]
+    now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
+    return now
+
+
 def _intents(facts: PersonFacts) -> list[str]:
     lines = []
     for observation, planned in zip(facts.observations, facts.planned, strict=True):
@@ -159,8 +167,9 @@ def _intents(facts: PersonFacts) -> list[str]:
             lines.append(f"UAV {observation.uav}: no plan{'' if observation.works else ', as it has broken down'}")
             continue
         parts = [f"the person {_ahead(planned, planned.person)}"]
-        if facts.holder and planned.track is not None:
-            parts.insert(0, f"track {facts.holder.number} {_ahead(planned, planned.track)}")
+        holder = facts.track_of(observation.uav)
+        if holder and planned.track is not None:
+            parts.insert(0, f"track {holder.number} {_ahead(planned, planned.track)}")
         plan = f"plan of {planned.made:.1f} s to {planned.times[-1]:.1f} s"
         lines.append(f"UAV {observation.uav}, {plan}: " + "; ".join(parts))
     return lines

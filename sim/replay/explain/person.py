@@ -1,7 +1,7 @@
 """Facts about one person at one scan of a recording, and the person's visibility on the plans of UAVs."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,11 +94,11 @@ def _states(recording: Recording, uav: int, views: list[Pose], places: Array) ->
 
 @dataclass(frozen=True, eq=False)
 class HoldingTrack:
-    """The present or last track that stands for a person, in the state that one UAV has after a scan."""
+    """A track that stands for a person, or was the last to do so, in the state that one UAV has after a scan."""
 
     number: int  # displayed number, by first appearance
     holds: tuple[int, ...]  # UAVs for which it stands for the person now
-    others: tuple[tuple[int, tuple[int, ...]], ...]  # other tracks that stand for the person now, with their UAVs
+    elsewhere: dict[int, int]  # other people for whom it stands now, by UAV
     since: float  # s, time of its first scan
     belief: Gaussian | None  # None if the track has ended
     existence: float  # existence probability; NaN if it is not estimated
@@ -125,7 +125,8 @@ class PersonFacts:
     person: int
     place: Array  # (2,) m, NaN if absent
     velocity: Array  # (2,) m/s, NaN if unknown
-    holder: HoldingTrack | None  # None if no track has stood for the person yet
+    # The tracks that stand for the person, that of most UAVs first. If none does, the last that did, if there is one.
+    holders: tuple[HoldingTrack, ...]
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     flight: Flight
@@ -135,42 +136,67 @@ class PersonFacts:
     def of(observer: Observer, k: int, person: int) -> "PersonFacts":
         """The facts about a person at scan k."""
         recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
-        holder = _holder(observer.flight, k, person)
-        belief = holder.belief if holder else None
+        holders = _holders(observer.flight, k, person)
+        beliefs = [_belief(recording, k, i, _track_of(holders, i)) for i in uavs]
         return PersonFacts(
             k=k,
             person=person,
             place=recording.people[k, person],
             velocity=velocities(recording)[k, person],
-            holder=holder,
+            holders=holders,
             observations=tuple(observer.observe(k, i, person) for i in uavs),
-            planned=tuple(planned_visibility(recording, k, i, person, belief) for i in uavs),
+            planned=tuple(planned_visibility(recording, k, i, person, beliefs[i]) for i in uavs),
             flight=observer.flight,
             note=observer.note,
         )
 
+    def track_of(self, uav: int) -> HoldingTrack | None:
+        """The track by which a UAV holds the person or, if it has none, the first of `holders`.
 
-def _holder(flight: Flight, k: int, person: int) -> HoldingTrack | None:
-    """The track by which most UAVs hold the person; if none does, the last track that held them."""
-    recording, held = flight.recording, flight.history.tracks[: k + 1, :, person]
+        None if that one stands for another person on this UAV, as ids differ between UAVs that do not hear each other.
+        """
+        return _track_of(self.holders, uav)
+
+
+def _track_of(holders: Sequence[HoldingTrack], uav: int) -> HoldingTrack | None:
+    own = next((holder for holder in holders if uav in holder.holds), holders[0] if holders else None)
+    return None if own is None or uav in own.elsewhere else own
+
+
+def _belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | None) -> Gaussian | None:
+    """The belief of a track that a UAV has after scan k; that of another UAV if it does not have the track."""
+    if holder is None:
+        return None
+    found = track_at(recording, k, [uav], list(recording.track_numbers)[holder.number])
+    return found[1] if found else holder.belief
+
+
+def _holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
+    """The tracks by which UAVs hold the person, that of most UAVs first; if none does, the last that held them."""
+    held = flight.history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:
-        return None
-    ids, counts = np.unique(held[scans[-1]][held[scans[-1]] >= 0], return_counts=True)
-    id_ = int(ids[np.argmax(counts)])
-    holds = np.flatnonzero(held[k] == id_).tolist()
-    rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
-    numbers = recording.track_numbers
+        return ()
+    last = int(scans[-1])
+    ids, counts = np.unique(held[last][held[last] >= 0], return_counts=True)
+    ids = ids[np.argsort(-counts, kind="stable")]
+    return tuple(_holder(flight, k, person, int(id_), last) for id_ in (ids if last == k else ids[:1]))
+
+
+def _holder(flight: Flight, k: int, person: int, id_: int, last: int) -> HoldingTrack:
+    """Facts at scan k about the track that stood for the person at scan `last`."""
+    recording, standing = flight.recording, flight.history.tracks[k] == id_
+    holds = np.flatnonzero(standing[:, person]).tolist()
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
     found = track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
     return HoldingTrack(
-        number=numbers[id_],
+        number=recording.track_numbers[id_],
         holds=tuple(holds),
-        others=tuple((numbers[t], tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),
+        elsewhere={uav: other for uav, other in np.argwhere(standing).tolist() if other != person},
         since=float(recording.times[first // recording.poses.shape[1]]),
         belief=found[1] if found else None,
         existence=found[2] if found else math.nan,
-        until=float(recording.times[scans[-1]]),
+        until=float(recording.times[last]),
     )
 
 

@@ -17,7 +17,7 @@ from sim.replay.explain import picture
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
-from sim.replay.explain.person import PersonFacts
+from sim.replay.explain.person import PersonFacts, planned_visibility
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts
 from sim.replay.flight import Flight
@@ -130,7 +130,7 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
             assert (f"shows {w.sighting.pixels} of {w.whole} pixels" in text) == bool(w.whole)
             seen |= {word for word in ("in the gate of track", "not detected", "too, weight") if word in text}
             np.testing.assert_array_equal(w.association.beta, made.beta)
-            found, own = w.found.measurement if w.found else -1, made.numbers.tolist().index(facts.holder.number)
+            found, own = w.found.measurement if w.found else -1, made.numbers.tolist().index(facts.holders[0].number)
             told = re.findall(r"in the gate of track (\d+) at ([\d.]+) σ, weight (.+)", text)
             assert len(told) == (np.count_nonzero(made.gated[:, found]) if w.found else 0)
             for number, sigmas, weight in told:
@@ -148,7 +148,7 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
     order = list(dict.fromkeys(recording.track_ids.tolist()))
     lost = 0
     for facts in all_facts:
-        k, m, holder = facts.k, facts.person, facts.holder
+        k, m, holder = facts.k, facts.person, facts.holders[0]
         held = [(j, t) for j in range(k + 1) for t in history.tracks[j, :, m].tolist() if t >= 0]
         last = held[-1][0]
         assert order[holder.number] in {t for j, t in held if j == last}
@@ -227,9 +227,9 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
 
 
 def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
-    facts = next(a for a in all_facts if a.holder and a.holder.belief)
+    facts = next(a for a in all_facts if a.holders and a.holders[0].belief)
     for existence, told in ((0.51, "existence 0.5100"), (0.5, "existence 0.5000, so it is not reported")):
-        doubted = replace(facts, holder=replace(facts.holder, existence=existence))
+        doubted = replace(facts, holders=(replace(facts.holders[0], existence=existence),))
         assert told in [line for _, lines in explanation(doubted) for line in lines]
 
 
@@ -287,14 +287,14 @@ def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
     recording, history, observer = mission
     k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
                 if np.any(history.held[:k, m]))  # fmt: skip
-    whole = PersonFacts.of(observer, k, m).holder
+    (whole,) = PersonFacts.of(observer, k, m).holders
     rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
     assert whole.belief is not None and len(rows) == 1
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
     renamed = replace(recording, track_ids=ids)
     with Observer(Flight(renamed)) as other:
-        holder = PersonFacts.of(other, k, m).holder
+        (holder,) = PersonFacts.of(other, k, m).holders
     assert holder.belief is not None and holder.number == whole.number
 
 
@@ -306,7 +306,56 @@ def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
     ids[row] = 0
     with Observer(Flight(replace(recording, track_ids=ids))) as observer:
         facts = PersonFacts.of(observer, k, m)
-    ((_, uavs),) = facts.holder.others
-    assert facts.holder.holds == (1, 2) and uavs == (0,)
-    said = explanation(facts)[0][1]
-    assert f"held by UAVs 1 and 2 as track {facts.holder.number}" in said
+    assert [holder.holds for holder in facts.holders] == [(1, 2), (0,)]
+    numbers = [holder.number for holder in facts.holders]
+    groups = explanation(facts)
+    said = [f"held by UAVs 1 and 2 as track {numbers[0]}", f"held by UAV 0 as track {numbers[1]}"]
+    assert [line for line in groups[0][1] if line.startswith("held")] == said
+    assert [name for name, _ in groups if name.startswith("track")] == [f"track {number}" for number in numbers]
+
+
+def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
+    recording = recorded(*IDEAL, "network.range=1", "sensing.false_alarms=3", "tracking.clutter_density=1e-3")
+    ids, others = recording.track_ids.copy(), recording.cells(recording.track_offsets)[1] > 0
+    swapped = dict(zip(ids[others][:2].tolist(), ids[others][1::-1].tolist(), strict=True))
+    ids[others] = [swapped.get(id_, id_) for id_ in ids[others].tolist()]  # names of tracks that UAV 0 does not share
+    recording = replace(recording, track_ids=ids)
+    kinds = {"several": 0, "own": 0, "none": 0, "too": 0}
+    with Observer(Flight(recording)) as observer:
+        tracks, numbers = observer.flight.history.tracks, recording.track_numbers
+        held_at = np.argwhere((tracks >= 0).any(axis=1)).tolist()
+        for k, m in ((k, m) for k, m in held_at if k > 0):  # tracks known at the start have their old ids
+            facts = PersonFacts.of(observer, k, m)
+            groups, fleet = dict(explanation(facts)), tracks[k, :, m]
+            held = {id_: np.flatnonzero(fleet == id_) for id_ in fleet[fleet >= 0].tolist()}
+            assert {f"track {numbers[id_]}" for id_ in held} == {name for name in groups if name.startswith("track")}
+            kinds["several"] += len(held) > 1
+            for id_, uavs in held.items():
+                (track,) = (t for t in recording.tracks_at(k, int(uavs[0])) if t.id == id_)
+                off, P = track.belief.mean[:2] - recording.people[k, m], track.belief.covariance[:2, :2]
+                square = off @ np.linalg.inv(P) @ off
+                words = f"error {np.hypot(*off):.2f} m, {square**0.5:.1f} σ (NEES {square:.1f}, 2 expected)"
+                assert words in groups[f"track {numbers[id_]}"]
+            most = max(held, key=lambda id_: (len(held[id_]), -id_))
+            for i in range(3):
+                own = int(fleet[i]) if fleet[i] >= 0 else most
+                named = set(tracks[k, i].tolist()) - {-1}
+                a, lines = Association.of(recording, k, i), "\n".join(groups[f"UAV {i}"])
+                if fleet[i] < 0 and most in named:
+                    other = tracks[k, i].tolist().index(most)
+                    assert f"holds person {other} as track {numbers[most]}" in lines and "expected" not in lines
+                    assert f"track {numbers[most]}" not in groups["intents"][i]
+                    kinds["none"] += 1
+                    continue
+                rows = np.flatnonzero(a.ids == own)
+                told = [(str(numbers[own]), percent_text(a.before.visible[t])) for t in rows]
+                assert re.findall(r"expected track (\d+) in plain view with (.+)", lines) == told
+                assert set(re.findall(r"the gate of track (\d+) too", lines)) <= {str(numbers[own])}
+                kinds["too"] += "too, weight" in lines
+                beliefs = [t.belief for t in recording.tracks_at(k, i) if t.id == own]
+                if beliefs and facts.planned[i]:
+                    plan = planned_visibility(recording, k, i, m, beliefs[0])
+                    np.testing.assert_array_equal(facts.planned[i].track, plan.track)
+                    assert f": track {numbers[own]} " in groups["intents"][i]
+                    kinds["own"] += own != most
+    assert min(kinds.values()) > 2, kinds
