@@ -116,12 +116,11 @@ def _print(groups: list[Group]) -> None:
 def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
     """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
     from sim.drawing.plots import save
-    from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED
+    from sim.replay.event import UNHELD, UNMATCHED
 
     people = range(flight.recording.people.shape[1]) if person is None else [person]
     unheld = [event for event in flight.events if event.kind in UNHELD and event.person in people]
-    kinds = (*UNMATCHED, *IDENTITIES, *INCIDENTS) if person is None else ()
-    others = [event for event in flight.events if event.kind in kinds]
+    others = _others(flight) if person is None else []
     if person is not None:
         _print_stretches(flight, person)
     elif not unheld:
@@ -143,6 +142,16 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     if loss:
         show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
+
+
+def _others(flight: Flight) -> list[Event]:
+    """Events other than losses, by time; links that are lost again and again are told of in few."""
+    from sim.replay.event import IDENTITIES, INCIDENTS, UNMATCHED
+    from sim.replay.link_outages import link_outages
+
+    found = [event for event in flight.events if event.kind in (*UNMATCHED, *IDENTITIES, *INCIDENTS)]
+    found += link_outages(flight.events, flight.history.times)
+    return sorted(found, key=lambda event: event.time)
 
 
 def _print_stretches(flight: Flight, person: int) -> None:

@@ -14,6 +14,7 @@ from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
+from sim.replay.link_outages import link_outages_at
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import UNLIKELY
 
@@ -153,11 +154,12 @@ def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
 
 
 def _events(facts: PersonFacts) -> list[Event]:
-    """Events at the scan that concern the person or tracks of no person."""
+    """Events at the scan that concern the person, tracks of no person, or links."""
     events, k = facts.flight.events, facts.k
     now = [event for event in events if event.first <= k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
-    return now
+    now += link_outages_at(events, facts.flight.history.times, k)
+    return sorted(now, key=lambda event: event.time)
 
 
 def _intents(facts: PersonFacts) -> list[str]:

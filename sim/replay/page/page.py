@@ -23,6 +23,7 @@ from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
+from sim.replay.link_outages import link_outages
 from sim.replay.page.data import colours, page_data
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import SCENARIOS, load
@@ -60,6 +61,8 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     data = page_data(flight, None if film is None else parts_of(scenario))
     lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
+    incidents += link_outages(events, recording.times)
+    incidents.sort(key=lambda event: event.time)
     style, script = _style(), _script()
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     return Template(_asset("page.html")).substitute(

@@ -1,0 +1,84 @@
+"""Times without a link between UAVs, in few sentences even for a large fleet or links that are lost again and again."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from sim.replay.event import Event, ends, lasting
+from tracking.numerics.arrays import Array
+
+_CAUSES = "too far, cut or not there"
+_MOST_LINES, _MOST_PAIRS = 10, 6  # lines, and pairs of UAVs named in one
+
+
+class _Outage(NamedTuple):
+    first: int
+    last: int
+
+
+_Pair = tuple[int, int]
+
+
+def link_outages(events: Sequence[Event], times: Array) -> list[Event]:
+    """Events, sorted by time, that tell all times without a link; pairs of UAVs with the same times share one.
+
+    Of more than ten such events the nine with the longest times are kept, and one is about all other pairs. events:
+    those of a mission; times (K,) s.
+    """
+    alike = defaultdict(list)
+    for pair, outages in _outages(events, times).items():
+        alike[tuple(outages)].append(pair)
+    longest = sorted(alike, key=_scans, reverse=True)
+    named = len(longest) if len(longest) <= _MOST_LINES else _MOST_LINES - 1
+    found = []
+    for own in longest[:named]:
+        text = f"no link between {_pairs_text(alike[own])}"
+        if len(own) > 1:
+            seconds = sum(end - begin for begin, end in (ends(times, *outage) for outage in own))
+            text += f", {len(own)} times, {seconds:.1f} s in all"
+        found.append(_event(times, _Outage(own[0].first, own[-1].last), text))
+    if rest := longest[named:]:
+        pairs = sum(len(alike[own]) for own in rest)
+        span = _Outage(min(own[0].first for own in rest), max(own[-1].last for own in rest))
+        found.append(_event(times, span, f"no link at times between {pairs} more pairs of UAVs"))
+    return sorted(found, key=lambda event: event.time)
+
+
+def link_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event]:
+    """Events that tell which UAVs have no link at scan k, and from when to when, the longest first."""
+    now = defaultdict(list)
+    for pair, outages in _outages(events, times).items():
+        for outage in outages:
+            if outage.first <= k <= outage.last:
+                now[outage].append(pair)
+    most = sorted(now, key=lambda outage: (outage.first, -outage.last))
+    return [_event(times, outage, f"no link between {_pairs_text(now[outage])}") for outage in most]
+
+
+def _outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Outage]]:
+    """The outages of each pair of UAVs that has any; that of a UAV which breaks down ends with it."""
+    begun: dict[_Pair, int] = {}
+    found = defaultdict(list)
+    for event in sorted(events, key=lambda event: event.first):
+        if event.kind == "link lost":
+            begun[min(event.uavs), max(event.uavs)] = event.first
+        elif event.kind in ("link restored", "breakdown"):
+            for pair in [pair for pair in begun if set(event.uavs) <= set(pair)]:
+                found[pair].append(_Outage(begun.pop(pair), event.first - 1))
+    for pair, first in begun.items():
+        found[pair].append(_Outage(first, len(times) - 1))
+    return found
+
+
+def _scans(outages: Iterable[_Outage]) -> int:
+    return sum(outage.last + 1 - outage.first for outage in outages)
+
+
+def _event(times: Array, span: _Outage, text: str) -> Event:
+    return Event("link lost", text, *span, *lasting(times, *span), _CAUSES)
+
+
+def _pairs_text(pairs: Sequence[_Pair]) -> str:
+    named = [f"{i} and {j}" for i, j in sorted(pairs)[:_MOST_PAIRS]]
+    more = len(pairs) - len(named)
+    return f"UAVs {', '.join(named)}" + (f", and {more} more pair{'s' * (more > 1)}" if more else "")
