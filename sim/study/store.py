@@ -55,7 +55,8 @@ class _Kept(msgspec.Struct, frozen=True):
 
 _FIELDS = _Kept.__struct_fields__
 _COLUMNS = ", ".join(_FIELDS)
-_SAME = ("repeat", "recording", "machine", "version", "status", "error")  # fields that are equal in a row and a store
+# Fields that are equal in a row and a store.
+_SAME = ("scenario", "planner", "repeat", "recording", "machine", "version", "status", "error")
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # errors of a file that is locked or no valid store
 
 
@@ -238,12 +239,9 @@ def _json(value: object) -> str:
 
 
 def _kept(task: Task, row: Row) -> _Kept:
-    scenario, factors, settings, planner = _place(task)
     return _Kept(
-        scenario=scenario,
-        factors=factors,
-        settings=settings,
-        planner=planner,
+        factors=_json(row.factors),
+        settings=_json(row.settings),
         # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
         seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_json(row.metrics),
@@ -263,14 +261,12 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
         numbers = msgspec.json.decode(kept.metrics, type=dict[str, float | None])
         return Row(
             study=study,
-            scenario=kept.scenario,
             factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
             seed=int(kept.seed),
             metrics={name: math.nan if value is None else value for name, value in numbers.items()},
             ospa=distances,
             times=np.arange(len(distances)) / kept.scans_per_s,
             settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
-            planner=kept.planner,
             **{name: getattr(kept, name) for name in _SAME},
         )
     except (ValueError, OverflowError, RecursionError) as error:  # errors of msgspec are ValueErrors
