@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -73,7 +73,7 @@ def cells(study: Study) -> list[Cell]:
             made.append(Cell(scenario, seen, unlimited, study.score.bound))
         for cell in made:
             place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
-            if not any(_matches(rule, place) for rule in study.exclude):
+            if not any(all(place[key] in values for key, values in rule.items()) for rule in study.exclude):
                 found.append(cell)
     if not found:
         raise InputError(f"{study.at('study')}: {study.name} has no trial: {_lacking(study) or 'all is excluded'}")
@@ -106,10 +106,6 @@ def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
             raise InputError(f"--tracker: tracking.tracker is what factor {factor!r} of study {study.name} varies")
     own = {name: {"tracking": {"tracker": name}} for name in trackers}
     return msgspec.structs.replace(study, factors={**others, TRACKER: own})
-
-
-def _matches(rule: Mapping[str, Any], place: Mapping[str, str]) -> bool:
-    return all(place[key] in ([value] if isinstance(value, str) else value) for key, value in rule.items())
 
 
 def _check_levels(study: Study) -> None:

@@ -39,7 +39,7 @@ class Study(Struct, frozen=True):
     scenarios: tuple[str, ...] = ("forest",)
     settings: dict[str, str] = {}  # overrides for all trials, with values in the form of --set
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # overrides and `planner` options by name and level
-    exclude: tuple[dict[str, Any], ...] = ()  # rules; trials that match all entries of a rule are left out
+    exclude: tuple[dict[str, Any], ...] = ()  # lists of names by key; trials that match all of a rule are left out
     score: ScoreScale | None = None
     file: str = ""  # file or name of a packaged study; empty if it is made of options
     given: dict[str, str] = {}  # overrides for all trials from outside of the file
@@ -80,7 +80,7 @@ def read(name: str) -> Study:
         return [str(path.parent / s) if s.endswith(".toml") else s for s in scenarios]
 
     rules = [
-        {key: anchored(_listed(value)) if key == "scenario" else value for key, value in rule.items()}
+        {key: anchored(_listed(value)) if key == "scenario" else _listed(value) for key, value in rule.items()}
         for rule in study.exclude
     ]
     return msgspec.structs.replace(study, scenarios=tuple(anchored(study.scenarios)), exclude=tuple(rules))
