@@ -125,9 +125,10 @@ def release() -> str:
 
 
 def _loaded(cell: Cell) -> tuple[Scenario, str]:
-    """Scenario and digest of a cell; InputError if it cannot be flown."""
+    """Scenario of a cell, and digest of all that decides a trial besides seed and repeat; InputError if it is wrong."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    return setting, _digest_of(setting, cell.spec)
+    parts = [resolved(setting), canonical_text(cell.spec), release(), *_contents(setting, cell.spec)]
+    return setting, hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def _placed(study: Study, cell: Cell, error: InputError) -> str:
@@ -151,12 +152,6 @@ def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
     end = "floor" if study.score and cell.planner == study.score.floor else "bound"
     key = "study.planners" if cell.planner in study.planners else f"score.{end}"
     return f"{key}: {str(error).removeprefix('planner: ')}"
-
-
-def _digest_of(setting: Scenario, planner: str) -> str:
-    """Digest of everything that decides a trial except seed and repeat."""
-    parts = [resolved(setting), canonical_text(planner), release(), *_contents(setting, planner)]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def _contents(setting: Scenario, planner: str) -> list[str]:
