@@ -181,12 +181,10 @@ def _check_distinct(study: Study, first: Sequence[Task]) -> None:
     """InputError if two cells have the same trials, which would count twice."""
     known: dict[str, Task] = {}
     for task in first:
-        if task.key in known:
-            one, other = (_place(known[task.key]), _place(task))
-            raise InputError(
-                f"{study.at('study')}: {study.name}: {one} and {other} are the same trials; each counts once"
-            )
-        known[task.key] = task
+        other = known.setdefault(task.key, task)
+        if other is not task:
+            both = f"{_place(other)} and {_place(task)}"
+            raise InputError(f"{study.at('study')}: {study.name}: {both} are the same trials; each counts once")
 
 
 def _place(task: Task) -> str:
