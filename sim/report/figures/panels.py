@@ -1,6 +1,6 @@
 """Layout of a study's figures: the curves of each panel, and their colours and dashes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle, product
 
@@ -89,7 +89,7 @@ def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> S
     panels = []
     for cell in dict.fromkeys(group.cell for group in groups):
         curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
-        panels.append(Panel(cell_text(tuple(factor for factor in cell if factor[0] in factors)), curves))
+        panels.append(Panel(cell_text(_some(cell, factors)), curves))
     sizes = [len(values) for values in factors.values()]
     crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
     columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
@@ -98,9 +98,9 @@ def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> S
 
 def _of_one_planner(groups: Sequence[Group]) -> Sheet:
     """Panels by the first factor, colours by the last, and dashes by the factors in between."""
-    factors = varying(groups)
-    outer = list(factors)[:1] if len(factors) > 1 else []
-    inner = list(factors)[len(outer) :]
+    factors = list(varying(groups))
+    outer = factors[:1] if len(factors) > 1 else []
+    inner = factors[len(outer) :]
     last = list(dict.fromkeys(_some(group.cell, inner[-1:]) for group in groups))
     between = list(dict.fromkeys(_some(group.cell, inner[:-1]) for group in groups))
     panels: dict[Cell, list[Curve]] = {}
@@ -114,5 +114,5 @@ def _of_one_planner(groups: Sequence[Group]) -> Sheet:
     return Sheet("", found, min(COLUMNS, len(found)))
 
 
-def _some(cell: Cell, names: Sequence[str]) -> Cell:
+def _some(cell: Cell, names: Collection[str]) -> Cell:
     return tuple(factor for factor in cell if factor[0] in names)
