@@ -91,9 +91,8 @@ def _moments(values: Array) -> tuple[float, float, float]:
     n, centre = len(values), float(values.mean())
     if np.ptp(values) == 0:
         return float(values[0]), 0.0, 0.0
-    residuals = values - centre
-    spread = float(np.sqrt(np.sum(residuals**2) / (n - 1)))
-    cubes = float(np.sum((residuals / spread) ** 3))
+    spread = float(values.std(ddof=1))
+    cubes = float(np.sum(((values - centre) / spread) ** 3))
     skewness = cubes * n / ((n - 1) * (n - 2)) if n > 2 else 0.0
     return centre, spread / float(np.sqrt(n)), skewness * spread / (6 * n)
 
