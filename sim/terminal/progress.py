@@ -18,19 +18,15 @@ START_UP = "starting up"
 def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], None]]:
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
-    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
     total, count = 0.0, 0  # sum and number of the distances so far
-    progress = Progress(*columns, console=console)
-    task = progress.add_task("", total=len(scenario.scan_times))
-    with _begun_late(progress) as begin:
+    columns = (BarColumn(bar_width=20), TextColumn("{task.description}"))
+    with _shown_late(len(scenario.scan_times), *columns) as advance:
 
         def show(moment: ScanProgress) -> None:
             nonlocal total, count
-            begin()
             total, count = total + sum(moment.distances), count + len(moment.distances)
             error = f"{fmean(moment.distances):.2f} m" if moment.distances else "-"
-            now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m"
-            progress.update(task, advance=1, description=now)
+            advance(f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m")
 
         yield show
 
@@ -38,30 +34,28 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
 @contextmanager
 def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
     """A bar with the number of frames or scans done."""
-    columns = (SpinnerColumn(), BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
-    progress = Progress(*columns, console=console)
-    task = progress.add_task("", total=total)
-    with _begun_late(progress) as begin:
-
-        def advance(outcome: object) -> None:
-            begin()
-            progress.advance(task)
-
-        yield advance
+    with _shown_late(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
+        yield lambda outcome: advance("")
 
 
 @contextmanager
-def _begun_late(progress: Progress) -> Iterator[Callable[[], None]]:
-    """Yield a function that shows the progress from its first call on, so that none precedes an error of the start."""
+def _shown_late(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
+    """Yield a function that advances a bar and describes what is done.
+
+    The bar is shown from its first call on, so that none precedes an error of the start.
+    """
+    progress = Progress(SpinnerColumn(), *columns, TimeRemainingColumn(), console=console)
+    task = progress.add_task("", total=total)
     with console.status(START_UP) as status:  # disappears before the progress or an error message
 
-        def begin() -> None:
+        def advance(description: str) -> None:
             if not progress.live.is_started:
                 status.stop()
                 progress.start()
+            progress.update(task, advance=1, description=description)
 
         try:
-            yield begin
+            yield advance
         finally:
             if progress.live.is_started:  # otherwise an empty line would precede an error message
                 progress.stop()
