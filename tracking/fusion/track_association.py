@@ -77,7 +77,8 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     If both are of one person, the states are equal, or the person has turned while out of sight and is anywhere within
     reach of the last detection. If they are of two people, a UAV with one track does not know the other person, who may
     be at any place and have any velocity.
-    Note: the larger of the two densities of one person counts, rather than their weighted sum.
+    Note: the larger of the two densities of one person counts, rather than their weighted sum. The errors of two tracks
+    of one person are taken as independent, although both contain the person's process noise [BarShalom81].
     """
     cost = pair_costs(states[:2], states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
