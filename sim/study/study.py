@@ -107,6 +107,8 @@ def _check_excluded(study: Study) -> None:
             raise InputError(f"{where[:-1]}: is empty; expected one or more of {', '.join(known)}")
         _check_keys(rule, known, where)
         for key, value in rule.items():
+            if value == []:
+                raise InputError(f"{where}{key}: is empty; expected text, or a list of texts")
             for name in _listed(value):
                 if not isinstance(name, str):
                     raise InputError(f"{where}{key}: {name!r} is not allowed; expected text, or a list of texts")

@@ -272,6 +272,10 @@ WRONG = {
     "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "the name of a factor"),
     "same level twice": ("[study]\nplanners = ['hover']\n[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
     "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
+    "empty list in exclude": (
+        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = []",
+        "mine.toml: exclude.0.planner: is empty; expected text, or a list of texts",
+    ),
     "unknown level in exclude": (
         "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
         "'abd' is unknown; .* did you mean abc",
