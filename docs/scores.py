@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from sim.analysis.answers import map_means
+from sim.analysis.answers import holm, map_means
 from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group, Run, grouped
-from sim.analysis.differences import differences, paired
+from sim.analysis.differences import Difference, differences, paired
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.score import SCORE, NormalisedScore, Scored, scored
 from sim.evaluation.metric import Metric
@@ -39,6 +39,7 @@ DEFAULT, *RIVALS = (
     "sma-nbo",
     "pma-nbo",
     "mcr(samples=10)",
+    "mcr(samples=10, search=0.1)",
     "mcr(samples=4, beta=0.5, evaluations=9216)",
     "dec-pomdp",
     "centralized",
@@ -100,9 +101,7 @@ def scores_table() -> str:
     found, metric, ends = _scored(groups)
     texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
     planners = [name for name in ORDER if any(score.planner == name for score in found)]
-    flown = [sorted({score.maps for score in found if score.cell and score.planner == name}) for name in planners]
     columns = [["planner", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
-    columns.append(["maps", "", "", *(" or ".join(map(str, counts)) for counts in flown)])
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
         columns.append([_name(cell), *means, *(texts.get((cell, name), "") for name in planners)])
@@ -123,30 +122,36 @@ def ends_line(world: str) -> str:
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
-    """A metric of a planner, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
+    """A metric of a planner, and what others have beyond it, paired by map; the last line is their mean over worlds.
+
+    Bold differences survive Holm's correction for the whole table; of those in italics only the interval excludes zero.
+    """
     metric, groups = metric_shown(name), _groups(world)
     planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
-    gaps: dict[str, list[dict[Run, Array]]] = {planner: [] for planner in planners}
-    columns = [["planner", *(f"`{name}`" for name in (base, *planners))]]
+    heads, means = ["planner"], [f"`{base}`"]
+    gaps: list[list[Difference]] = [[] for _ in planners]
+    worlds: list[list[dict[Run, Array]]] = [[] for _ in planners]
     for cell, own in _by_world(groups):
-        for planner in planners:
-            gaps[planner].append(paired(own[planner], own[base], [metric]) if planner in own else {})
-        mean = f"{metric.text(map_means(own[base], metric).value)} {metric.unit}"
-        columns.append([_name(cell), mean, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
+        heads.append(_name(cell))
+        means.append(f"{metric.text(map_means(own[base], metric).value)} {metric.unit}")
+        for k, planner in enumerate(planners):
+            worlds[k].append(paired(own[planner], own[base], [metric]))
+            gaps[k] += differences(worlds[k][-1], [metric])
     if not world:
-        columns.append(["mean of these", "", *(_gap(gaps[planner], metric) for planner in planners)])
-    heads, *lines = zip(*columns, strict=True)
-    return _markdown(heads, lines)
+        heads, means = [*heads, "mean of these"], [*means, ""]
+        for k, pairs in enumerate(worlds):
+            gaps[k] += differences({run: np.mean([gap[run] for gap in pairs], axis=0) for run in pairs[0]}, [metric])
+    survives = iter(holm([gap.p_value for line in gaps for gap in line]))
+    texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
+    lines = [[f"`{planner}`", *line] for planner, line in zip(planners, texts, strict=True)]
+    return _markdown(heads, [means, *lines])
 
 
-def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:
-    """The difference on the runs that all worlds have, the mean over worlds; empty without such a run."""
-    runs = [run for run in worlds[0] if all(np.isfinite(gaps.get(run, np.nan)).all() for gaps in worlds)]
-    if not runs:
-        return ""
-    (gap,) = differences({run: np.mean([gaps[run] for gaps in worlds], axis=0) for run in runs}, [metric])
+def _marked(gap: Difference, metric: Metric, survives: bool) -> str:
     text = gap.mean.text(metric, signed=True)
-    return f"**{text}**" if gap.mean.low * gap.mean.high > 0 else text
+    if survives:
+        return f"**{text}**"
+    return f"_{text}_" if gap.mean.low * gap.mean.high > 0 else text
 
 
 def _groups(world: str = "") -> list[Group]:
