@@ -1,10 +1,11 @@
 """Independent gating clusters of a scan, with which a scan's cost is linear, not quadratic, in the number of people."""
 
+import math
+
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 
 _TRACKS = 64  # number of tracks to collect in a cluster: for smaller clusters calls cost more than arithmetic
 _ROOM = 1.001  # factor by which boxes exceed gates, for rounding
@@ -15,20 +16,45 @@ def gating_clusters(
 ) -> list[tuple[Indices, Indices]]:
     """Indices of tracks and of measurements, ascending, of clusters that have no measurement in common.
 
-    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m², N > 0; gate: largest squared
-    Mahalanobis distance. Each track is in one cluster; a measurement near no track is in none. A cluster consists of
-    whole connected components of the graph of boxes around gates.
+    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate: largest squared Mahalanobis
+    distance. Each track is in one cluster; a measurement near no track is in none. A cluster consists of whole
+    connected components of the graph of gates.
     """
-    count, order = len(means), np.argsort(measurements[:, 0])
-    reach = _ROOM * np.sqrt(gate * (covariances[:, 0, 0] + noise[:, 0, 0].max()))
-    firsts, ends = np.searchsorted(measurements[order, 0], means[:, 0] + np.array([-reach, reach]))
-    i = np.repeat(np.arange(count), ends - firsts)
-    j = np.concatenate([order[first:end] for first, end in zip(firsts, ends, strict=True)])
-    near = np.square(measurements[j, 1] - means[i, 1]) <= _ROOM * gate * (covariances[i, 1, 1] + noise[j, 1, 1])
-    edges, nodes = (i[near], count + j[near]), count + len(measurements)
-    found = connected_components(coo_array((near[near], edges), (nodes, nodes)), directed=False)[1]
-    component = np.unique(found, return_index=True)[1][found]  # named by its first node, not by the library's order
-    sizes = np.bincount(component[:count], minlength=nodes)  # number of tracks in each component
-    cluster = np.where(sizes > 0, (np.cumsum(sizes) - sizes) // _TRACKS, -1)[component]  # whole ones, one by one
-    tracks, others = cluster[:count], cluster[count:]
-    return [(np.flatnonzero(tracks == k), np.flatnonzero(others == k)) for k in np.unique(tracks).tolist()]
+    roots = _roots(means, covariances, measurements, noise, gate)
+    firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
+    cluster = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
+    near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
+    of_measurements = np.where(firsts[near] == roots[len(means) :], cluster[near], -1)
+    numbers = np.unique(cluster).tolist()
+    return [(np.flatnonzero(cluster[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
+
+
+@compiled
+def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
+    """Roots (T + N,) of tracks, then measurements: the smallest index among those that boxes around gates connect."""
+    order = np.argsort(measurements[:, 0], kind="mergesort")
+    xs = measurements[order, 0]
+    parents = np.arange(len(means) + len(measurements))
+    widest = noise[:, 0, 0].max() if len(noise) > 0 else 0.0
+    for i in range(len(means)):
+        reach = _ROOM * math.sqrt(gate * (covariances[i, 0, 0] + widest))
+        for k in range(np.searchsorted(xs, means[i, 0] - reach), len(xs)):
+            if xs[k] > means[i, 0] + reach:
+                break
+            j = order[k]
+            dy = measurements[j, 1] - means[i, 1]
+            if dy * dy <= _ROOM * gate * (covariances[i, 1, 1] + noise[j, 1, 1]):
+                a, b = _root(parents, i), _root(parents, len(means) + j)
+                parents[max(a, b)] = min(a, b)
+    for i in range(len(parents)):
+        parents[i] = _root(parents, i)
+    return parents
+
+
+@compiled
+def _root(parents: Indices, i: int) -> int:
+    """Root of a node; the search halves the path to the root."""
+    while parents[i] != i:
+        parents[i] = parents[parents[i]]
+        i = parents[i]
+    return i
