@@ -65,33 +65,34 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 
     Rows may have any order. Each person is present from the first to the last of their rows; in between, positions are
     interpolated by a monotone cubic (PCHIP), which does not overshoot. People that are absent throughout `duration` s
-    are left out. InputError names file, line and value.
+    are left out. InputError names the field of the scenario, file, line and value.
     """
+    name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
-    people = _people(path, area)
+    people = _people(path, name, area)
     if len(people) * duration > MOST_WALKED:
         walked = f"{len(people)} people for a duration of {duration:g} s"
-        raise InputError(f"{path}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
-    tracks = [_resampled(path, person, rows, times) for person, rows in people.items()]
+        raise InputError(f"{name}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
+    tracks = [_resampled(name, person, rows, times) for person, rows in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         known = [time for rows in people.values() for time in rows]
         rows = f"rows are from {min(known):.12g} to {max(known):.12g} s"
-        raise InputError(f"{path}: column time: nobody is there between 0 and {duration:g} s; {rows}")
+        raise InputError(f"{name}: column time: nobody is there between 0 and {duration:g} s; {rows}")
     return Trajectories(times, np.stack(present, axis=1))
 
 
-def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
+def _people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by person and time [s]; people are in the order in which the file first names them."""
     people: dict[str, dict[float, Array]] = {}
-    table = csv.DictReader(_lines(path), restval="")
+    table = csv.DictReader(_lines(path, name), restval="")
     try:
-        header = [name.strip() for name in table.fieldnames or []]
-        table.fieldnames = ["time" if name == "t" else name for name in header]
+        header = [column.strip() for column in table.fieldnames or []]
+        table.fieldnames = ["time" if column == "t" else column for column in header]
         if sorted(table.fieldnames) != sorted(COLUMNS):
-            raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
+            raise InputError(f"{name}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
         for row in table:
-            where = f"{path}, line {table.line_num}"
+            where = f"{name}, line {table.line_num}"
             if None in row:
                 raise InputError(f"{where}: {row[None][0]!r} is in a column without a name")
             person, time, position = _row(where, row, area)
@@ -99,20 +100,20 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
                 raise InputError(f"{where}, column time: id {person} has a second row at {time:g} s")
             people[person][time] = position
     except csv.Error as error:  # a field is longer than Python's reader allows
-        raise InputError(f"{path}, line {table.reader.line_num}: {error}") from error
+        raise InputError(f"{name}, line {table.reader.line_num}: {error}") from error
     if not people:
-        raise InputError(f"{path}: has no rows below the names of its columns; a path needs two or more")
+        raise InputError(f"{name}: has no rows below the names of its columns; a path needs two or more")
     return people
 
 
-def _lines(path: Path) -> list[str]:
+def _lines(path: Path, name: str) -> list[str]:
     """Lines of a file; InputError if it is empty or has too many."""
     found = text(path, "people.trajectories", MOST_BYTES)
     if not found.strip():
-        raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
+        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(COLUMNS)}")
     lines = found.splitlines()
     if len(lines) > _MOST_LINES:
-        raise InputError(f"{path}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
+        raise InputError(f"{name}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
     return lines
 
 
@@ -147,16 +148,16 @@ def _finite(where: str, value: str) -> float:
     return number
 
 
-def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) -> Array:
+def _resampled(name: str, person: str, rows: dict[float, Array], times: Array) -> Array:
     """Positions (K, 2) m of one person at `times` (K,) s; NaN before the first and after the last row."""
     if len(rows) < 2:
-        raise InputError(f"{path}: column id: {person} has a single row; a path needs two or more")
+        raise InputError(f"{name}: column id: {person} has a single row; a path needs two or more")
     known = np.array(sorted(rows))
     if np.diff(known).min() < _SOONEST:
         k = int(np.diff(known).argmin())
         near = f"{known[k]:g} and {known[k + 1]:g} s"
         raise InputError(
-            f"{path}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
+            f"{name}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
         )
     curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
     # A person's first and last time may differ by rounding from the time of the sample that is meant.

@@ -128,11 +128,11 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
         (table([]), "has no rows below the names of its columns; a path needs two or more"),
     ],
 )
-def test_what_is_wrong_is_named_by_file_line_column_and_value(csv_file, text, complaint):
+def test_what_is_wrong_is_named_by_field_line_column_and_value(csv_file, text, complaint):
     path = csv_file(text)
     with pytest.raises(ValueError, match=re.escape(complaint)) as error:
         read(path, AREA, duration=40)
-    assert str(error.value).startswith(str(path))
+    assert str(error.value).startswith(f"people.trajectories: {path}")
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
