@@ -69,7 +69,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     """
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
-    people = _people(path, name, area)
+    people = _people(name, _lines(path, name), area)
     if len(people) * duration > MOST_WALKED:
         walked = f"{len(people)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
@@ -82,10 +82,21 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     return Trajectories(times, np.stack(present, axis=1))
 
 
-def _people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:
+def _lines(path: Path, name: str) -> list[str]:
+    """Lines of a file; InputError if it is empty or has too many."""
+    found = text(path, "people.trajectories", MOST_BYTES)
+    if not found.strip():
+        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(COLUMNS)}")
+    lines = found.splitlines()
+    if len(lines) > _MOST_LINES:
+        raise InputError(f"{name}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
+    return lines
+
+
+def _people(name: str, lines: list[str], area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by person and time [s]; people are in the order in which the file first names them."""
     people: dict[str, dict[float, Array]] = {}
-    table = csv.DictReader(_lines(path, name), restval="")
+    table = csv.DictReader(lines, restval="")
     try:
         header = [column.strip() for column in table.fieldnames or []]
         table.fieldnames = ["time" if column == "t" else column for column in header]
@@ -104,17 +115,6 @@ def _people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:
     if not people:
         raise InputError(f"{name}: has no rows below the names of its columns; a path needs two or more")
     return people
-
-
-def _lines(path: Path, name: str) -> list[str]:
-    """Lines of a file; InputError if it is empty or has too many."""
-    found = text(path, "people.trajectories", MOST_BYTES)
-    if not found.strip():
-        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(COLUMNS)}")
-    lines = found.splitlines()
-    if len(lines) > _MOST_LINES:
-        raise InputError(f"{name}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
-    return lines
 
 
 def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
