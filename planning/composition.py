@@ -9,6 +9,7 @@ import numpy as np
 
 from planning.coordination.decision import Decision
 from planning.coordination.schemes import Sequential
+from planning.objective.cost_to_go import cost_to_go
 from planning.objective.nbo import Measure, objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import Optimizer, pursuits, turns
@@ -53,7 +54,7 @@ class Composition:
     horizon: int = 5
     coordination: Coordination = field(default_factory=Sequential)
     propagation: Propagation = field(default_factory=Nominal)
-    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0 leaves it out
+    beta: float = 0.5  # weight of the MWTP, the paper's cost-to-go; 0 leaves it out
     optimizer: Optimizer = field(default_factory=CrossEntropy)
     occlusion: Occlusion | None = None  # model of occlusion by trees; None: the model of the situation's forest
     existence: bool = True  # True: weight targets by their existence probability; False: weight all alike
@@ -61,11 +62,14 @@ class Composition:
     prediction: Prediction = "scans"  # process noise of targets: of each scan, as in trackers, or of one long step
     actions: Actions = "all"  # actions to optimise: all, or the first, after which the UAV follows the base policy
     uncertainty: Uncertainty = "trace"  # cost of tracks: their summed traces, or minus the mutual information [nats]
+    cost_to_go: float = 0.0  # weight of the learned cost-to-go, which needs a finite cut-off; 0 leaves it out
     cutoff: float = np.inf  # distance [m], above 0, at which errors are cut off; infinite: the trace itself
 
     def __post_init__(self) -> None:
         if not self.cutoff > 0.0:
             raise ValueError(f"cutoff must be above 0 m, is {self.cutoff}; infinite: the trace")
+        if self.cost_to_go > 0.0 and self.cutoff == np.inf:
+            raise ValueError(f"cost_to_go={self.cost_to_go} needs a finite cutoff, is {self.cutoff}")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -83,8 +87,8 @@ class Composition:
         if self.existence:
             belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         starts = self._starts(situation, controls, uavs)
-        measure = Measure(self.uncertainty == "information", self.cutoff)
         vehicles, step = situation.vehicles, situation.step
+        measure = Measure(self.uncertainty == "information", self.cutoff, cost_to_go(vehicles, self.cost_to_go))
         own, fleet = response([vehicles[i] for i in uavs], step), response(vehicles, step)
         expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]
         of_tracks = objective(belief, expected, uavs, self.beta, samples, measure)

@@ -22,7 +22,7 @@ from tracking.plugins.spelling import nearest
 # Least and largest values: wider than any useful setting, but too small to use up all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
-_RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6)}
+_RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6), "cost_to_go": (0, 1e6)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
 _NEEDS |= {"rounds": ("coordination", "partitions"), "sweeps": ("coordination", "sequential")}
 _NEEDS |= {"visibility": ("propagation", "nominal")}
@@ -49,7 +49,7 @@ class Composed:
     # visibility of a target along its nominal trajectory (`nominal`), or along five equally probable trajectories
     # through its predicted beliefs (`expected`), each with its own covariance; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
-    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none (truncated)
+    beta: float = 0.5  # weight of the MWTP, the paper's cost-to-go; 0: none (truncated)
     # `cross-entropy`, `particle-swarm`, or, for small cases, `grid`, which tries all plans made of nine controls
     optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
     # evaluations of the objective for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
@@ -78,6 +78,9 @@ class Composed:
     # cut-off c [m] of GOSPA: the expected squared error up to c replaces the trace of a covariance, so that a lost
     # person costs at most c² per step, however large the trace; `search` is not cut off; 0: the trace
     cutoff: float = 0.0
+    # weight of a learned cost-to-go: the errors of tracks in the 15 s after the plan, by their standard deviation then
+    # and the time until the nearest UAV can have them in view; 0: none
+    cost_to_go: float = 0.0
 
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(Composed).items():
@@ -103,9 +106,11 @@ class Composed:
                     f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
                     f"set {name}={getattr(Composed, name)} or {piece}={word}"
                 )
-        for name in ("beta", "cutoff") if self.uncertainty == "information" else ():
+        for name in ("beta", "cutoff", "cost_to_go") if self.uncertainty == "information" else ():
             if value := getattr(self, name):
                 raise ValueError(f"{name}={value} has no effect with uncertainty 'information'; set {name}=0")
+        if self.cost_to_go and not self.cutoff:
+            raise ValueError(f"cost_to_go={self.cost_to_go} needs a cut-off; set cost_to_go=0 or cutoff=10")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -154,4 +159,5 @@ class Composed:
             actions=self.actions,
             uncertainty=self.uncertainty,
             cutoff=float(self.cutoff) or math.inf,
+            cost_to_go=float(self.cost_to_go),
         )

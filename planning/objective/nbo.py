@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planning.objective.camera_paths import CameraPaths, camera_paths
+from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
 from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
@@ -28,6 +30,7 @@ class Measure(NamedTuple):
 
     gains: bool  # True: minus the gain of information [nats]; False: the trace [m²]
     cutoff: float  # m, at which errors are cut off; infinite: the trace itself
+    ahead: CostToGo = NO_COST_TO_GO  # errors after the horizon; needs a finite cut-off
 
 
 TRACE = Measure(gains=False, cutoff=np.inf)
@@ -50,7 +53,8 @@ def objective(
     target has several equally probable trajectories, each has its own P, and the mean of their traces counts.
     The contribution of the others, velocities (n, H, 2) m/s, is the same for all candidates and computed once.
     Another `measure` replaces each trace by the expected squared error up to a cut-off (`squared_error.cut_off`), or by
-    minus the mutual information between targets' paths and all measurements (`information.gain_transition`).
+    minus the mutual information between targets' paths and all measurements (`information.gain_transition`). A learned
+    cost-to-go adds the errors to be expected after the horizon (`cost_to_go.FUTURE`).
 
     Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
     every frame, by default five in a step of 1 s, so beliefs in people in view become narrower than predicted.
@@ -86,66 +90,42 @@ class _Others(NamedTuple):
     costs: Array  # (H T K,) m² or nats: `measure` of the position block of this P after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
+    finals: Array  # (T K,) m²: trace of the position block of P after the last step
+    seconds: Array  # (T,): from there until one of these UAVs can have the target in view; infinite without any
     measure: Measure
-
-
-class _CameraPaths(NamedTuple):
-    """Paths of the cameras of k UAVs in LANES plans."""
-
-    cameras: Array  # (k, H, 2, LANES) m
-    boxes: Array  # (k, H, 4) m: x0, x1, y0, y1 of the bounding box of all lanes
 
 
 @compiled
 def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
     result, targets = np.empty(len(own)), belief.points.shape[1]
-    traces, total, sums = np.empty((targets, LANES)), np.empty(LANES), np.empty(LANES)
+    finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
     work = workspace(targets // samples, len(belief.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
-        flight = _fly(belief, others.uavs, plans)
-        _sum(belief, others, flight, traces, total)
+        flight = camera_paths(belief, others.uavs, plans)
+        _sum(belief, others, flight, finals, total)
         if beta > 0.0:
-            _penalise(belief, others, flight.cameras[:, -1], traces, work, sums)
-            for lane in range(LANES):
-                total[lane] += beta * sums[lane]
+            _penalise(belief, others, flight.cameras[:, -1], finals, work, sums)
+            _add(sums, beta, total)
+        if others.measure.ahead.weight > 0.0:
+            _look_ahead(belief, others, flight.cameras[:, -1], finals, sums)
+            _add(sums, others.measure.ahead.weight / belief.step, total)
         for lane in range(len(plans)):
             result[first + lane] = total[lane] / samples
     return result
 
 
 @compiled
-def _fly(belief: PredictedBelief, uavs: Indices, plans: Array) -> _CameraPaths:
-    """Camera paths of up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
-    cameras, boxes = np.empty((len(uavs), plans.shape[2], 2, LANES)), np.empty((len(uavs), plans.shape[2], 4))
-    for j in range(len(uavs)):
-        for axis in range(2):
-            start, now = belief.positions[uavs[j], axis], cameras[j, 0, axis]
-            for lane in range(LANES):
-                now[lane] = start
-            for step in range(cameras.shape[1]):
-                low, high = np.inf, -np.inf
-                before, now = now, cameras[j, step, axis]
-                for lane in range(LANES):
-                    at = before[lane] + belief.step * plans[min(lane, len(plans) - 1), j, step, axis]
-                    now[lane] = at
-                    low, high = min(low, at), max(high, at)
-                boxes[j, step, 2 * axis], boxes[j, step, 2 * axis + 1] = low, high
-    return _CameraPaths(cameras, boxes)
-
-
-@compiled
-def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces: Array, total: Array) -> None:
-    """Set the weighted costs `traces` (T, LANES) at the end of the horizon, and their `total` (LANES,) over steps."""
+def _sum(belief: PredictedBelief, others: _Others, flight: CameraPaths, finals: Array, total: Array) -> None:
+    """Set the traces `finals` (T K, LANES) [m²] at the end of the horizon, and the `total` (LANES,) weighted costs."""
     P, information, trace, free = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
-    count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of one target, and of all
+    count, each = belief.points.shape[2], len(finals)  # trajectories of one target, and of all
     shared = 0.0  # costs that are the same in all lanes
     total[:] = 0.0
-    traces[:] = 0.0
     for index in range(each):
         weight, tracked = belief.weights[index // count] / count, False  # tracked: a deciding UAV has seen it
-        trace[:] = others.costs[len(near) - each + index]  # the final costs if no deciding UAV sees it
+        _fill(finals[index], others.finals[index : index + 1])
         for row in range(index, len(near), each):
             if near[row] or tracked:
                 _fill(information, others.information[row])
@@ -160,7 +140,8 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
             tracked = True
             _advance(P, belief, information, others.measure, trace)
             _add(trace, weight, total)
-        _add(trace, weight, traces[index // count])
+        for lane in range(LANES if tracked else 0):
+            finals[index, lane] = P[lane] + P[4 * LANES + lane]
     total += shared
 
 
@@ -191,13 +172,14 @@ def _fill(lanes: Array, values: Array) -> None:
 
 @compiled
 def _penalise(
-    belief: PredictedBelief, others: _Others, own: Array, traces: Array, work: Workspace, sums: Array
+    belief: PredictedBelief, others: _Others, own: Array, finals: Array, work: Workspace, sums: Array
 ) -> None:
     """Set `sums` (LANES,) to the MWTP summed over the samples of targets.
 
-    own (k, 2, LANES) m: final positions of the deciding UAVs; traces (T, LANES) m².
+    own (k, 2, LANES) m: final positions of the deciding UAVs; finals (T K, LANES) m².
     """
     each, points, ends = len(work.unseen), belief.points[-1, :, 0], others.ends
+    traces = _weighted_costs(belief, finals, others.measure.cutoff)
     sums[:] = 0.0
     for first in range(0, len(traces), max(each, 1)):
         targets, seen = points[first : first + each], others.seen[first : first + each]
@@ -217,6 +199,37 @@ def _penalise(
 
 
 @compiled
+def _weighted_costs(belief: PredictedBelief, finals: Array, cutoff: float) -> Array:
+    """Weighted costs (T, LANES) of the targets with these traces, which are cut off."""
+    costs, count = np.zeros((len(belief.weights), LANES)), belief.points.shape[2]
+    for index in range(len(finals)):
+        errors = finals[index].copy()
+        cut_off(errors, cutoff)
+        _add(errors, belief.weights[index // count] / count, costs[index // count])
+    return costs
+
+
+@compiled
+def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Array, sums: Array) -> None:
+    """Set `sums` (LANES,) to the weighted cost-to-go [m² s] of targets with these traces; arguments as in `_penalise`.
+
+    A target's time until it can be in view is that of its mean, and its trace the mean over its trajectories.
+    """
+    ahead, count = others.measure.ahead, belief.points.shape[2]
+    seconds, trace = np.empty(LANES), np.empty(LANES)
+    sums[:] = 0.0
+    for t in range(len(others.seconds)):
+        seconds[:] = others.seconds[t]
+        for j in range(len(others.uavs)):
+            approach(seconds, belief, ahead, t, others.uavs[j], own[j])
+        trace[:] = 0.0
+        for index in range(t * count, (t + 1) * count):
+            _add(finals[index], 1.0 / count, trace)
+        future_errors(seconds, trace, others.measure.cutoff)
+        _add(seconds, belief.weights[t], sums)
+
+
+@compiled
 def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, measure: Measure) -> _Others:
     """Contribution of the UAVs other than `uavs` with their mean velocities (n, H, 2) m/s."""
     targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
@@ -228,6 +241,8 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
         np.empty(rows),
         np.zeros((len(velocities), 3)),
         np.zeros(targets, dtype=np.bool_),
+        np.empty(each),
+        np.full(targets, np.inf),
         measure,
     )
     _add_others(belief, velocities, others)
@@ -240,6 +255,7 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
             _fill(information, others.information[row])
             _advance(P, belief, information, measure, trace)
             others.costs[row] = trace[0]
+        others.finals[index] = P[0] + P[4 * LANES]
     return others
 
 
@@ -251,9 +267,13 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
     for i in range(len(velocities)):
         if i in others.uavs:
             continue
-        flight = _fly(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
+        flight = camera_paths(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
         others.ends[i, 0], others.ends[i, 1] = flight.cameras[0, -1, 0, 0], flight.cameras[0, -1, 1, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
+        for t in range(len(others.seconds) if others.measure.ahead.weight > 0.0 else 0):
+            free[:] = others.seconds[t]
+            approach(free, belief, others.measure.ahead, t, i, flight.cameras[0, -1])
+            others.seconds[t] = free[0]
         near = possibly_visible(belief, np.array([i]), flight.boxes)
         for row in range(len(near)):
             if near[row]:

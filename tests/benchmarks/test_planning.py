@@ -77,6 +77,24 @@ def test_decisions_with_people_to_find(random_team, judged):
     assert not judged or searched < 1.4 * without
 
 
+def test_decisions_with_a_learned_cost_to_go(random_team, judged):
+    """Ratios to the default planner, in small and large teams."""
+    options = "" if judged else ", evaluations=64"
+    planners = [load_planner(f"sma-nbo-gospa(cost_to_go={weight}{options})") for weight in (0, 0.03)]
+    ratios = []
+    for uavs, targets in ((3, 4), (5, 15), (10, 30)) if judged else ((2, 2),):
+        teams = [random_team(seed, uavs=uavs, targets=targets, trees=75, spread=40.0) for seed in range(3)]
+        for planner in planners:
+            planner.plan(teams[0], np.random.default_rng(0))
+        times = [timed([deciding(p, team) for p in planners], 8 if judged else 1) for team in teams]
+        without, with_one = np.mean(times, axis=0)
+        ratios.append(with_one / without)
+        print(
+            f"\n{uavs} UAVs, {targets} targets: {without:.1f} ms, with it {with_one:.1f} ms: {ratios[-1]:.2f} x", end=""
+        )
+    assert not judged or max(ratios) < 1.3
+
+
 def test_decisions_of_rivals(random_team, judged):
     """Three UAVs, four targets, 75 trees: only the last planner takes much longer than the first, `sma-nbo-mwtp`."""
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]

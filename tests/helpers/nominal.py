@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 from scipy.stats import norm
 
 from helpers.teams import among
+from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
 from planning.objective.mwtp import mark_in_view, matches
 from planning.objective.nbo import Measure, objective
 from planning.prediction.propagation import Nominal
@@ -73,25 +75,36 @@ def lattice():
     return np.array([(pieces[k], pieces[m]) for k, m in ((2, 2), (3, 0), (4, 3), (1, 4), (0, 1))])
 
 
-def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutoff=math.inf):
+def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutoff=math.inf, ahead=0.0):
     """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts targets in view of UAVs.
 
     With `expected` each target has five equally probable trajectories through its predicted beliefs, and its trace is
-    the mean of theirs; with `weights` (T,) targets count by these; with a `cutoff` [m] each trace is cut off.
+    the mean of theirs; with `weights` (T,) targets count by these; with a `cutoff` [m] each trace is cut off. `ahead`
+    is the weight of the learned cost-to-go.
     """
     weights = np.ones(len(situation.tracks)) if weights is None else weights
     traces, seen = np.zeros((controls.shape[1], len(weights))), []
     marks = lattice() if expected else np.zeros((1, 2))
+    fleet, J = situation.vehicles, 0.0
+    ends = [v.position[:2] + situation.step * u.sum(axis=0) for v, u in zip(fleet, controls, strict=True)]
+    reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
     for t, track in enumerate(situation.tracks):
+        last = []
         for mark in marks:
             along, count = plain_traces(situation, controls, track.belief, mark)
             traces[:, t] += [plain_error(trace, cutoff) / len(marks) for trace in along]
+            last.append(along[-1])
             seen += count
-    J = (traces * weights).sum()
+        if ahead:
+            belief = track.belief
+            for _ in traces:
+                belief = situation.motion.predict(belief)
+            gaps = [np.linalg.norm(belief.mean[:2] - end) - r for end, r in zip(ends, reach, strict=True)]
+            away = min(max(gap, 0.0) / v.max_speed for gap, v in zip(gaps, fleet, strict=True))
+            future = plain_future(math.sqrt(np.mean(last)) / cutoff, away) * cutoff**2 / situation.step
+            J += ahead * weights[t] * future
+    J += (traces * weights).sum()
     if beta:
-        fleet = situation.vehicles
-        ends = [v.position[:2] + situation.step * u.sum(axis=0) for v, u in zip(fleet, controls, strict=True)]
-        reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
         ahead = [t.belief for t in situation.tracks]
         for _ in traces:
             ahead = [situation.motion.predict(belief) for belief in ahead]
@@ -102,6 +115,13 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutof
 def plain_error(trace, cutoff):
     """Mean of the squared error up to a cut-off [m²], of a Gaussian error as wide in all directions."""
     return trace * (1.0 - math.exp(-cutoff * cutoff / trace))
+
+
+def plain_future(deviation, seconds):
+    """The table of future errors [s] at a standard deviation in units of the cut-off and a time, by SciPy."""
+    scales = [spacing * np.arange(count) for spacing, count in zip((DEVIATION, SECONDS), FUTURE.shape, strict=True)]
+    place = [min(x, scale[-1]) for x, scale in zip((deviation, seconds), scales, strict=True)]
+    return float(RegularGridInterpolator(scales, FUTURE)(place)[0])
 
 
 def plain_traces(situation, controls, belief, mark):

@@ -64,6 +64,11 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
 
 
+def test_a_learned_cost_to_go_without_a_cut_off_is_refused():
+    with pytest.raises(ValueError, match=r"^cost_to_go=0\.3 needs a finite cutoff, is inf$"):
+        Composition(cost_to_go=0.3)
+
+
 @pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan])
 def test_a_cut_off_that_leaves_no_cost_is_refused(cutoff):
     with pytest.raises(ValueError, match=rf"^cutoff must be above 0 m, is {cutoff}; infinite: the trace$"):

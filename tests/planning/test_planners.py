@@ -75,6 +75,8 @@ WRONG = {
     "oracle(search=0.1)": ["search=0.1 is not for an oracle", "people will be"],
     "oracle(propagation=monte-carlo)": ["propagation=monte-carlo is not for an oracle", "people will be"],
     "rsp(cutoff=10)": ["cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"],
+    "rsp(cost_to_go=1)": ["cost_to_go=1 has no effect with uncertainty 'information'; set cost_to_go=0"],
+    "sma-nbo(cost_to_go=0.3)": ["cost_to_go=0.3 needs a cut-off; set cost_to_go=0 or cutoff=10"],
     "rsp(beta=0.5)": ["beta=0.5 has no effect with uncertainty 'information'; set beta=0"],
     "dec-mcts(horizon=9)": ["horizon must be a whole number from 1 to 8, is 9"],
     "dec-mcts(directions=0)": ["directions must be a whole number from 1 to 16, is 0"],

@@ -1,0 +1,90 @@
+"""`python -m sim.calibration.future_errors`: fit of the learned cost-to-go to missions that are flown without it."""
+
+from itertools import product
+
+import numpy as np
+from scipy.optimize import nnls
+
+from planning.loading import load_planner
+from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
+from planning.prediction.field_of_view import view_quadrangle
+from planning.prediction.quadrangle import radius_in_view
+from sim.mission.mission import Mission
+from sim.scenario.loading import load
+from sim.terminal.commands import run_alone
+from sim.terminal.console import console
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.track import beliefs_of
+
+WORLDS, SEEDS = ("crowd", "scatter"), range(340, 362)
+PLANNER = "sma-nbo-gospa(cost_to_go=0)"
+CUTOFF = 10.0  # m
+FUTURE_SECONDS = 15
+
+
+def main() -> None:
+    """Fly missions, fit the table of the learned cost-to-go to them and print it."""
+    table, count = fly_and_fit()
+    console.print("planning.objective.cost_to_go.FUTURE\n" + np.array2string(table, separator=", "))
+    console.print(f"Fitted to {count} states of tracks.")
+
+
+def fly_and_fit() -> tuple[Array, int]:
+    """The table, as from `fit`, of missions in `WORLDS` on `SEEDS`, and the number of its rows."""
+    planner = load_planner(PLANNER)
+    rows = np.concatenate([states(Mission(load(world), planner, seed)) for world, seed in product(WORLDS, SEEDS)])
+    return fit(rows), len(rows)
+
+
+def fit(rows: Array) -> Array:
+    """Table of future errors of the shape of `FUTURE`, fitted to rows (N, 3) in the least-squares sense.
+
+    rows: the time until a UAV can have a track in view [s], its standard deviation in units of the cut-off, and the sum
+    of its squared errors in units of the cut-off's square. Between entries the table is interpolated. Errors grow with
+    each of the two, and the more with one the greater the other; at most they are those of a track that stays lost.
+    """
+    deviations, seconds = FUTURE.shape
+    by_time = _weights(rows[:, 0] / SECONDS, seconds) @ np.tri(seconds)
+    by_spread = _weights(rows[:, 1] / DEVIATION, deviations) @ np.tri(deviations)
+    design = (by_spread[:, :, None] * by_time[:, None, :]).reshape(len(rows), -1)
+    rises, _ = nnls(design, rows[:, 2], maxiter=10_000)
+    table: Array = np.tri(deviations) @ rises.reshape(deviations, seconds) @ np.tri(seconds).T
+    return np.minimum(table, FUTURE_SECONDS).round(2)
+
+
+def _weights(places: Array, count: int) -> Array:
+    """Weights (N, count) of the entries between which linear interpolation finds each place (N,) on their scale."""
+    return np.maximum(1.0 - np.abs(np.clip(places, 0, count - 1)[:, None] - np.arange(count)), 0.0)
+
+
+def states(mission: Mission) -> Array:
+    """Rows as in `fit` of all UAVs' tracks within `CUTOFF` of a person, at each second that has the future after it."""
+    vehicles = mission.team[0].vehicles
+    views = np.array([view_quadrangle(v) for v in vehicles])
+    radii, speeds = np.array([radius_in_view(view) for view in views]), np.array([v.max_speed for v in vehicles])
+    seconds = list(mission.fly())[:: round(mission.scenario.rates.sensing)]
+    errors = np.array([[_errors(s.people, beliefs_of(tracks)[0]) for tracks in s.tracks] for s in seconds])
+    rows = [np.empty((0, 3))]
+    for k, snapshot in enumerate(seconds[:-FUTURE_SECONDS]):
+        aims = np.array([pose.position[:2] for pose in snapshot.poses]) + views[:, 4, :2]
+        for uav, tracks in enumerate(snapshot.tracks):
+            means, covariances = beliefs_of(tracks)
+            gaps = length(means[:, None, :2] - snapshot.people)
+            person = np.argmin(np.where(np.isnan(gaps), np.inf, gaps), axis=1)
+            near = gaps[np.arange(len(gaps)), person] <= CUTOFF
+            away = np.maximum(length(means[near, None, :2] - aims) - radii, 0.0) / speeds
+            deviations = np.sqrt(np.trace(covariances[near, :2, :2], axis1=1, axis2=2)) / CUTOFF
+            future = errors[k + 1 : k + 1 + FUTURE_SECONDS, uav, person[near]].sum(axis=0)
+            rows.append(np.column_stack((away.min(axis=1), deviations, future)))
+    return np.concatenate(rows)
+
+
+def _errors(people: Array, means: Array) -> Array:
+    """Squared errors (M,) of the nearest means (T, 4) of people (M, 2) m, as `fit` takes them; 0 of absent people."""
+    gaps = length(people[:, None] - means[:, :2]).min(axis=1, initial=CUTOFF)
+    return np.where(np.isnan(gaps), 0.0, np.minimum(gaps, CUTOFF) / CUTOFF) ** 2
+
+
+if __name__ == "__main__":
+    run_alone(main)
