@@ -38,20 +38,21 @@ class Matcher:
         """The track of each person (M,) at the next scan; tracks (A, 2) m, those of earlier scans first."""
         gap = length(tracks[:, None] - people)
         gap[~(gap <= self._within)] = np.inf  # absent or too far
-        now = np.full(len(people), -1)
+        now, free = np.full(len(people), -1), np.ones(len(gap), dtype=np.bool_)
         # Give people the tracks that they had last, where these are near enough. People with the latest correspondence
         # come first; two people cannot have had a track at the same scan.
         held = np.flatnonzero(self._last >= 0)
         held = held[np.isfinite(gap[self._last[held], held])]
-        held = held[np.argsort(-self._since[held], kind="stable")]
-        _, first = np.unique(self._last[held], return_index=True)
-        now[held[first]] = self._last[held[first]]
+        for m in held[np.argsort(-self._since[held], kind="stable")].tolist():
+            if free[self._last[m]]:
+                now[m] = self._last[m]
+                free[now[m]] = False
         # Pair people and tracks without a correspondence yet.
-        left = np.setdiff1d(np.arange(len(gap)), now)
-        without = np.flatnonzero(now < 0)
-        rest = gap[left[:, None], without]
-        for k, m in most_pairs(np.isfinite(rest), rest):
-            now[without[m]] = left[k]
+        left, without = np.flatnonzero(free), np.flatnonzero(now < 0)
+        if len(left) and len(without):
+            rest = gap[left[:, None], without]
+            for k, m in most_pairs(np.isfinite(rest), rest):
+                now[without[m]] = left[k]
         found = now >= 0
         self._last[found], self._since[found] = now[found], self._scan
         self._scan += 1
