@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sim.running.run import record
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
+    from tracking.errors import InputError
     from tracking.filter.kalman import Gaussian
     from tracking.fusion.exchange import TrackExchange
     from tracking.fusion.member import Member
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from tracking.geometry.camera import Camera, Pose
     from tracking.geometry.visibility import Forest
     from tracking.parameters import TrackerParameters
-    from tracking.plugins.registry import InputError
     from tracking.track import Scan, Track
 
 # Import string of each name that is defined in one of the packages.
@@ -58,7 +58,7 @@ _HOMES = {
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
     "Forest": "tracking.geometry.visibility",
     "Gaussian": "tracking.filter.kalman",
-    "InputError": "tracking.plugins.registry",
+    "InputError": "tracking.errors",
     "Member": "tracking.fusion.member",
     "Observations": "sim.environments.observations",
     "Message": "tracking.fusion.message",
@@ -138,7 +138,7 @@ def run(
     from sim.running.flight import flown
     from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
-    from tracking.plugins.registry import InputError
+    from tracking.errors import InputError
 
     setting, numbers = chosen(scenario, settings), (*seed_and_repeat(seed, repeat), place_of(scenario, settings))
     if out is not None:
@@ -258,7 +258,7 @@ def parallel_env(
     Raises:
         InputError: If an argument cannot be used, or PettingZoo is not installed.
     """
-    from tracking.plugins.registry import InputError
+    from tracking.errors import InputError
 
     for name in ("gymnasium", "pettingzoo"):
         if find_spec(name) is None:

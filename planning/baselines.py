@@ -7,8 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.optimizers.optimizer import speed_limited
-from planning.planner import Exchange, Plan, Situation
+from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import aim_point, view_quadrangle
 from planning.prediction.intent import base_control
 from planning.prediction.quadrangle import radius_in_view
@@ -83,7 +82,7 @@ class Lawnmower:
         run = way - abs(run % (2 * way) - way) if way else 0.0  # to and fro
         goal = np.array([np.interp(run, reached, corners[:, axis]) for axis in (0, 1)])
         gap = goal - aim_point(own) - own.position[:2]
-        return Plan(speed_limited((gap / situation.step)[None], own.max_speed))
+        return Plan(limit_speed((gap / situation.step)[None], own.max_speed))
 
 
 def _lines(situation: Situation, strip: int, strips: int) -> Array:

@@ -11,13 +11,14 @@ from planning.coordination.decision import Decision
 from planning.coordination.schemes import Sequential
 from planning.objective.cost_to_go import cost_to_go
 from planning.objective.nbo import Measure, objective
+from planning.objective.objective import Objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
-from planning.prediction.targets_in_reach import Objective, targets_in_reach
+from planning.prediction.targets_in_reach import targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
 

@@ -5,9 +5,9 @@ from typing import Any, cast
 
 from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Exchange, Planner
+from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable
-from tracking.plugins.registry import InputError
 
 TruePositions = Callable[[float], Array]  # (M, 2) m of people at a time [s]; NaN while absent
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from planning.planner_text import split_options
 from planning.registry import PlannerSpec, installed_planners, parameters_of
-from tracking.plugins.registry import InputError, Registry, imported, lack
-from tracking.plugins.spelling import nearest
+from tracking.errors import InputError, nearest
+from tracking.plugins.registry import Registry, imported, lack
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner

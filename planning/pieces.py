@@ -17,7 +17,7 @@ from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.propagation import MonteCarlo, Nominal
-from tracking.plugins.spelling import nearest
+from tracking.errors import nearest
 
 # Least and largest values: wider than any useful setting, but too small to use up all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}

@@ -11,6 +11,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 from tracking.track import Track
 from tracking.undetected import Intensity
 
@@ -96,6 +97,16 @@ class Situation:
         if self.reception is None:
             return uav in [v.id for v in self.neighbours]
         return sent < len(self.reception) and uav in self.reception[sent]
+
+
+def limit_speed(controls: Array, max_speeds: Array | float) -> Array:
+    """Controls (..., k, H, 2) m/s, each shortened to the speed limit of its UAV (k,) [m/s].
+
+    With one limit for all, controls may have any leading axes.
+    """
+    speed = length(controls)[..., None]
+    most = np.asarray(max_speeds)[..., None, None]
+    return np.asarray(controls * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
 
 
 class Planner(Protocol):

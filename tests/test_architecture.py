@@ -14,7 +14,7 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 # Rooms of each package from the ground up: what stands in one imports only from it and from those below it.
 LAYERS = {
     "tracking": (
-        *("numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association"),
+        *("errors", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association"),
         *("measurement_update", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
         "measurement_files",
     ),

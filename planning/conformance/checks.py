@@ -20,9 +20,9 @@ from planning.conformance.situations import (
 from planning.contract import exchange_of, is_stateful, reset
 from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Planner, Situation
+from tracking.errors import InputError
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
-from tracking.plugins.registry import InputError
 
 _DECISIONS = 5  # number of decisions that are timed
 Maker = Callable[[], Planner]

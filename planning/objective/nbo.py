@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.camera_paths import CameraPaths, camera_paths
+from planning.objective.camera_lanes import CameraLanes, camera_lanes
 from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
 from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
+from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
     LANES,
     PredictedBelief,
@@ -17,7 +18,6 @@ from planning.prediction.predicted_belief import (
     belief_transition,
     possibly_visible,
 )
-from planning.prediction.targets_in_reach import Objective
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -102,7 +102,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
     work = workspace(targets // samples, len(belief.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
-        flight = camera_paths(belief, others.uavs, plans)
+        flight = camera_lanes(belief, others.uavs, plans)
         _sum(belief, others, flight, finals, total)
         if beta > 0.0:
             _penalise(belief, others, flight.cameras[:, -1], finals, work, sums)
@@ -116,7 +116,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 
 @compiled
-def _sum(belief: PredictedBelief, others: _Others, flight: CameraPaths, finals: Array, total: Array) -> None:
+def _sum(belief: PredictedBelief, others: _Others, flight: CameraLanes, finals: Array, total: Array) -> None:
     """Set the traces `finals` (T K, LANES) [m²] at the end of the horizon, and the `total` (LANES,) weighted costs."""
     P, information, trace, free = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
@@ -267,7 +267,7 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
     for i in range(len(velocities)):
         if i in others.uavs:
             continue
-        flight = camera_paths(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
+        flight = camera_lanes(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
         others.ends[i, 0], others.ends[i, 1] = flight.cameras[0, -1, 0, 0], flight.cameras[0, -1, 1, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         for t in range(len(others.seconds) if others.measure.ahead.weight > 0.0 else 0):

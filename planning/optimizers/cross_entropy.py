@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planning.objective.objective import Objective
 from planning.optimizers.mutations import chances, distinct, varied
-from planning.optimizers.optimizer import speed_limited
-from planning.prediction.targets_in_reach import NO_TARGETS, Objective, TargetsInReach
+from planning.planner import limit_speed
+from planning.prediction.targets_in_reach import NO_TARGETS, TargetsInReach
 from tracking.numerics.arrays import Array
 
 
@@ -86,7 +87,7 @@ class CrossEntropy:
         The number of random draws is independent of costs, so that later draws do not depend on beliefs.
         """
         in_reach = NO_TARGETS if task.in_reach is None else task.in_reach
-        pool = speed_limited(task.starts, task.max_speeds)
+        pool = limit_speed(task.starts, task.max_speeds)
         values = task.objective(pool)
         start, ease, scale = pool[np.argmin(values)], 0.0, 1.0
         for k in range(self.rounds):

@@ -7,8 +7,9 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.optimizers.optimizer import speed_limited
-from planning.prediction.targets_in_reach import Objective, TargetsInReach
+from planning.objective.objective import Objective
+from planning.planner import limit_speed
+from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import cos_each, sin_each
 
@@ -49,7 +50,7 @@ class GridSearch:
         tries = min(count, self.evaluations or count)
         if tries > self.most and not self.seconds:
             raise ValueError(f"optimizer grid: {count} plans of {k} UAVs over {H} steps, at most {self.most} are tried")
-        starts = speed_limited(starts, max_speeds)
+        starts = limit_speed(starts, max_speeds)
         values = objective(starts)
         found, cost = starts[np.argmin(values)], values.min()
         plans = itertools.islice(itertools.product(*sets), tries)

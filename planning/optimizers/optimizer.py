@@ -6,9 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from planning.planner import Vehicle
+from planning.objective.objective import Objective
+from planning.planner import Vehicle, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.prediction.targets_in_reach import Objective, TargetsInReach
+from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import cos_each, sin_each
@@ -31,16 +32,6 @@ class Optimizer(Protocol):
         """
 
 
-def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
-    """Plans (..., k, H, 2) m/s, each control shortened to the speed limit of its UAV (k,) [m/s].
-
-    With one limit for all, plans may have any leading axes.
-    """
-    speed = length(plans)[..., None]
-    most = np.asarray(max_speeds)[..., None, None]
-    return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
-
-
 NEAREST = 6  # number of nearest targets for which `pursuits` makes plans
 HEADINGS = 16
 
@@ -58,7 +49,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     reached = np.tile(position, (len(goals), 1))
     plans = np.empty((len(goals), len(nominal), 2))
     for k, goal in enumerate(np.stack(goals, axis=1)):
-        plans[:, k] = speed_limited((goal - reached) / step, vehicle.max_speed)
+        plans[:, k] = limit_speed((goal - reached) / step, vehicle.max_speed)
         reached = reached + step * plans[:, k]
     return plans
 

@@ -6,8 +6,9 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.optimizers.optimizer import speed_limited
-from planning.prediction.targets_in_reach import Objective, TargetsInReach
+from planning.objective.objective import Objective
+from planning.planner import limit_speed
+from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array
 
 
@@ -36,8 +37,8 @@ class ParticleSwarm:
         """As `Optimizer.minimise`."""
         began = perf_counter()
         shape = (self.particles_per_step * starts.shape[2], *starts.shape[1:])
-        particles = speed_limited(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
-        starts = speed_limited(starts, max_speeds)
+        particles = limit_speed(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
+        starts = limit_speed(starts, max_speeds)
         firsts = objective(starts)
         order = np.argsort(firsts, kind="stable")[: len(particles) // 2]
         particles[: len(order)] = starts[order]
@@ -51,7 +52,7 @@ class ParticleSwarm:
             toward_own, toward_swarm = rng.random((2, *shape))
             velocities *= self.inertia
             velocities += self.own * toward_own * (best - particles) + self.swarm * toward_swarm * (leader - particles)
-            particles = speed_limited(particles + velocities, max_speeds)
+            particles = limit_speed(particles + velocities, max_speeds)
             costs = objective(particles)
             better = costs < values
             best[better], values[better] = particles[better], costs[better]

@@ -1,6 +1,6 @@
 """Targets that UAVs can bring into view within the horizon: hints for a search over plans."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +10,6 @@ from planning.prediction.quadrangle import shortest_move
 from planning.prediction.response import Response
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
-
-# Function from candidates (N, k, H, 2) m/s to costs (N,) m². Candidates are commands in optimisers and mean velocities
-# in terms. The term of tracks also takes `ease` (k,) m/s: fields of view are wider by ease times a step on each side.
-Objective = Callable[..., Array]
 
 
 class TargetsInReach(NamedTuple):

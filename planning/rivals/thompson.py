@@ -7,8 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from planning.optimizers.optimizer import speed_limited
-from planning.planner import Exchange, Plan, Situation
+from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import deviations
 from planning.prediction.quadrangle import inside
@@ -58,11 +57,11 @@ class Thompson:
     def _flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
         last = situation.intents.get(situation.own.id)
         if last is not None and len(last.controls) > 1:
-            return Plan(speed_limited(last.controls[1:], situation.own.max_speed))
+            return Plan(limit_speed(last.controls[1:], situation.own.max_speed))
         way = self.goal(situation, drawn_world(situation, rng)) - situation.own.position[:2]
         steps = _steps(way[0], way[1], situation.own.max_speed * situation.step)
         controls = np.tile(way / (situation.step * steps), (int(min(steps, self.horizon)), 1))
-        return Plan(speed_limited(controls, situation.own.max_speed))
+        return Plan(limit_speed(controls, situation.own.max_speed))
 
     def goal(self, situation: Situation, world: DrawnWorld) -> Array:
         """The best place (2,) m to look from; the UAV's own position if no place shows an error."""

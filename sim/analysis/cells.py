@@ -13,8 +13,8 @@ from sim.analysis.planner_labels import entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
+from tracking.errors import InputError
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError
 
 Run = tuple[int, int]  # seed and repeat
 

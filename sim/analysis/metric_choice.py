@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from sim.evaluation.catalogue import METRICS, metric
 from sim.evaluation.metric import Metric
 from sim.study.tasks import Row
-from tracking.plugins.registry import check_known
+from tracking.errors import check_known
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
 DECISION = ("planning_cpu_s_per_decision", "planning_s_per_decision")  # the first of these in a study is drawn

@@ -8,8 +8,7 @@ from planning.planner_text import split_options, with_options
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.study.cells import ENTERED, TRACKER, VIEW
 from sim.study.tasks import Row
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.errors import InputError, did_you_mean
 
 BOUND = ", upper bound"  # end of the label of a planner that sees the truth
 Key = tuple[str, str]

@@ -16,8 +16,8 @@ from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
+from tracking.errors import InputError, check_known
 from tracking.fusion.member import TRACKERS
-from tracking.plugins.registry import InputError, check_known
 
 _Entered = Annotated[
     str, typer.Argument(metavar="STUDY", help="A packaged study (see `understory studies`), study file, or scenario.")

@@ -15,7 +15,7 @@ from sim.recording.atomic_files import unused, whole
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console, show_place
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
     from sim.drawing.lettering import Group

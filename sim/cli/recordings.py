@@ -13,7 +13,7 @@ from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import counted_progress
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
     from sim.recording.recording import Recording

@@ -31,7 +31,7 @@ from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import study_progress
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 
 def facts_of(

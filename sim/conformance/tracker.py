@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.checked_tracker import CheckedTracker, checked_message, track_beliefs, track_ids
 from tracking.fusion.consensus import fuse
@@ -23,7 +24,6 @@ from tracking.numerics.distances import length
 from tracking.parameters import TrackerParameters
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
-from tracking.plugins.registry import InputError
 from tracking.plugins.results import change, check_positive_definite, contents
 from tracking.track import Scan, Track, beliefs_of
 

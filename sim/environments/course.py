@@ -17,8 +17,8 @@ from sim.replay.flight import Flight
 from sim.scenario.loading import chosen, place_of
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
+from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError, check_known
 from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]

@@ -11,7 +11,7 @@ from pettingzoo import ParallelEnv
 
 from sim.environments.course import RENDER_MODES, Course, Episodes
 from sim.environments.observations import Observed
-from tracking.plugins.spelling import did_you_mean
+from tracking.errors import did_you_mean
 
 
 class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]

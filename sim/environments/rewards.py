@@ -8,10 +8,10 @@ import numpy as np
 from planning.planner import Situation
 from sim.evaluation.score import FAR
 from sim.mission.snapshot import reported_positions
+from tracking.errors import check_known
 from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import check_known
 from tracking.track import beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # a function of a situation and the true positions (M, 2) m of people

@@ -13,7 +13,7 @@ from sim.environments.course import RENDER_MODES, Course, Episodes
 from sim.environments.observations import Observed
 from sim.environments.rewards import Reward
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 
 class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):

@@ -19,9 +19,10 @@ from sim.evaluation.unmatched import Unmatched
 from sim.recording.recording import Recording
 from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.stopwatch import STAGES
+from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.registry import InputError, check_known, imported
+from tracking.plugins.registry import imported
 
 _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
 

@@ -25,9 +25,9 @@ from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
+from tracking.errors import InputError
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
-from tracking.plugins.registry import InputError
 from tracking.track import Track
 
 

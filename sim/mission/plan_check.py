@@ -5,15 +5,14 @@ from copy import deepcopy
 
 import numpy as np
 
-from planning.optimizers.optimizer import speed_limited
-from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, limit_speed
 from planning.returned_plans import proposed_plans, usable_plan
 from sim.sensing.fault import Fault
+from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
-from tracking.plugins.registry import InputError
 from tracking.track import Track
 
 
@@ -80,7 +79,7 @@ def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
     own, controls = situation.own, plan.controls
     with np.errstate(over="ignore"):  # squares of huge, though finite, speeds overflow
         fastest = length(controls).max()
-        limited = Plan(speed_limited(controls, own.max_speed), plan.others)
+        limited = Plan(limit_speed(controls, own.max_speed), plan.others)
     if fastest > own.max_speed * (1 + 1e-6):
         text = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
         faults.append(Fault(situation.time, own.id, text))

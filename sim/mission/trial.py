@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 
 @dataclass(frozen=True)

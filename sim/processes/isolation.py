@@ -15,8 +15,8 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from sim.processes.signals import stop_signals
+from tracking.errors import InputError
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.registry import InputError
 
 
 def lead_session() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 
 class PlaceTaken(Exception):

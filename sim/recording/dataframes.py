@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 
 def dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a frame of pandas or polars, both optional

@@ -16,10 +16,10 @@ from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
+from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.plugins.registry import InputError
 from tracking.track import UNLIKELY, Scan, Track, tracks_of
 
 VERSION = 1

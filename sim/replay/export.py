@@ -13,9 +13,9 @@ from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
+from tracking.errors import check_known
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.plugins.registry import check_known
 
 Row = Sequence[float | int | str]
 Rows = Iterable[tuple[Any, ...]]

@@ -31,7 +31,7 @@ from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns, event_columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 _MAP = 900  # pixels, width of the map
 _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"

@@ -12,7 +12,7 @@ from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 
 def check_layout(layout: str, scenario: Scenario) -> None:

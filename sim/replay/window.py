@@ -15,9 +15,9 @@ from sim.scenario.environment import Area
 from sim.sensing.cameras import camera_of
 from sim.world.engine import Engine, pybullet, quiet, refusal_of, silenced
 from sim.world.world import World
+from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError
 
 _SIZE = (1280, 800)
 _GRASS = (0.46, 0.51, 0.36, 1.0)

@@ -28,7 +28,7 @@ from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, score_table, shortfalls, tables
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
 _HOW_TO_READ = (

@@ -22,7 +22,7 @@ from sim.report.formats import piped
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 _SHARE = "ospa.share_under_1m"
 

@@ -16,8 +16,7 @@ from sim.scenario.overrides import override_in
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import overrides as overrides_of
 from sim.scenario.text_files import located, toml_file
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.errors import InputError, did_you_mean
 
 STUDY_TABLES = ("study", "set", "factors", "exclude", "score")  # tables of a study file
 # Keys that are not part of a scenario, and their meaning elsewhere.

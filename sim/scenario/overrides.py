@@ -7,7 +7,7 @@ import msgspec
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 _DEEPEST = 10  # number of dots at which a key is split; the rest is one part
 

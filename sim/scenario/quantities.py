@@ -6,8 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.errors import InputError, did_you_mean
 
 DAY = 86_400.0  # s, longer than any mission
 

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 _PLAIN = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z_][\w.:/-]*")
 

@@ -8,8 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean, nearest
+from tracking.errors import InputError, did_you_mean, nearest
 
 if sys.version_info >= (3, 11):
     import tomllib

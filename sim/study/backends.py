@@ -16,7 +16,7 @@ from sim.processes.isolation import kill_session, lead_session
 from sim.processes.signals import ctrl_c_deferred
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 
 class Backend(Protocol):

@@ -12,7 +12,7 @@ from msgspec import Struct
 from planning.planner_text import with_options
 from sim.scenario.settings_text import flat, texts, toml
 from sim.study.study import Study
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 TRACKER = "tracker"
 VIEW = "view"  # factor that only trials of the bound have

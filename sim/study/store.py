@@ -15,7 +15,7 @@ import numpy as np
 from sim.recording.dataframes import dataframe
 from sim.recording.npz import line
 from sim.study.tasks import Row, Task
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 SCHEMA = 2  # version of the tables, in the file's user_version; docs/how-to/studies.md describes them
 NAME = "study.sqlite"

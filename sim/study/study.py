@@ -14,8 +14,7 @@ from sim.scenario.overrides import key_and_value
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers
 from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file
-from tracking.plugins.registry import InputError, check_known
-from tracking.plugins.spelling import did_you_mean
+from tracking.errors import InputError, check_known, did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 

@@ -22,8 +22,9 @@ from sim.scenario.text_files import content
 from sim.study.cells import Cell, cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
+from tracking.errors import InputError
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError, imported
+from tracking.plugins.registry import imported
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")

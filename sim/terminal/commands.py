@@ -16,7 +16,7 @@ from sim.processes.isolation import IsolationError
 from sim.recording.atomic_files import PlaceTaken
 from sim.scenario.quantities import DAY, seconds
 from sim.terminal.console import fail
-from tracking.plugins.registry import InputError, check_known
+from tracking.errors import InputError, check_known
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # the disk is full or fails
 # Places that cannot be written or read.

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sim.scenario.environment import Area, Trees
+from tracking.errors import InputError
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import length
 from tracking.numerics.poisson import poisson
-from tracking.plugins.registry import InputError
 
 MAX_TREES = 10_000
 CLEARANCE = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear

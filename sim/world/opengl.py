@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sim.world.engine import pybullet, quiet, refusal_of
+from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
-from tracking.plugins.registry import InputError
 
 MOST_PIXELS = 768  # along each edge; the height of the plug-in's window
 _PLUGIN = "_eglRendererPlugin"

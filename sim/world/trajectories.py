@@ -12,10 +12,10 @@ from scipy.interpolate import PchipInterpolator
 from sim.scenario.environment import Area
 from sim.scenario.scenario import MOST_WALKED
 from sim.scenario.text_files import text
+from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import arctan2_each
-from tracking.plugins.registry import InputError
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("time", "id", "x", "y")

@@ -9,6 +9,7 @@ from sim.scenario.environment import WALKS, Area, People
 from sim.world.pedestrian_steering import SEPARATION, simulate
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from sim.world.walks import Itinerary
+from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
@@ -16,7 +17,6 @@ from tracking.numerics.distances import length
 from tracking.numerics.exponential import exp_each, power, power_each
 from tracking.numerics.normal import normal_cdf_each, standard_normal
 from tracking.numerics.trigonometry import arctan2
-from tracking.plugins.registry import InputError
 
 TRUNK_CLEARANCE = 0.4  # m, least distance from the bark of a trunk to a person's axis
 MARGIN = 1.0  # m, least distance from the border

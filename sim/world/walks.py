@@ -7,11 +7,11 @@ import numpy as np
 
 from sim.scenario.environment import People
 from sim.world.trajectories import SAMPLES_PER_SECOND
+from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
-from tracking.plugins.registry import InputError
 
 ROOM = 4.0  # m, room around a start in which people can turn away from obstacles
 

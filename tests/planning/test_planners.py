@@ -20,9 +20,9 @@ from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner_text import split_options, with_options
 from planning.prediction.propagation import MonteCarlo, Nominal
+from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.plugins.registry import InputError
 
 
 def test_options_choose_the_pieces_of_ours_and_of_anyones_class():

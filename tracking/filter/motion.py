@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from tracking.plugins.registry import InputError, Registry
+from tracking.errors import InputError
+from tracking.plugins.registry import Registry
 
 if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.numerics.arrays import Array

@@ -1,30 +1,20 @@
-"""Plug-ins: import by import string, registries of one kind of plug-in each, and the error for wrong input."""
+"""Plug-ins: import by import string, and registries of one kind of plug-in each."""
 
 import importlib
 import inspect
 import pkgutil
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tracking.errors import InputError, check_known, nearest
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.spelling import did_you_mean, nearest
 
 _OURS = ("sim", "planning", "tracking", "assets", "understory")
 _ROOT = Path(__file__).parents[2]
-
-
-class InputError(ValueError):
-    """Input that cannot be used; the message is one line with field, value, allowed values and nearest valid name."""
-
-
-def check_known(field: str, name: str, known: Collection[str], also: str = "") -> None:
-    """Raise InputError unless a name is known; `also` names what else is allowed."""
-    if name not in known:
-        raise InputError(f"{field}: {name!r} is unknown; {did_you_mean(name, known)}{also}")
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from sim.recording.recording import Recording
 from sim.replay.frames.annotation import annotated, marks_of
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
+from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.plugins.registry import InputError
 
 _WIDTH = 340  # pixels, width of the panel
 MARK = 36  # pixels, height of a mark in the legend

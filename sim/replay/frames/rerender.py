@@ -12,9 +12,9 @@ from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Flags
-from tracking.plugins.registry import InputError
 
 
 class Rerenderer(ExitStack):

@@ -29,8 +29,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import changed, toml
+from tracking.errors import InputError
 from tracking.fusion.member import TRACKERS
-from tracking.plugins.registry import InputError
 
 _RESULTS = {  # metrics at the top, by their label there
     "OSPA under 1 m": "ospa.share_under_1m",

@@ -20,7 +20,7 @@ from sim.replay.rerun.images import Cameras
 from sim.replay.rerun.scene import Scene, log_ground
 from sim.replay.rerun.series import log_events, log_series, log_states
 from sim.scenario.text_files import content
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 Progress = Callable[[object], None]
 _CURVES = {

@@ -14,8 +14,8 @@ from planning.coordination.schemes import Centralised, Sequential
 from planning.loading import load_planner
 from planning.planner import Plan
 from planning.registry import PLANNERS
+from tracking.errors import InputError
 from tracking.plugins.findings import Unfit
-from tracking.plugins.registry import InputError
 
 CLAIM = {"nothing from the unheard", "only plans from others"}
 BARE, DIFFER = "plan 0: it is no Plan but of type ndarray", "plans differ by"

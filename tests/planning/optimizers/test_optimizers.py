@@ -11,8 +11,9 @@ from planning.loading import load_planner
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import pursuits, speed_limited
+from planning.optimizers.optimizer import pursuits
 from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.planner import limit_speed
 from planning.prediction.intent import expected_plans
 from planning.prediction.propagation import nominal_positions
 from planning.prediction.targets_in_reach import NO_TARGETS
@@ -53,7 +54,7 @@ def test_no_optimiser_is_worse_than_its_best_start_or_too_fast(optimizer):
     rng = np.random.default_rng(2)
     limits = np.array([5.0, 2.0])
     for seed in range(10):
-        starts = speed_limited(rng.normal(0, 3, (5, 2, 2, 2)), limits)
+        starts = limit_speed(rng.normal(0, 3, (5, 2, 2, 2)), limits)
         weights = rng.normal(size=(2, 2, 2))
 
         def objective(c, weights=weights):
@@ -136,7 +137,7 @@ def test_the_grid_holds_every_sequence_of_controls_within_speed_limits():
     assert len(plans) == 5 ** (2 * 2)
     with pytest.raises(ValueError, match="optimizer grid: 625 plans of 2 UAVs over 2 steps, at most 600"):
         run(GridSearch(4, most=600), objective, np.zeros((1, 2, 2, 2)), limits=np.array([5.0, 5.0]))
-    plans = speed_limited(np.array([[[6.0, 8.0], [0.3, 0.4]]]), 5.0)
+    plans = limit_speed(np.array([[[6.0, 8.0], [0.3, 0.4]]]), 5.0)
     assert plans[0, 0] == pytest.approx([3.0, 4.0]) and plans[0, 1] == pytest.approx([0.3, 0.4])
 
 

@@ -12,7 +12,7 @@ from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
 

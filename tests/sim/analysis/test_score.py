@@ -12,7 +12,7 @@ from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
 from sim.analysis.score import ends_of, scores
 from sim.analysis.score import scored as scored_study
 from sim.study.study import ScoreScale
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 GOSPA, SHARE = metric_shown("gospa.mean_m"), metric_shown("ospa.share_under_1m")
 SCORED = ScoreScale(floor="hover", bound="sma-nbo")

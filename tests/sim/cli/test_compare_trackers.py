@@ -9,7 +9,7 @@ from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
 from sim.study.cells import cells, with_trackers
 from sim.study.study import Study
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 MINE = "mine:Mine"
 MEAN = metric_shown("ospa.mean_m")

@@ -21,7 +21,7 @@ from sim.mission import mission as mission_module
 from sim.recording.archive import digest
 from sim.scenario.loading import SCENARIOS
 from sim.world.trajectories import Trajectories
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 IDEAL = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4}
 WORLDS = [pytest.param(name, {"duration": 4}, marks=pytest.mark.slow) for name in SCENARIOS]

@@ -23,8 +23,8 @@ from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
 from sim.study.trial import fly as fly_trial
+from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
-from tracking.plugins.registry import InputError
 
 BROKEN = "broke down, hovers from now on"
 

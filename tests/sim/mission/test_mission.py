@@ -17,7 +17,7 @@ from sim.recording.archive import load as load_recording
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 CROWD = "t,id,x,y\n" + "".join(
     f"{t},{name},{-28 + 1.5 * t},{y}\n"

@@ -19,9 +19,9 @@ from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario
 from sim.study.trial import fly
+from tracking.errors import InputError
 from tracking.filter.motion import motion_model
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
-from tracking.plugins.registry import InputError
 
 NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")

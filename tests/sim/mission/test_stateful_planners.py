@@ -9,7 +9,7 @@ import pytest
 from planning.planner import Plan
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 SETTING = load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "trees.density=5"])
 

@@ -14,7 +14,7 @@ from sim.mission.mission import Mission
 from sim.recording.archive import digest
 from sim.running.run import record
 from sim.scenario.loading import load
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 FLIGHTS = [
     ("sma-nbo(evaluations=64, horizon=3)", ["network.loss=0.2"]),

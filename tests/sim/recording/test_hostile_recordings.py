@@ -25,7 +25,7 @@ from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import find
 from sim.replay.history import History
 from sim.scenario.scenario import resolved
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 OLD = ROOT / "tests" / "data" / "mission-plans.npz"
 FLEET = json.loads(resolved(synthetic.scenario()))

@@ -18,8 +18,8 @@ from sim.replay import export as module
 from sim.replay.export import STATE, export
 from sim.scenario.environment import Area
 from sim.world.trajectories import read
+from tracking.errors import InputError
 from tracking.measurement_files import read_cameras, read_forest, read_scans
-from tracking.plugins.registry import InputError
 
 SECONDS = {"time_field": "time", "timestamp": True}
 START = datetime.datetime(1970, 1, 1)

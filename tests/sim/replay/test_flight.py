@@ -23,7 +23,7 @@ from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.tables import TABLES
 from sim.sensing.fault import Fault
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
 

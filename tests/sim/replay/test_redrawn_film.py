@@ -24,7 +24,7 @@ from sim.replay import window
 from sim.replay.redrawn_film import write_film
 from sim.running.run import run as fly
 from sim.scenario.loading import load as load_scenario
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 # A slow camera, a UAV that breaks down, everything varied by the seed.
 SETTINGS = ["duration=3", "trees.density=75", "uavs.1.rate=1", "uavs.2.fails_at=1.5", "appearance.randomise=true"]

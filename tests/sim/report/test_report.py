@@ -22,7 +22,7 @@ from sim.analysis.metric_choice import metric_shown
 from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
 from sim.scenario.loading import load
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
 ABOUT = About(

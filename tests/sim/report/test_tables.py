@@ -18,7 +18,7 @@ from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
 from sim.report.report import About
 from sim.report.terminal import show
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 MEAN = metric_shown("ospa.mean_m")
 

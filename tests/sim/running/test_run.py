@@ -18,7 +18,7 @@ from sim.replay import events
 from sim.running import run as module
 from sim.running.run import run
 from sim.scenario.loading import load
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("heard")
 FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]

@@ -17,7 +17,7 @@ from sim.scenario.scenario import Scenario, check_workload
 from sim.scenario.settings_text import changed
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
 from sim.world.trajectories import read
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.

@@ -3,7 +3,7 @@
 import pytest
 
 from sim.scenario.loading import load
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 ALL_ROUND = "sensing.mode=ideal sensing.field_of_view=unlimited"
 # Settings, parted by spaces where there are several, and words of the line.

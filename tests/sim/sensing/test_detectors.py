@@ -17,9 +17,9 @@ from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections, Frame
+from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.plugins.registry import InputError
 
 POSE = Pose.level(0.0, 0.0, 19.0)
 OPEN = Forest(())

@@ -19,9 +19,9 @@ from sim.sensing.renderer import Renderer
 from sim.world import opengl
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
+from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.plugins.registry import InputError
 
 EGL = msgspec.structs.replace(SCENARIO, sensing=Sensing(renderer="egl"))
 OPEN = Forest(())

@@ -17,7 +17,7 @@ from sim.study.store import NAME, Store, read_rows
 from sim.study.study import read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 FILE = "[study]\nplanners = ['hover', 'greedy']\nseeds = '{seeds}'\n[set]\n" + "\n".join(
     f"{key} = {value if value.isdigit() else repr(value)}" for key, value in SHORT.items()

@@ -9,7 +9,7 @@ from helpers.studies import Serial, invented, plain, short, sql, store
 
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 FACTORS = {"lambda": {"5": {"trees": {"density": 5}}, "3": {"trees": {"density": 3}}}}
 

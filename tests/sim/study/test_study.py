@@ -18,8 +18,8 @@ from sim.scenario.settings_text import flat, toml
 from sim.study.cells import cells, with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.study.tasks import tasks
+from tracking.errors import InputError
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.plugins.registry import InputError
 
 FILE = """
 [study]

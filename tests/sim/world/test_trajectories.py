@@ -10,7 +10,7 @@ from sim.scenario import text_files
 from sim.scenario.environment import Area
 from sim.world import trajectories
 from sim.world.trajectories import Trajectories, read
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 AREA = Area()
 GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]

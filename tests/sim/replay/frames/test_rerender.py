@@ -22,10 +22,10 @@ from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, 
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from sim.world.world import World
+from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.plugins.registry import InputError
 from tracking.tracker import Track
 
 

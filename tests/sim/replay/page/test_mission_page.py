@@ -32,7 +32,7 @@ from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.settings_text import changed, toml
 from sim.sensing.fault import Fault
-from tracking.plugins.registry import InputError
+from tracking.errors import InputError
 
 OPTIONS = {"explain": ({"--time", "--target"}, {"--track"}), "frames": ({"--time", "--uav"},)}
 

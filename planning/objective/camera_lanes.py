@@ -9,7 +9,7 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
 
-class CameraPaths(NamedTuple):
+class CameraLanes(NamedTuple):
     """Paths of the cameras of k UAVs in LANES plans."""
 
     cameras: Array  # (k, H, 2, LANES) m
@@ -17,7 +17,7 @@ class CameraPaths(NamedTuple):
 
 
 @compiled
-def camera_paths(belief: PredictedBelief, uavs: Indices, plans: Array) -> CameraPaths:
+def camera_lanes(belief: PredictedBelief, uavs: Indices, plans: Array) -> CameraLanes:
     """Camera paths of up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
     cameras, boxes = np.empty((len(uavs), plans.shape[2], 2, LANES)), np.empty((len(uavs), plans.shape[2], 4))
     for j in range(len(uavs)):
@@ -33,4 +33,4 @@ def camera_paths(belief: PredictedBelief, uavs: Indices, plans: Array) -> Camera
                     now[lane] = at
                     low, high = min(low, at), max(high, at)
                 boxes[j, step, 2 * axis], boxes[j, step, 2 * axis + 1] = low, high
-    return CameraPaths(cameras, boxes)
+    return CameraLanes(cameras, boxes)

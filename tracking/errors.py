@@ -1,7 +1,17 @@
-"""Nearest valid names for error messages."""
+"""The error for wrong input, and the nearest valid names for its message."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+
+
+class InputError(ValueError):
+    """Input that cannot be used; the message is one line with field, value, allowed values and nearest valid name."""
+
+
+def check_known(field: str, name: str, known: Collection[str], also: str = "") -> None:
+    """Raise InputError unless a name is known; `also` names what else is allowed."""
+    if name not in known:
+        raise InputError(f"{field}: {name!r} is unknown; {did_you_mean(name, known)}{also}")
 
 
 def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
