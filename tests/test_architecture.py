@@ -1,8 +1,6 @@
 """Imports go one way, and only where they may."""
 
 import ast
-import re
-from collections import Counter
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -32,7 +30,6 @@ LAYERS = {
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
-MOST_MODULES = 12
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
 # Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, person.py where they lead, and
 # plan_exchange.py where they have brought a UAV out of contact.
@@ -55,12 +52,7 @@ PLANNING = {
     "sim/study/tasks.py",
     "sim/calibration/future_errors.py",
 }
-MOST_NAMES = 5  # public functions and classes of a module
-MOST_WORDS = 14  # of a test's name
-PRONOUNS = re.compile(r"(?<![a-z])(wh(o|om|ose|oever)|(no|some|every|any)(body|one))(?![a-z])", re.IGNORECASE)
-QUESTION = re.compile(r"(What|Whether|Wh(o|om|ose)|Which|Where|When|How|Why)\b")
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
-SOURCES = [*MODULES, *(ROOT / "tests").rglob("*.py")]
 INTERFACE = ROOT / "understory.py"  # names what users import, and stands above all packages
 
 
@@ -124,11 +116,9 @@ def test_imports_go_down_the_layers():
                 assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
 
 
-def test_the_layers_name_every_room_and_no_folder_holds_too_many_modules():
+def test_the_layers_name_every_room():
     there = {room(named(path).removesuffix(".py").replace("/", ".")) for path in MODULES if path.name != "__init__.py"}
     assert {(p, r) for p, r in there if p in LAYERS} == {(p, r) for p, order in LAYERS.items() for r in order}
-    counts = Counter(named(path.parent) for path in MODULES if path.name != "__init__.py")
-    assert {folder: n for folder, n in counts.items() if n > MOST_MODULES} == {} and len(MODULES) > 20
 
 
 def test_engine_and_planners_are_known_only_where_they_must_be():
@@ -139,59 +129,6 @@ def test_engine_and_planners_are_known_only_where_they_must_be():
         if name.startswith("sim/") and name not in PLANNING:
             # What a plan is may be known; how plans are made may not.
             assert {n for n in imported(path) if n.startswith("planning")} <= {"planning.planner"}, name
-
-
-def test_files_and_functions_stay_small():
-    for path in [*MODULES, INTERFACE]:
-        source, _, nodes = parsed(path)
-        assert source.count("\n") <= 300, named(path)
-        for node in nodes:
-            if isinstance(node, ast.FunctionDef):
-                assert node.end_lineno - node.lineno < 40, f"{named(path)}: {node.name}"
-
-
-def rooms() -> list[str]:
-    """Folders of a package, one and two levels deep, and of its tests, one level deeper, with Python files."""
-    return sorted({"/".join(named(path).split("/")[:-1][: depth(named(path))]) for path in SOURCES})
-
-
-def depth(room: str) -> int:
-    """Levels of folders of the rooms of a package or of the tests."""
-    return 3 if room.startswith("tests") else 2
-
-
-def files_of(room: str) -> list[Path]:
-    """The files of a room; of the deepest rooms all that is below."""
-    deepest = len(room.split("/")) == depth(room)
-    return sorted((ROOT / room).rglob("*.py") if deepest else (ROOT / room).glob("*.py"))
-
-
-def test_prose_names_persons_targets_and_uavs_rather_than_pronouns():
-    for room in rooms():
-        texts = [parsed(path)[0] for path in files_of(room)]
-        found = [match[0] for text in texts for match in PRONOUNS.finditer(text)]
-        assert len(found) <= max(1, 3 * sum(text.count("\n") for text in texts) / 1000), (room, found)
-
-
-def test_docstrings_begin_with_a_verb_or_a_noun():
-    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    for path in SOURCES:
-        nodes = [node for node in parsed(path)[2] if isinstance(node, documented)]
-        assert not [text for node in nodes if QUESTION.match(text := ast.get_docstring(node) or "")], named(path)
-
-
-def test_modules_have_few_public_names_and_tests_short_ones():
-    for path in SOURCES:
-        names = [node.name for node in parsed(path)[1].body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
-        if named(path).startswith("tests"):
-            assert not [name for name in names if name.startswith("test_") and name.count("_") > MOST_WORDS]
-        else:
-            assert len([name for name in names if not name.startswith("_")]) <= MOST_NAMES, (named(path), names)
-
-
-def test_a_class_has_a_name_of_its_own():
-    classes = [node.name for path in MODULES for node in parsed(path)[1].body if isinstance(node, ast.ClassDef)]
-    assert not [name for name, count in Counter(classes).items() if count > 1 and not name.startswith("_")]
 
 
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the
