@@ -111,12 +111,12 @@ def options_table(planner: str = DEFAULT_PLANNER) -> str:
 
 def commands_text() -> str:
     """Every command with its arguments and options."""
-    import typer
-
-    from sim.__main__ import app
+    from sim.__main__ import COMMANDS
+    from sim.terminal.commands import load_command
 
     parts = []
-    for name, command in sorted(typer.main.get_command(app).commands.items()):
+    for name, (target, _) in sorted(COMMANDS.items()):
+        command = load_command(target)
         parts += [f"## understory {name}", "", inspect.cleandoc(command.help or ""), ""]
         parts += ["| argument or option | meaning | default |", "|---|---|---|"] if command.params else []
         for parameter in command.params:

@@ -1,8 +1,7 @@
-"""Entry of the command line: `understory COMMAND`, whose commands are functions of `sim.cli`."""
+"""Entry of the command line: `understory COMMAND`. The commands are functions of `sim.cli`."""
 
 import os
 import sys
-from collections.abc import Callable
 
 from sim.installation import ROOT
 
@@ -10,27 +9,31 @@ from sim.installation import ROOT
 sys.path.append(str(ROOT))
 sys.path.sort(key=lambda place: os.path.abspath(place) == os.getcwd())
 
-from sim.cli.checks import check_detector, check_planner, check_tracker
-from sim.cli.compare import compare
-from sim.cli.explain import explain
-from sim.cli.recordings import export, frames, replay
-from sim.cli.run import run
-from sim.cli.start import planners, scenarios, start, studies
-from sim.terminal.commands import Command, concluded, new_app
+from sim.cli.start import start
+from sim.terminal.commands import command_group, conclude
 
-app = new_app()
-app.callback(invoke_without_command=True)(start)
-COMMANDS: tuple[Callable[..., None], ...] = (
-    *(run, compare, frames, replay, explain, export, planners, scenarios, studies),
-    *(check_planner, check_detector, check_tracker),
-)
-for command in COMMANDS:
-    app.command(cls=Command)(command)
+# Function of each command, and its line in the list of commands. A command's module is imported when it is called:
+# all of them together take two seconds.
+COMMANDS = {
+    "run": ("sim.cli.run:run", "Fly one mission: recording, summary, film, page, OSPA curve and timeline."),
+    "compare": ("sim.cli.compare:compare", "Compare planners or trackers on the same forests, people and seeds."),
+    "frames": ("sim.cli.recordings:frames", "Render frames of a recorded mission again, annotated."),
+    "replay": ("sim.cli.recordings:replay", "Show a recorded mission again: film, page, 3-D window or Rerun viewer."),
+    "explain": ("sim.cli.explain:explain", "Say when and why people were lost, or how a track came about."),
+    "export": ("sim.cli.recordings:export", "Write a recorded mission as text for other tools."),
+    "planners": ("sim.cli.lists:planners", "List the planners with their meanings, packages and options."),
+    "scenarios": ("sim.cli.lists:scenarios", "List the packaged scenarios."),
+    "studies": ("sim.cli.lists:studies", "List the packaged studies."),
+    "check-planner": ("sim.cli.checks:check_planner", "Check that a planner keeps the rules for planners."),
+    "check-detector": ("sim.cli.checks:check_detector", "Check that a detector keeps the rules for detectors."),
+    "check-tracker": ("sim.cli.checks:check_tracker", "Check that a tracker keeps the rules for trackers."),
+}
+app = command_group(start, COMMANDS)
 
 
 def main() -> None:
     """Run the command line and exit."""
-    concluded(app)
+    conclude(app)
 
 
 if __name__ == "__main__":

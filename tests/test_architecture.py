@@ -46,7 +46,7 @@ PLANNING = {
     "sim/cli/run.py",
     "sim/cli/checks.py",
     "sim/cli/compare.py",
-    "sim/cli/start.py",
+    "sim/cli/lists.py",
     "sim/replay/explain/person.py",
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",

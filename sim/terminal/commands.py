@@ -4,7 +4,8 @@ import errno
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -22,6 +23,8 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # the disk is f
 # Places that cannot be written or read.
 _NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
 
+
+_STYLE: Any = {"add_completion": False, "pretty_exceptions_enable": False, "rich_markup_mode": "rich"}
 
 Duration = Annotated[
     str | None, typer.Option(metavar="TIME", help="Simulated time, such as 40, 40s or 1.5min. Default: the scenario's.")
@@ -54,18 +57,38 @@ class Command(TyperCommand):
         return super().parse_args(ctx, args)
 
 
-class _Commands(TyperGroup):
-    """A group of commands that suggests the nearest name for an unknown one."""
+class _Group(TyperGroup):
+    """Commands that are imported when they are called; an unknown one is an InputError with the nearest name."""
+
+    targets: Mapping[str, str]  # "module:function" of each command
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Options of the group."""
         return _untyped(super().get_params(ctx))
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - types that differ between typer's versions
-        """The command with this name; InputError if there is none."""
-        if not cmd_name.startswith("-"):
-            check_known("command", cmd_name, self.list_commands(ctx))
-        return super().get_command(ctx, cmd_name)
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:  # noqa: ANN401 - as above
+        """Name, command and remaining arguments of a call."""
+        if args[0].startswith("-"):
+            return super().resolve_command(ctx, args)
+        check_known("command", args[0], self.commands)
+        return args[0], load_command(self.targets[args[0]]), args[1:]
+
+
+def load_command(target: str) -> Any:  # noqa: ANN401 - a type that differs between typer's versions
+    """Import the function "module:function" and make a command of it."""
+    module, _, name = target.partition(":")
+    return typer.main.get_command(_app(getattr(import_module(module), name)))
+
+
+def command_group(start: Callable[..., None], commands: Mapping[str, tuple[str, str]]) -> Any:  # noqa: ANN401 - as above
+    """The command line: `start` without a command, and commands by name as "module:function" and a line of help."""
+    app = typer.Typer(cls=_Group, **_STYLE)
+    app.callback(invoke_without_command=True)(start)
+    for name, (_, summary) in commands.items():
+        app.command(name, help=summary)(lambda: None)  # for the list of commands only
+    group = typer.main.get_command(app)
+    group.targets = {name: target for name, (target, _) in commands.items()}  # type: ignore[attr-defined]
+    return group
 
 
 def _untyped(params: list[Any]) -> list[Any]:
@@ -92,19 +115,19 @@ def with_options(overrides: list[str] | None, duration: str | None, sensing: str
     return found
 
 
-def new_app() -> typer.Typer:
-    """A command line without commands."""
-    return typer.Typer(cls=_Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
-
-
 def run_alone(function: Callable[..., None]) -> None:
     """Run a module's only command."""
-    app = new_app()
+    conclude(_app(function))
+
+
+def _app(function: Callable[..., None]) -> typer.Typer:
+    """A command line of one command."""
+    app = typer.Typer(**_STYLE)
     app.command(cls=Command)(function)
-    concluded(app)
+    return app
 
 
-def concluded(app: Callable[..., Any]) -> None:
+def conclude(app: Callable[..., Any]) -> None:
     """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure."""
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _take_signals()

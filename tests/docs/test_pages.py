@@ -7,15 +7,15 @@ import shlex
 import msgspec
 import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
-from typer.main import get_command
 
 import understory
 from planning.registry import PLANNERS
-from sim.__main__ import app
+from sim.__main__ import COMMANDS
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.loading import decode, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
+from sim.terminal.commands import load_command
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
@@ -31,10 +31,9 @@ def named(path):
 @pytest.mark.parametrize("page", TEXTS, ids=named)
 def test_commands_have_the_options_that_the_page_gives_them(page, monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "seedling"))  # is not installed
-    group = get_command(app)
     for program, *words in commands(page.read_text(encoding="utf-8")):
         if program == "understory" and words and not words[0].startswith("-"):
-            command = group.commands[words[0]]
+            command = load_command(COMMANDS[words[0]][0])
             if "--help" not in words:
                 command.make_context(words[0], list(words[1:]))
         elif program == "python" and words[0] == "-m":
@@ -86,7 +85,8 @@ def test_the_reference_has_every_name_command_and_option():
     text = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^::: understory\.(\w+)$", text, flags=re.M)) == sorted(understory.__all__)
     text = generator().commands_text()
-    for name, command in get_command(app).commands.items():
+    for name, (target, _) in COMMANDS.items():
+        command = load_command(target)
         part = text.partition(f"## understory {name}\n")[2].partition("\n## ")[0]
         for parameter in command.params:
             assert (parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar) in part

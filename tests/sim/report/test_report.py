@@ -12,16 +12,16 @@ import pytest
 from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.html_pages import Page
 from helpers.trials import failed, row, study
-from typer.main import get_command
 
 from planning.loading import load_planner
-from sim.__main__ import app
+from sim.__main__ import COMMANDS
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, maps_needed, means, p_values
 from sim.analysis.metric_choice import metric_shown
 from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
 from sim.scenario.loading import load
+from sim.terminal.commands import load_command
 from tracking.errors import InputError
 
 EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
@@ -84,7 +84,7 @@ def test_what_was_run_by_which_version_is_there(page, without_pictures):
 
 def test_commands_fly_the_maps_that_they_stand_for_best_and_worst(page):
     commands = [shlex.split(text) for text in page.commands()]
-    known = {option for parameter in get_command(app).commands["run"].params for option in parameter.opts}
+    known = {option for parameter in load_command(COMMANDS["run"][0]).params for option in parameter.opts}
     flown = [words for words in commands if words[1] == "run"]
     assert len(flown) == 2 * 6 + 1 + 1  # best and worst of six groups, the only map of one, and what failed
     for words in flown:

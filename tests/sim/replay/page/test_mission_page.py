@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
-from typer.main import get_command
 
-from sim.__main__ import app
+from sim.__main__ import COMMANDS
 from sim.drawing.film import parts_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
@@ -32,6 +31,7 @@ from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.settings_text import changed, toml
 from sim.sensing.fault import Fault
+from sim.terminal.commands import load_command
 from tracking.errors import InputError
 
 OPTIONS = {"explain": ({"--time", "--target"}, {"--track"}), "frames": ({"--time", "--uav"},)}
@@ -75,7 +75,7 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
     words = [shown for _, shown in sheet.of("button") if "lost" in shown]
     assert words == ["person 2 lost 1.0 to 2.0 s", "person 1 lost 1.6 to 1.8 s", "person 0 lost from 3.0 s to the end"]
     assert "track 3 stands for no person 0.0 to 1.0 s" in [shown for _, shown in sheet.of("button")]
-    known = get_command(app).commands
+    known = {name: load_command(COMMANDS[name][0]) for name in ("explain", "frames")}
     lines = [shlex.split(shown) for _, shown in sheet.of("code") if shown.startswith("understory ")]
     assert {line[1] for line in lines} == {"explain", "frames"}
     for program, name, place, *options in lines:
