@@ -104,8 +104,12 @@ def options_table(planner: str = DEFAULT_PLANNER) -> str:
     alike = {name: spec.options for name, spec in PLANNERS.items() if spec.target == PLANNERS[planner].target}
     lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(kind)
     for name, parameter in inspect.signature(kind).parameters.items():
-        others = [f"`{options[name]!r}` in `{p}`" for p, options in alike.items() if name in options]
-        lines.append(f"| `{name}` | {'; '.join([f'`{parameter.default!r}`', *others])} | {meanings.get(name, '')} |")
+        others: dict[str, list[str]] = {}
+        for alias, options in alike.items():
+            if name in options:
+                others.setdefault(repr(options[name]), []).append(f"`{alias}`")
+        values = [f"`{parameter.default!r}`", *(f"`{value}` in {', '.join(names)}" for value, names in others.items())]
+        lines.append(f"| `{name}` | {'; '.join(values)} | {meanings.get(name, '')} |")
     return "\n".join(lines)
 
 

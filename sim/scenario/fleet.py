@@ -13,7 +13,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
 
     start: Point  # m, `[x, y]`, the place above which the UAV hovers at the start
-    # m, edge of the square field of view on the ground; together with `fov_deg` it determines the altitude
+    # m, edge of the square field of view on the ground; with `fov_deg` it determines the altitude
     footprint: Annotated[float, Meta(ge=0.01, le=10_000)] = 20.0
     # quality factor of the UAV's measurements, [Li22] eq. (4); smaller is better
     alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
@@ -24,10 +24,9 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     mount: Literal["gimbal", "body"] = "gimbal"
     # Hz, frame rate of the camera, a divisor of `rates.sensing`; 0 means `rates.sensing` itself
     rate: Annotated[int, Meta(ge=0, le=1000)] = 0
-    # deg, mounting angle from nadir towards the front of the body, which points east at yaw 0; on a gimbal the camera
-    # always looks east at this angle. The image must end below the horizon. The covariance of detections takes the
-    # angle into account; `footprint`, and the covariance that planners expect with `sensing.noise = "camera"`, are
-    # those of a camera that looks straight down
+    # deg, angle from nadir towards the front of the body, or to the east on a gimbal; the image must end below the
+    # horizon. `footprint`, and the covariance that planners expect with `sensing.noise = "camera"`, are those of a
+    # camera that looks straight down
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
     fails_at: Time | None = None  # s, time at which the UAV breaks down; by default never
 
@@ -83,8 +82,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     rounds: Annotated[int, Meta(ge=0, le=1000)] = 5  # rounds of consensus per scan
     # m, distance beyond which no message arrives, with or without a link
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
-    # fusion rule: `"hcmci"`: hybrid consensus on measurements and information, which adds up the information of all
-    # UAVs, as planners expect; `"kla"`: weighted average of information, as in the paper; `"module:Class"`: your own
+    # `"hcmci"`: hybrid consensus on measurements and information, which adds up the information of all UAVs, as
+    # planners expect; `"kla"`: weighted average of information, as in the paper; `"module:Class"`: your own
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
     fusion: str = "hcmci"
     # probability that a message is lost, drawn by seed and repeat for each round and direction
@@ -92,8 +91,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     links: tuple[Link, ...] = ()  # the links as pairs of UAVs: `[[0, 1], [1, 2]]`; if empty, all UAVs are linked
     # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
-    # s, time from a decision until the first control of its plan is flown, a multiple of the time between scans; until
-    # then UAVs fly on as before, or hover at the start
+    # s, time from a decision until its plan is flown, a multiple of the time between scans; until then UAVs fly on as
+    # before, or hover at the start
     plan_delay: Time = 0.0
 
     def check(self, uavs: int) -> None:

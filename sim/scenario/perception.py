@@ -29,11 +29,11 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, without
     # rendering; `"module:Class"`: your own ([how](../how-to/plugins.md#a-sensor-mode))
     mode: str = "camera"
-    # `"range_bearing"`: noise of [Li22] eq. (4) is added to each detection, and its covariance to the detection's own;
-    # `"camera"`: no noise is added
+    # `"range_bearing"`: adds noise of [Li22] eq. (4) to each detection, and its covariance to the detection's own;
+    # `"camera"`: adds none
     noise: Literal["range_bearing", "camera"] = "range_bearing"
-    # model of occlusion that trackers and planners assume, and that ideal sensing obeys: `"line_of_sight"`: trunks
-    # and canopies are cylinders that block the view; `"disc"`: the paper's
+    # occlusion that trackers and planners assume, and that ideal sensing obeys: `"line_of_sight"`: trunks and canopies
+    # are cylinders that block the view; `"disc"`: the paper's
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
     # `"tiny"`: PyBullet's own renderer, on the CPU; `"egl"`: OpenGL without a display, for images of up to 768 pixels;
     # an error if it cannot start
@@ -42,13 +42,12 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # visible pixel; `"package.module:Class"`: your own, with a method `detect(frame)`
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to this
-    # number divided by the field of view in m². With `tracking.management = "m_of_n"` a track is made of two false
-    # alarms in three scans if they happen to fit
+    # number divided by the field of view in m²
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     # probability that a detection is lost; set `tracking.detection_probability` to its complement
     miss_probability: Probability = 0.0
-    # field of view of a UAV: `"camera"`: that of its image; `"unlimited"`: everywhere that trees do not hide, which
-    # needs `sensing.mode = "ideal"`
+    # `"camera"`: that of the image; `"unlimited"`: everywhere that trees do not hide, which needs
+    # `sensing.mode = "ideal"`
     field_of_view: Literal["camera", "unlimited"] = "camera"
 
     def __post_init__(self) -> None:
@@ -85,34 +84,32 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     reacquire_after: Time = 0.2
     # m², trace of the position covariance above which a track ends; the default is the square of GOSPA's cut-off
     max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
-    # m/s, largest speed of people; it limits the reach of lost people, the velocities of new tracks and the spread of
-    # undetected people
+    # m/s, largest speed of people, also of lost and undetected ones and of new tracks
     max_speed: Speed = 3.0
     # m/s, walking speed that `motion = "mean-reverting"` expects while few people have been seen
     walking_speed: Speed = 1.75
-    # track management, which initiates and deletes tracks: `"existence"`: by each track's probability of existence,
-    # with `confirmation_threshold` and `deletion_threshold`; `"m_of_n"`: by counting scans, as in the paper, with
-    # `confirm` and `delete`
+    # how tracks are initiated and deleted: `"existence"`: by each track's probability of existence, with
+    # `confirmation_threshold` and `deletion_threshold`; `"m_of_n"`: by counting scans, as in the paper, with `confirm`
+    # and `delete`
     management: Literal["m_of_n", "existence"] = "existence"
     # with `"existence"`: probability that a person is still in the area a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
-    # 1/m², with `"existence"`: expected first detections of people per scan and area; the ratio to `clutter_density`
-    # decides the existence probability of a new track
+    # 1/m², with `"existence"`: expected first detections of people per scan and area; its ratio to `clutter_density`
+    # gives the existence probability of a new track
     birth_density: Density = 1e-5
     # with `"existence"`: probability of existence that confirms a new track
     confirmation_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.99
     # with `"existence"`: probability of existence below which a track is deleted
     deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
-    # motion model of the trackers: `"mean-reverting"`: speeds return to the walking speed of the people seen;
-    # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: your own
-    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict with the same model, scan by scan as
-    # trackers do, but with `"ncv"` if the model is your own; `thompson` always predicts constant velocity
+    # motion model: `"mean-reverting"`: speeds return to the walking speed of the people seen; `"ncv"`: nearly constant
+    # velocity, as in the paper; `"module:Class"`: your own
+    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict with the same model, but with `"ncv"`
+    # if it is your own; `thompson` always predicts constant velocity
     motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: your own
     # ([how](../how-to/trackers.md)), which may use any of these keys
     tracker: str = "jpda"
-    # expected number of undetected people in the area at the start, for whom UAVs search if `initial_tracks` is
-    # `"none"`
+    # expected number of undetected people at the start, for whom UAVs search if `initial_tracks` is `"none"`
     undetected: Expected = 4.0
 
     def __post_init__(self) -> None:

@@ -45,12 +45,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """Everything that defines a mission except planner, seed and repeat."""
 
     version: Literal[1] = 1  # version of this format; results are comparable only within one version
-    # s, simulated time; the first scan is at its start, and the mission ends with the last scan that fits into it
+    # s, simulated time, from the first scan to the last that fits into it
     duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0
     # s, time of the first decision, a multiple of the time between decisions; UAVs hover until then
     first_decision: Time = 0.0
-    # `"quadrotor"`: thrust and attitude control, with forces in the engine; `"kinematic"`: UAVs have the commanded
-    # velocity at once ([Li22] eq. (5))
+    # `"quadrotor"`: thrust and attitude control in the engine; `"kinematic"`: UAVs have the commanded velocity at once
+    # ([Li22] eq. (5))
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
