@@ -1,7 +1,7 @@
 """Consistency of beliefs: NEES over seeded missions of UAVs on fixed paths, without a planner.
 
 `pytest -m slow -s -n 0 tests/tracking/test_consistency.py` flies 100 missions per case and prints the table of
-docs/explanation/fusion.md.
+docs/explanation/fusion.md, with further columns.
 
 People move by the tracker's own model, so errors squared over variances average their dimension if beliefs are
 consistent. Errors of successive scans, of communicating UAVs and of people that meet are not independent; those of
