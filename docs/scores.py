@@ -17,10 +17,10 @@ from msgspec.structs import replace
 
 from sim.analysis.answers import holm, map_means
 from sim.analysis.cell_text import Cell
-from sim.analysis.cells import Group, Run, grouped
-from sim.analysis.differences import Difference, differences, paired
+from sim.analysis.cells import Group, Run, group_rows
+from sim.analysis.differences import Difference, differences, pair_differences
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.score import SCORE, NormalisedScore, Scored, scored
+from sim.analysis.score import SCORE, NormalisedScore, Scored, score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import score_picture
@@ -135,7 +135,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
         heads.append(_name(cell))
         means.append(f"{metric.text(map_means(own[base], metric).value)} {metric.unit}")
         for k, planner in enumerate(planners):
-            worlds[k].append(paired(own[planner], own[base], [metric]))
+            worlds[k].append(pair_differences(own[planner], own[base], [metric]))
             gaps[k] += differences(worlds[k][-1], [metric])
     if not world:
         heads, means = [*heads, "mean of these"], [*means, ""]
@@ -157,11 +157,11 @@ def _marked(gap: Difference, metric: Metric, survives: bool) -> str:
 def _groups(world: str = "") -> list[Group]:
     """The trials in one world, or in all, by world and planner, whatever version flew them."""
     rows = [replace(row, version="") for row in trials() if world in ("", row.scenario)]
-    return grouped(rows, DEFAULT)
+    return group_rows(rows, DEFAULT)
 
 
 def _scored(groups: Sequence[Group]) -> Scored:
-    found = scored([row for group in groups for row in group.done], groups, STUDY.score)
+    found = score_planners([row for group in groups for row in group.done], groups, STUDY.score)
     if found is None:
         raise ValueError(f"{TRIALS} lists no map of both floor and bound")
     return found

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group, Run
-from sim.analysis.differences import Difference, common_values, differences, map_values, paired
+from sim.analysis.differences import Difference, common_values, differences, map_values, pair_differences
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
@@ -39,16 +39,16 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
     Holm's correction is for all these differences together.
     """
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
-    pairs = {g: paired(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
-    own = {group: _own(group, metrics) for group in groups}
+    pairs = {g: pair_differences(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
+    own = {group: _answer_alone(group, metrics) for group in groups}
     compared = {group: differences(gaps, metrics) for group, gaps in pairs.items()}
-    overall = _overall({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
+    overall = _differences_over_cells({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
     found: list[Answer] = []
     for j in range(len(metrics)):
         for group, lines in own.items():
             found.append(replace(lines[j], difference=compared[group][j]) if group in compared else lines[j])
         found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
-    return _judged(found)
+    return _mark_survivors(found)
 
 
 def holm(p_values: Sequence[float]) -> list[bool]:
@@ -63,7 +63,7 @@ def holm(p_values: Sequence[float]) -> list[bool]:
     return kept.tolist()
 
 
-def _judged(found: Sequence[Answer]) -> list[Answer]:
+def _mark_survivors(found: Sequence[Answer]) -> list[Answer]:
     """The answers, in which differences that survive the correction are marked; one without pairs is not a test."""
     compared = [a.difference for a in found if a.difference]
     kept = iter(holm([gap.p_value for gap in compared if gap.pairs]))
@@ -71,7 +71,7 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
     return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 
 
-def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
+def _answer_alone(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     values, maps = group.table(metrics), np.array([row.seed for row in group.done], dtype=object)
     of_maps = map_values(values, maps)
     flown = len({row.seed for row in (*group.done, *group.failed)})
@@ -98,7 +98,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 
 def map_means(group: Group, metric: Metric) -> Estimate:
     """Mean of a metric over the maps of a group."""
-    return _own(group, [metric])[0].mean
+    return _answer_alone(group, [metric])[0].mean
 
 
 def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
@@ -111,7 +111,9 @@ def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[s
     return {planner: np.concatenate(parts) for planner, parts in found.items()}
 
 
-def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]) -> dict[str, list[Difference]]:
+def _differences_over_cells(
+    pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]
+) -> dict[str, list[Difference]]:
     """Differences of each planner that meets the baseline in several cells, as means over these cells, run by run.
 
     Cells may share the forests and people of a seed, so the samples are seeds. A run without its pair in some cell does

@@ -61,7 +61,7 @@ class Group:
         return times, found
 
 
-def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
+def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
     """Groups of rows by cell and planner; cells are in natural order, and planners, too, after the baseline.
 
     baseline: its label, as from `baseline_of`. given: labels of planners, as from `labels_of`. A planner whose options
@@ -93,7 +93,7 @@ def _group(cell: Cell, planner: str, rows: dict[Run, Row]) -> Group:
     return Group(cell, planner, *parts)
 
 
-def varying(groups: Sequence[Group]) -> dict[str, list[str]]:
+def varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:
     """The factors with several values over the groups, with these values in natural order."""
     values: dict[str, dict[str, None]] = defaultdict(dict)
     for group in groups:
@@ -102,14 +102,14 @@ def varying(groups: Sequence[Group]) -> dict[str, list[str]]:
     return {name: sorted(found, key=_natural) for name, found in values.items() if len(found) > 1}
 
 
-def constant(groups: Sequence[Group]) -> Cell:
+def constant_factors(groups: Sequence[Group]) -> Cell:
     """The factors that have the same value in all groups."""
     return tuple(factor for factor in groups[0].cell if all(factor in group.cell for group in groups))
 
 
-def trimmed(groups: Sequence[Group]) -> list[Group]:
+def drop_constant_factors(groups: Sequence[Group]) -> list[Group]:
     """The groups, without the factors that have the same value in all of them."""
-    same = constant(groups)
+    same = constant_factors(groups)
     return [replace(g, cell=tuple(factor for factor in g.cell if factor not in same)) for g in groups]
 
 

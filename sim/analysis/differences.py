@@ -40,7 +40,7 @@ class Difference:
 def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
     """Differences by metric: mean, and numbers of maps won and lost, which are 0 if neither direction is better.
 
-    pairs: as from `paired`, or means of these over so many cells.
+    pairs: as from `pair_differences`, or means of these over so many cells.
     """
     values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     maps = np.array([seed for seed, _ in pairs], dtype=object)
@@ -74,7 +74,7 @@ def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
     return found
 
 
-def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> dict[Run, Array]:
+def pair_differences(group: Group, base: Group | None, metrics: Sequence[Metric]) -> dict[Run, Array]:
     """The group's metrics minus the baseline's on every run of either; NaN if one is missing or infinite."""
     ours, theirs = (g.by_run(metrics) if g else {} for g in (group, base))
     missing = np.full(len(metrics), np.nan)

@@ -35,7 +35,7 @@ def available(rows: Iterable[Row]) -> list[str]:
     return [name for name in METRICS if name in names] + sorted(names - set(METRICS))
 
 
-def chosen(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
+def choose_metrics(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
     """The metrics asked for, by default the usual ones; InputError if no row has one of them."""
     there = available(rows)
     for name in asked if there else ():

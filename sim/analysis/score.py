@@ -39,7 +39,7 @@ class Scored(NamedTuple):
     ends: tuple[str, str]  # labels of floor and bound
 
 
-def scored(
+def score_planners(
     rows: Sequence[Row], groups: Sequence[Group], score: ScoreScale | None, given: Mapping[str, str] = {}
 ) -> Scored | None:
     """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""

@@ -14,20 +14,22 @@ from sim.report.tables import Table, notes, shortfalls, tables
 
 def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
     """Markdown with one table per metric, after the table of scores if there is one."""
-    parts = [_markdown_table(table) for table in ([scored] if scored else []) + tables(found, baseline)]
+    parts = [_table_section(table) for table in ([scored] if scored else []) + tables(found, baseline)]
     said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
 
 
-def _markdown_table(table: Table) -> str:
+def _table_section(table: Table) -> str:
     names = _factors(cell for cell, _ in table.rows)
     head = [*names, *table.heads]
     rows = [[*_levels(cell, names), *texts] for cell, texts in table.rows]
     rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
-    return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), piped([head, rule, *rows])])
+    return "\n".join(
+        [f"**{table.title}**", "", *([table.note, ""] if table.note else []), markdown_table([head, rule, *rows])]
+    )
 
 
-def piped(lines: Iterable[Sequence[str]]) -> str:
+def markdown_table(lines: Iterable[Sequence[str]]) -> str:
     """A table of Markdown from its lines."""
     return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in lines)
 

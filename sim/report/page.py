@@ -18,7 +18,7 @@ def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
     return Template(template).substitute(title=escape(title), style=style.rstrip(), body=body)
 
 
-def listed(lines: Iterable[str]) -> str:
+def bullet_list(lines: Iterable[str]) -> str:
     """An HTML list of plain lines."""
     return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
 
@@ -28,7 +28,7 @@ def paragraph(text: str, kind: str = "") -> str:
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
-def commanded(text: str) -> str:
+def command_line(text: str) -> str:
     """A command line that one click selects."""
     return f'<code class="command">{escape(text)}</code>'
 

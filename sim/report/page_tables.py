@@ -37,10 +37,10 @@ def runtime_tables(found: Sequence[Answer]) -> str:
             means = {answer.planner: answer.mean.text(metric) for answer in lines}
             rows.append(((), [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]))
         made.append(Table(metric.title, ["cell", *planners], rows, metric))
-    return headed(made)
+    return titled_tables(made)
 
 
-def headed(tables: Iterable[Table]) -> str:
+def titled_tables(tables: Iterable[Table]) -> str:
     """Tables as HTML under their titles, which say which direction of the metric is better."""
     parts = []
     for shown in tables:

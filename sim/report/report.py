@@ -13,17 +13,17 @@ from pathlib import Path
 
 from sim.analysis.answers import Answer, answers
 from sim.analysis.cell_text import SYMBOLS, cell_text, with_cell
-from sim.analysis.cells import Group, constant, grouped, trimmed, varying
+from sim.analysis.cells import Group, constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.coverage import COVERED
-from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
+from sim.analysis.metric_choice import RUNTIME, available, choose_metrics, metric_shown
 from sim.analysis.planner_labels import baseline_of, entrant
-from sim.analysis.score import scored
+from sim.analysis.score import score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
-from sim.report.page import commanded, listed, page, paragraph
-from sim.report.page_tables import headed, html_table, runtime_tables, verdict
+from sim.report.page import bullet_list, command_line, page, paragraph
+from sim.report.page_tables import html_table, runtime_tables, titled_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, score_table, shortfalls, tables
 from sim.study.study import ScoreScale
@@ -73,7 +73,7 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
     Figures of an earlier report that this one lacks are removed. InputError if a metric or the baseline is unknown,
     there are no rows, or the folder cannot be written.
     """
-    files = made(rows, about)
+    files = make_files(rows, about)
     try:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:  # files get their names when all are written
@@ -86,15 +86,15 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
         raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
 
 
-def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
+def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     """The files of a report by name."""
     baseline = baseline_of(rows, about.baseline, about.labels)
-    every = grouped(rows, baseline, about.labels)
-    groups, metrics = trimmed(every), chosen(rows, about.metrics)
+    every = group_rows(rows, baseline, about.labels)
+    groups, metrics = drop_constant_factors(every), choose_metrics(rows, about.metrics)
     found = answers(groups, metrics, baseline)
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
-    scores = scored(rows, groups, about.score, about.labels)
+    scores = score_planners(rows, groups, about.score, about.labels)
     scoring = [score_picture(scores.scores, scores.ends)] if scores else []
     table = score_table(scores, groups) if scores else None
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
@@ -105,11 +105,11 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         ("In short", _in_short(found, baseline, metrics[0])),
         ("What was run", _what_was_run(rows, every, about, baseline)),
         *([("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        ("Results", f"{listed(notes(found))}\n{headed(tables(found, baseline))}"),
+        ("Results", f"{bullet_list(notes(found))}\n{titled_tables(tables(found, baseline))}"),
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, metrics[0]),
-        ("How to read this", listed(_HOW_TO_READ)),
+        ("How to read this", bullet_list(_HOW_TO_READ)),
     ]
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
@@ -161,18 +161,18 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
     counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
-    return listed(lines) + ((paragraph(counted) if sentences else "") + listed(left_out) if left_out else "")
+    return bullet_list(lines) + ((paragraph(counted) if sentences else "") + bullet_list(left_out) if left_out else "")
 
 
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
-    seeds, changing = sorted({row.seed for row in rows}), varying(every)
+    seeds, changing = sorted({row.seed for row in rows}), varying_factors(every)
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     planners = dict.fromkeys(entrant(row) for group in every for row in (*group.done, *group.failed))
     facts = [
         ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
-        ("everywhere", cell_text(constant(every))),
+        ("everywhere", cell_text(constant_factors(every))),
         ("set for all trials", ", ".join(sorted(settings))),
         *((f"{SYMBOLS.get(name, name)} varies", ", ".join(values)) for name, values in changing.items()),
         ("planners", "; ".join(planners)),
@@ -189,7 +189,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     ]
     lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts if value]
     text = "<dl>\n" + "\n".join(lines) + "\n</dl>"
-    return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
+    return text + (paragraph("The command that runs it again:") + command_line(about.command) if about.command else "")
 
 
 def _recordings_hash(rows: Sequence[Row]) -> str:

@@ -10,7 +10,7 @@ from sim.analysis.cell_text import Cell, cell_text, slug
 from sim.analysis.cells import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
-from sim.report.page import commanded, table
+from sim.report.page import command_line, table
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
 
@@ -44,7 +44,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
             one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
             cells.append(f"<td>{escape(value)}</td><td>{link}</td>" if len(ends) > 1 else one)
             text = f"{_label(group.cell, row)}: {what}{value} {metric.unit}".rstrip() + remark
-            places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
+            places.append(f'<div class="map" id="{name}">{escape(text)}{command_line(command(row))}</div>')
         if cells:
             cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
             rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{"".join(cells)}</tr>')
@@ -76,7 +76,7 @@ def failures(groups: Sequence[Group]) -> str:
     failed = [(group.cell, row) for group in groups for row in group.failed]
     return "\n".join(
         f'<div class="map failed" id="failure-{number}">{escape(_label(cell, row))}: '
-        f"<strong>{escape(row.error or 'no error')}</strong>{commanded(command(row))}</div>"
+        f"<strong>{escape(row.error or 'no error')}</strong>{command_line(command(row))}</div>"
         for number, (cell, row) in enumerate(failed, start=1)
     )
 

@@ -44,7 +44,7 @@ def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
         heads = ["planner", "maps", "mean", "median"]
         heads += [f"minus {baseline}", "won, tied, lost", "maps needed"] if compared else []
         listed.append(Table(metric.title, heads, [(a.cell, _texts(a, compared)) for a in lines], metric))
-        if _repeated(lines):
+        if _has_repeats(lines):
             heads = ["planner", "between maps", "within maps"]
             heads += [f"minus {baseline}: between", "within", "maps needed"] if compared else []
             rows = [(a.cell, _spread_texts(a, compared)) for a in lines]
@@ -74,7 +74,7 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     return Table(SCORES, heads, [((), line) for line in lines], note=note)
 
 
-def _repeated(found: Sequence[Answer]) -> bool:
+def _has_repeats(found: Sequence[Answer]) -> bool:
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
@@ -91,13 +91,13 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     if compared and wide:
         lines.append(_NEEDED)
     if len(compared) > 1:
-        lines.append(_corrected([pairs for _, pairs in compared]))
-    if _repeated(found):
+        lines.append(_correction_note([pairs for _, pairs in compared]))
+    if _has_repeats(found):
         lines.append(_REPEATED)
     return lines
 
 
-def _corrected(pairs: Sequence[int]) -> str:
+def _correction_note(pairs: Sequence[int]) -> str:
     """Note on the star, or on its absence if there are too few maps: no p-value of n maps is below 2 / 2ⁿ."""
     chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
     needed = math.ceil(math.log2(2 * len(pairs) / chance))
@@ -131,20 +131,20 @@ def _texts(answer: Answer, compared: bool) -> list[str]:
     own = [maps, answer.mean.text(metric), answer.median.text(metric)]
     if answer.cell is None:
         own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
-    return [answer.planner, *own, *(_compared(metric, answer.difference) if compared else [])]
+    return [answer.planner, *own, *(_difference_texts(metric, answer.difference) if compared else [])]
 
 
-def _compared(metric: Metric, difference: Difference | None) -> list[str]:
+def _difference_texts(metric: Metric, difference: Difference | None) -> list[str]:
     if difference is None:
         return ["baseline", "", ""]
     mark = "* " if difference.survives else ""
     record = UNKNOWN  # if neither direction is better, or there are no pairs
     if metric.better != "neither" and difference.pairs:
         record = f"{difference.won}, {difference.tied}, {difference.lost}"
-    return [mark + difference.mean.text(metric, signed=True), record, _needed(difference)]
+    return [mark + difference.mean.text(metric, signed=True), record, _maps_needed_text(difference)]
 
 
-def _needed(difference: Difference) -> str:
+def _maps_needed_text(difference: Difference) -> str:
     if math.isinf(difference.needed):
         return f"> {MOST_MAPS}" if difference.mean.value else UNKNOWN
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
@@ -154,5 +154,5 @@ def _spread_texts(answer: Answer, compared: bool) -> list[str]:
     metric, gap = answer.metric, answer.difference
     texts = [answer.planner, *(["", ""] if answer.cell is None else answer.spread.texts(metric))]
     if compared:
-        texts += ["baseline", "", ""] if gap is None else [*gap.spread.texts(metric), _needed(gap)]
+        texts += ["baseline", "", ""] if gap is None else [*gap.spread.texts(metric), _maps_needed_text(gap)]
     return texts

@@ -11,10 +11,10 @@ from rich.markup import escape
 
 from sim.analysis.answers import answers
 from sim.analysis.cell_text import cell_text
-from sim.analysis.cells import constant, grouped, trimmed
-from sim.analysis.metric_choice import chosen
+from sim.analysis.cells import constant_factors, drop_constant_factors, group_rows
+from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.planner_labels import baseline_of, short_labels
-from sim.analysis.score import scored
+from sim.analysis.score import score_planners
 from sim.report.report import About
 from sim.report.tables import Table, notes, score_table, shortfalls, tables
 from sim.study.tasks import Row
@@ -31,16 +31,16 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     Options that all planners of one name share are not in the tables but listed below them.
     """
     first = baseline_of(rows, about.baseline, about.labels)
-    whole = grouped(rows, first, about.labels)
-    groups, everywhere = trimmed(whole), constant(whole)
-    full = answers(groups, chosen(rows, about.metrics), first)
+    whole = group_rows(rows, first, about.labels)
+    groups, everywhere = drop_constant_factors(whole), constant_factors(whole)
+    full = answers(groups, choose_metrics(rows, about.metrics), first)
     shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     for table in tables(found, shorts[first]):
         on.print(_terminal_table(table, on.width))
-    if scores := scored(rows, groups, about.score, about.labels):
+    if scores := score_planners(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)
         on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads]), on.width))
         on.print(escape(table.note), style="dim")

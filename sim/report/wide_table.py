@@ -12,13 +12,13 @@ import typer
 
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import SYMBOLS
-from sim.analysis.cells import Group, grouped, trimmed, varying
-from sim.analysis.differences import differences, paired
+from sim.analysis.cells import Group, drop_constant_factors, group_rows, varying_factors
+from sim.analysis.differences import differences, pair_differences
 from sim.analysis.distributions import share_under
-from sim.analysis.metric_choice import chosen
+from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.report.formats import piped
+from sim.report.formats import markdown_table
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
@@ -36,9 +36,9 @@ def table(
     column, if only the last factor differs (less="above"); without such a pair, by its interval. The baseline, by
     default the first planner by alphabet, comes first.
     """
-    groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
-    (known,) = chosen(rows, [metric])
-    by = {**varying(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
+    groups = drop_constant_factors(group_rows(rows, baseline_of(rows, baseline)))
+    (known,) = choose_metrics(rows, [metric])
+    by = {**varying_factors(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
     check_known("--columns", columns, by)
     down = [name for name in by if name != columns and len(by[name]) > 1]
     places = {_place(group, columns, down): group for group in groups}
@@ -55,7 +55,7 @@ def table(
             group, other = places.get((line, level)), places.get(base) if base else None
             entries.append(_entry(group, None if other is group else other, known))
         text.append([*line, *entries])
-    return piped(text)
+    return markdown_table(text)
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:
@@ -85,7 +85,7 @@ def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     mean = map_means(group, metric)
     if base is None:
         return mean.text(metric)
-    (difference,) = differences(paired(group, base, [metric]), [metric])
+    (difference,) = differences(pair_differences(group, base, [metric]), [metric])
     return f"{metric.text(mean.value)}: {difference.mean.text(metric, signed=True)}"
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import cycle, product
 
 from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.cells import Group, varying
+from sim.analysis.cells import Group, varying_factors
 from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
@@ -74,7 +74,7 @@ def sheets(groups: Sequence[Group]) -> list[Sheet]:
 
 def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
     """The groups of each figure, with the factors that have the same value in it."""
-    factors = varying(groups)
+    factors = varying_factors(groups)
     if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
         yield shared, list(groups)
         return
@@ -85,7 +85,7 @@ def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[G
 
 
 def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> Sheet:
-    factors = varying(groups)
+    factors = varying_factors(groups)
     panels = []
     for cell in dict.fromkeys(group.cell for group in groups):
         curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
@@ -98,7 +98,7 @@ def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> S
 
 def _of_one_planner(groups: Sequence[Group]) -> Sheet:
     """Panels by the first factor, colours by the last, and dashes by the factors in between."""
-    factors = list(varying(groups))
+    factors = list(varying_factors(groups))
     outer = factors[:1] if len(factors) > 1 else []
     inner = factors[len(outer) :]
     last = list(dict.fromkeys(_some(group.cell, inner[-1:]) for group in groups))

@@ -6,10 +6,10 @@ import pytest
 from helpers.trials import failed, row, study
 
 from sim.analysis.answers import answers, holm
-from sim.analysis.cells import constant, grouped, trimmed, varying
+from sim.analysis.cells import constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.distributions import spreads
 from sim.analysis.intervals import maps_needed, means, medians, p_values
-from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
+from sim.analysis.metric_choice import available, choose_metrics, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from tracking.errors import InputError
@@ -22,7 +22,7 @@ def flown(planner, values, name="ospa.mean_m", factors=()):
 
 
 def answer(rows, baseline, asked=MEAN, planner="greedy", cell=()):
-    found = answers(grouped(rows, baseline), [asked], baseline)
+    found = answers(group_rows(rows, baseline), [asked], baseline)
     (one,) = [a for a in found if (a.planner, a.cell) == (planner, cell)]
     return one
 
@@ -32,7 +32,7 @@ def test_pairs_are_by_seed_and_what_is_better_depends_on_the_metric():
     gap = answer(rows, "sma-nbo").difference
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 1, 1, 1)
     assert gap.mean == means(np.array([[-2.0], [0.0], [4.0]]))[0]
-    one, other = (answers(grouped(r, "sma-nbo"), [MEAN], "sma-nbo") for r in (rows, rows[::-1]))
+    one, other = (answers(group_rows(r, "sma-nbo"), [MEAN], "sma-nbo") for r in (rows, rows[::-1]))
     assert one == other
     for asked, expected in ((MEAN, (0, 0, 2)), (SHARE, (2, 0, 0)), (NEES, (0, 0, 0))):
         rows = flown("sma-nbo", {0: 0.1, 1: 0.2}, asked.name) + flown("greedy", {0: 0.5, 1: 0.6}, asked.name)
@@ -129,12 +129,12 @@ def test_metrics_from_outside_may_be_negative():
 def test_all_differences_are_judged_together():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
-    every = answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base")
+    every = answers(group_rows(rows, "base"), [MEAN, metric_shown("recall")], "base")
     found = [a.difference for a in every if a.difference]
     assert [gap.survives for gap in found] == holm([gap.p_value for gap in found]) == [True, True]
     worse = [r for r in rows if r.planner == "worse"]
     many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
-    crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
+    crowd = [a.difference for a in answers(group_rows(many, "base"), [MEAN], "base") if a.difference]
     assert {gap.p_value for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
 
 
@@ -142,7 +142,7 @@ def test_differences_without_a_pair_are_no_tests_and_take_no_stars():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(6)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s}) for s in range(6)]
     asked = [MEAN, metric_shown("recall"), metric_shown("precision")]  # which no trial has
-    found = answers(grouped(rows, "base"), asked, "base")
+    found = answers(group_rows(rows, "base"), asked, "base")
     assert [a.difference.survives for a in found if a.difference] == [True, False, False]
 
 
@@ -182,7 +182,7 @@ def test_what_cancels_but_for_rounding_is_a_tie():
 
 def test_labels_keep_what_tells_planners_apart_in_natural_order():
     rows = [row(p, 0, (("lambda", d),)) for d in ("75", "15", "5") for p in ("mcr", "hover", "greedy")]
-    groups = grouped(rows, "hover")
+    groups = group_rows(rows, "hover")
     assert [g.cell[0][1] for g in groups[::3]] == ["5", "15", "75"]
     assert [g.planner for g in groups[:3]] == ["hover", "greedy", "mcr"]
     rows = [
@@ -190,39 +190,39 @@ def test_labels_keep_what_tells_planners_apart_in_natural_order():
         for h in ("1", "3")
         for s in (0, 1)
     ] + [row("greedy", s, (("H", h),)) for h in ("1", "3") for s in (0, 1)]
-    groups = grouped(rows, baseline_of(rows, "sma-nbo"))
+    groups = group_rows(rows, baseline_of(rows, "sma-nbo"))
     assert [g.planner for g in groups] == ["sma-nbo(optimizer=swarm)", "greedy"] * 2
     for baseline in ("sma-nbo", rows[0].planner, "sma-nbo(optimizer=swarm)", None):
         assert baseline_of(rows, baseline) == "sma-nbo(optimizer=swarm)"
     rows = [row(f"sma-nbo(horizon={h})", s) for h in (1, 3) for s in (0, 1)]
-    assert [g.planner for g in grouped(rows)] == ["sma-nbo(horizon=1)", "sma-nbo(horizon=3)"]
+    assert [g.planner for g in group_rows(rows)] == ["sma-nbo(horizon=1)", "sma-nbo(horizon=3)"]
 
 
 def test_factors_are_what_varies_scenario_and_version_included():
     rows = [row(seed=0, scenario="forest"), row(seed=0, scenario="park", version="0.2.0")]
-    assert varying(grouped(rows)) == {"scenario": ["forest", "park"], "version": ["0.1.0", "0.2.0"]}
-    groups = grouped(study())
-    assert constant(groups) == (("R", "5"),)
-    assert {g.cell for g in trimmed(groups)} == {(("lambda", "15"),), (("lambda", "75"),)}
+    assert varying_factors(group_rows(rows)) == {"scenario": ["forest", "park"], "version": ["0.1.0", "0.2.0"]}
+    groups = group_rows(study())
+    assert constant_factors(groups) == (("R", "5"),)
+    assert {g.cell for g in drop_constant_factors(groups)} == {(("lambda", "15"),), (("lambda", "75"),)}
 
 
 def test_wrong_names_and_trials_that_are_there_twice_are_refused():
     with pytest.raises(InputError, match=r"--baseline: 'gredy' is not one of .* did you mean greedy\?"):
         baseline_of(study(), "gredy")
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
-        chosen(study(), ["ospa.mean"])
+        choose_metrics(study(), ["ospa.mean"])
     with pytest.raises(InputError, match=r"--metric: 'ospa.maen_m' .* did you mean ospa.mean_m\?"):
         from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
     with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings or"):
-        grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
+        group_rows([row("greedy", 3, (("lambda", "15"),))] * 2)
 
 
 def test_the_usual_metrics_are_shown_unless_others_are_asked_for():
     rows = [*study(), row(seed=99, metrics={"new_m": 1.0})]
-    assert [m.name for m in chosen(rows, [])] == ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"]
-    assert [m.name for m in chosen(rows, ["new_m", "new_m"])] == ["new_m"]
+    assert [m.name for m in choose_metrics(rows, [])] == ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"]
+    assert [m.name for m in choose_metrics(rows, ["new_m", "new_m"])] == ["new_m"]
     assert metric_shown("new_m").title == "new m [m]" and metric_shown("new_m").better == "neither"
     assert available(rows)[-1] == "new_m"
-    assert chosen([failed()], ["ospa.mean_m"]) == [MEAN]  # where all failed, no name is unknown
+    assert choose_metrics([failed()], ["ospa.mean_m"]) == [MEAN]  # where all failed, no name is unknown

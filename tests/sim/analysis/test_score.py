@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row
 
-from sim.analysis.cells import grouped
+from sim.analysis.cells import group_rows
 from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
 from sim.analysis.score import ends_of, scores
-from sim.analysis.score import scored as scored_study
+from sim.analysis.score import score_planners as scored_study
 from sim.study.study import ScoreScale
 from tracking.errors import InputError
 
@@ -24,7 +24,7 @@ def flown(planner, values, factors=(), name="gospa.mean_m"):
 
 
 def scored(rows, metric=GOSPA):
-    return scores(grouped(rows, "hover"), metric, *ends_of(rows, SCORED))
+    return scores(group_rows(rows, "hover"), metric, *ends_of(rows, SCORED))
 
 
 def cell(own, floor=(8.0, 10.0, 12.0), bound=(2.0, 2.0, 2.0), factors=(), name="gospa.mean_m"):
@@ -55,7 +55,7 @@ def test_a_score_on_a_metric_of_the_users_has_its_direction(tmp_path, monkeypatc
     (tmp_path / "ownscore.py").write_text(text)
     monkeypatch.syspath_prepend(str(tmp_path))
     rows = cell((0.5, 0.7), (0.2, 0.2), (1.0, 1.0), name="ownscore:FOUND")
-    found = scored_study(rows, grouped(rows, "hover"), msgspec.structs.replace(SCORED, metric="ownscore:FOUND"))
+    found = scored_study(rows, group_rows(rows, "hover"), msgspec.structs.replace(SCORED, metric="ownscore:FOUND"))
     assert [score.estimate.value for score in found.scores] == [pytest.approx(0.5)]
 
 
@@ -108,6 +108,6 @@ def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
     rows = cell((6.0, 6.0, 6.0))
     labels = set(planner_labels(rows).values())
     assert labels == {"hover", "sma-nbo", "sma-nbo(view=unlimited), upper bound"}
-    assert {group.cell for group in grouped(rows)} == {()}
+    assert {group.cell for group in group_rows(rows)} == {()}
     with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is not one of the study's planners"):
         ends_of(rows[:6], SCORED)

@@ -4,7 +4,7 @@ import pytest
 from helpers.trials import row
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import grouped
+from sim.analysis.cells import group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
 from sim.study.cells import cells, with_trackers
@@ -30,7 +30,7 @@ def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L"
 
 def test_differences_of_trackers_are_paired_by_map():
     baseline = baseline_of(rows(), "jpda")
-    found = answers(grouped(rows(), baseline), [MEAN], baseline)
+    found = answers(group_rows(rows(), baseline), [MEAN], baseline)
     assert baseline == "greedy(tracker=jpda)"
     assert [(a.cell, a.planner) for a in found] == [
         ((("L", "3"),), "greedy(tracker=jpda)"),
@@ -46,7 +46,7 @@ def test_differences_of_trackers_are_paired_by_map():
 
 def test_labels_of_planners_and_trackers_say_what_differs():
     every = rows(("greedy", "sma-nbo(horizon=3)"))
-    labels = {g.planner for g in grouped(every)}
+    labels = {g.planner for g in group_rows(every)}
     assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
     assert short_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
     one, other = "greedy(tracker=jpda)", "greedy(tracker=mine:Mine)"
@@ -57,9 +57,9 @@ def test_labels_of_planners_and_trackers_say_what_differs():
     assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
     levels = [(("H", h), ("tracker", t)) for h in "13" for t in ("jpda", MINE)]
     varied = [row(f"sma-nbo(horizon={level[0][1]})", 0, level, {"ospa.mean_m": 1.0}) for level in levels]
-    assert {g.planner for g in grouped(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}
+    assert {g.planner for g in group_rows(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}
     given = labels_of(rows(), ["theirs=mine:Mine", "ours = greedy(tracker=jpda)"])
-    assert {g.planner for g in grouped(rows(), None, given)} == {"theirs", "ours"}
+    assert {g.planner for g in group_rows(rows(), None, given)} == {"theirs", "ours"}
 
 
 def test_trackers_are_a_factor_of_the_study_in_place_of_its_own():

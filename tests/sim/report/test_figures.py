@@ -8,7 +8,7 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.answers import map_points
-from sim.analysis.cells import grouped, trimmed
+from sim.analysis.cells import drop_constant_factors, group_rows
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
@@ -17,7 +17,7 @@ from sim.report.figures.pictures import content, pictures
 
 
 def groups(rows=None, baseline="sma-nbo"):
-    return trimmed(grouped(study() if rows is None else rows, baseline))
+    return drop_constant_factors(group_rows(study() if rows is None else rows, baseline))
 
 
 def lines(axes):

@@ -19,7 +19,7 @@ from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, maps_needed, means, p_values
 from sim.analysis.metric_choice import metric_shown
 from sim.report.page_tables import verdict
-from sim.report.report import About, duration, made, ranges, write
+from sim.report.report import About, duration, make_files, ranges, write
 from sim.scenario.loading import load
 from sim.terminal.commands import load_command
 from tracking.errors import InputError
@@ -48,7 +48,7 @@ def rows():
 
 @pytest.fixture(scope="module")
 def files():
-    return made(rows(), ABOUT)
+    return make_files(rows(), ABOUT)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_what_was_run_by_which_version_is_there(page, without_pictures):
     ):
         assert part in text, part
     given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study(("sma-nbo", "greedy"), ("15",), seeds=2)]
-    text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
+    text = make_files(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
     assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
     assert "understory 0.1.0+abc, numpy 2.0" in text
 
@@ -105,7 +105,7 @@ def test_commands_fly_the_maps_that_they_stand_for_best_and_worst(page):
 
 
 def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, tmp_path):
-    assert made(rows()[::-1], ABOUT) == files
+    assert make_files(rows()[::-1], ABOUT) == files
     for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
         with pytest.raises(InputError, match="did you mean"):
             write(study(), tmp_path / "report", about)
@@ -114,7 +114,7 @@ def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, 
 
 def test_a_metric_that_is_a_run_time_is_in_the_csv_once(without_pictures):
     about = About("x", metrics=("planning_s_per_decision", "ospa.mean_m"))
-    lines = list(csv.DictReader(io.StringIO(made(study(), about)["table.csv"].decode())))
+    lines = list(csv.DictReader(io.StringIO(make_files(study(), about)["table.csv"].decode())))
     places = [(line["lambda"], line["planner"], line["metric"]) for line in lines]
     assert len(places) == len(set(places)) == 3 * (2 * 3 + 2)
 
@@ -122,21 +122,21 @@ def test_a_metric_that_is_a_run_time_is_in_the_csv_once(without_pictures):
 def test_verdicts_and_figures_name_the_cell_of_what_has_no_mean_over_cells(without_pictures):
     given = [row("a", s, (("lambda", level),), {"ospa.mean_m": 1.0}) for level in ("15", "75") for s in range(7)]
     given += [row("b", s, (("lambda", "75"),), {"ospa.mean_m": 2.0 + s / 100}) for s in range(7)]
-    text = made(given, About("x"))["report.html"].decode()
+    text = make_files(given, About("x"))["report.html"].decode()
     assert "<li>b (λ = 75) is worse than a: " in text and "Median OSPA at the last scan: a (λ = 15) 1.00 m; " in text
 
 
 def test_labels_of_failures_name_scenario_and_version_where_they_differ(without_pictures):
     places = {"scenario": "dense", "version": "0.2.0"}
     given = [row("a", 0), row("a", 1), row("a", 0, **places), failed("a", 1, error="ValueError: full", **places)]
-    (shown,) = Page(made(given, About("x"))["report.html"].decode()).of("div", class_="map failed")
+    (shown,) = Page(make_files(given, About("x"))["report.html"].decode()).of("div", class_="map failed")
     assert shown[1].startswith("scenario = dense, version = 0.2.0, a, seed 1: ValueError: full")
 
 
 def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal(without_pictures):
     shares = {"a": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "b": [1.0, 1.0, 0.9, 0.8, 0.8, 1.0], "c": [0.2] * 6, "d": [0.3]}
     given = [row(p, s, metrics={"ospa.share_under_1m": v}) for p, own in shares.items() for s, v in enumerate(own)]
-    page = Page(made(given, About("x"))["report.html"].decode())
+    page = Page(make_files(given, About("x"))["report.html"].decode())
     shown = [text.partition("understory run")[0] for _, text in page.of("div", class_="map")]
     ends = "seed 0: best, 100.0 % and 2 equal", "seed 3: worst, 80.0 % and 1 equal"
     assert shown == [f"{p}, {end}" for p in "ab" for end in ends] + [
@@ -152,12 +152,14 @@ def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal
     assert "Differences, and won, tied, lost, are over the maps on which the baseline has a value, too." in text
     assert "Maps: those with a value" not in text  # all that were flown have one
     given[7] = failed("b", 1)
-    assert "Maps: those with a value, of all flown; mean and median are over them." in str(made(given, About("x")))
+    assert "Maps: those with a value, of all flown; mean and median are over them." in str(
+        make_files(given, About("x"))
+    )
 
 
 def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
     given = [row("a", seed, metrics={"nees.position": 1.0 + seed}) for seed in range(3)]
-    text = made(given, About("x", metrics=("nees.position",)))["report.html"].decode()
+    text = make_files(given, About("x", metrics=("nees.position",)))["report.html"].decode()
     assert "Least and greatest maps</h2>" in text and "a, seed 0: least, 1.00" in text and "best" not in text.lower()
 
 
@@ -165,7 +167,7 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
     def written():
         return {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in tmp_path.rglob("*.*")}
 
-    monkeypatch.setattr("sim.report.report.made", lambda rows, about: files)
+    monkeypatch.setattr("sim.report.report.make_files", lambda rows, about: files)
     write(rows(), tmp_path, ABOUT)
     assert written() == files
     assert {"report.html", "table.csv", "table.md", "figures/ecdf.svg", "figures/ecdf.png"} <= set(files)
@@ -188,7 +190,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, witho
     assert (tmp_path / "figures" / "maps-recall.svg").exists()
     write(few, tmp_path, smaller)
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
-    assert found == {*made(few, smaller), "figures/mine.png"}
+    assert found == {*make_files(few, smaller), "figures/mine.png"}
 
 
 @pytest.mark.parametrize(
@@ -202,7 +204,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, witho
     ids=["one trial", "all failed", "all undefined", "one planner"],
 )
 def test_studies_with_nothing_to_compare_have_a_report(given, without_pictures):
-    page = Page(made(given, About("odd"))["report.html"].decode())
+    page = Page(make_files(given, About("odd"))["report.html"].decode())
     assert page.of("h1") and page.of("table")
 
 
@@ -249,7 +251,7 @@ def test_repeats_are_told_and_flown_again(without_pictures):
         for s in range(8)
         for r in range(3)
     ]
-    page = Page(made(rows, About("again"))["report.html"].decode())
+    page = Page(make_files(rows, About("again"))["report.html"].decode())
     ((_, text),) = page.of("main")
     assert "repeats of each map3" in re.sub(r"\s+(?=\d)", "", text) and "48 done, 0 failed" in text
     assert "scans with OSPA under 1 m [%]: spread" in text

@@ -5,7 +5,7 @@ import io
 from helpers.trials import row
 from rich.console import Console
 
-from sim.report.report import About, made
+from sim.report.report import About, make_files
 from sim.report.tables import SCORES
 from sim.report.terminal import show
 from sim.study.study import ScoreScale
@@ -25,7 +25,7 @@ def rows():
 
 
 def test_report_and_terminal_have_scores_where_the_study_has_a_score(without_pictures):
-    files = made(rows(), About("tried", score=SCORE))
+    files = make_files(rows(), About("tried", score=SCORE))
     page, text = files["report.html"].decode(), files["table.md"].decode()
     assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
     lines = [line for line in text.split("\n\n**")[0].splitlines() if line.startswith("|")]
@@ -40,5 +40,5 @@ def test_report_and_terminal_have_scores_where_the_study_has_a_score(without_pic
     out = io.StringIO()
     show(rows(), About("tried", score=SCORE), on=Console(file=out, width=80))
     assert SCORES in out.getvalue() and "67 [67, 67]" in out.getvalue() and "mean over cells" in out.getvalue()
-    without = made([r for r in rows() if len(r.factors) == 1], About("tried"))
+    without = make_files([r for r in rows() if len(r.factors) == 1], About("tried"))
     assert "figures/score.png" not in without and b"Scores" not in without["report.html"]

@@ -12,7 +12,7 @@ from helpers.trials import failed, row, study
 from rich.console import Console
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import grouped
+from sim.analysis.cells import group_rows
 from sim.analysis.coverage import ERRORS, SHARES
 from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
@@ -33,7 +33,7 @@ def shown(rows, width, baseline="sma-nbo", metrics=()):
 def test_the_terminal_shows_every_number_whole(width):
     text = shown(study(), width)
     assert max(map(len, text.splitlines())) <= width
-    for answer in answers(grouped(study(), "sma-nbo"), [MEAN], "sma-nbo"):
+    for answer in answers(group_rows(study(), "sma-nbo"), [MEAN], "sma-nbo"):
         pieces = [answer.planner]
         if answer.cell is not None:
             low, high = answer.mean.low, answer.mean.high
@@ -75,7 +75,7 @@ def test_terminal_and_markdown_fold_long_names_and_escape_markup():
     assert max(map(len, text.splitlines())) <= 80
     assert "[red]" in text and "+0.00" not in text and "-0.00" not in text  # equal
     rows = [row(p, s, (("net|work", "<b>"),)) for p in ("a|b:C", "sma-nbo") for s in (0, 1)]
-    text = markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
+    text = markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
     assert r"a\|b:C" in text and "<b>" not in text
@@ -84,7 +84,7 @@ def test_terminal_and_markdown_fold_long_names_and_escape_markup():
 def test_failed_trials_and_undefined_values_are_said_not_to_count():
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0}) for s in range(3)]
     rows += [row("greedy", 0), row("greedy", 1, metrics={"ospa.mean_m": np.nan}), failed("greedy", 2)]
-    for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
+    for text in (shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
         assert "1/3" in text and "greedy: 1 of 3 trials failed and do not count" in text
         assert "greedy: OSPA mean is undefined in 1 of 2 trials" in text
         assert "greedy: 1 of 3 maps have a pair with the baseline's" in text
@@ -93,7 +93,7 @@ def test_failed_trials_and_undefined_values_are_said_not_to_count():
 def test_trials_in_which_a_planner_raised_are_said():
     faults = [2.0, 0.0, 7.0]
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0, "faults": many}) for s, many in enumerate(faults)]
-    for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
+    for text in (shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
         assert "sma-nbo: faults in 2 of 3 trials" in text
     assert "faults in" not in shown(rows[1:2], 120)
 
@@ -111,7 +111,7 @@ def test_failures_are_counted_and_unknown_metrics_refused():
 
 
 def test_the_csv_holds_the_numbers_in_full():
-    found = answers(grouped(study(), "sma-nbo"), [MEAN], "sma-nbo")
+    found = answers(group_rows(study(), "sma-nbo"), [MEAN], "sma-nbo")
     lines = list(csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo"))))
     assert len(lines) == len(found) == 3 * 2 + 2
     for line, answer in zip(lines, found, strict=True):
@@ -143,7 +143,7 @@ def repeated(gap=1.0, seeds=8, repeats=3):
 def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width):
     text = shown(repeated(), width, metrics=["ospa.mean_m"])
     assert max(map(len, text.splitlines())) <= width
-    base, other = answers(grouped(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
+    base, other = answers(group_rows(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
     gap = other.difference
     assert 0.5 < base.spread.between < 2 and 0.05 < base.spread.within < 0.2 and 0.05 < gap.spread.within < 0.3
     own = [f"{value:.2f}" for value in (other.spread.between, other.spread.within)]
@@ -160,7 +160,7 @@ def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width
 def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     weak = [msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"]
     rows = [*repeated(3.0), *weak]
-    found = answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    found = answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
     strong, weak = (next(a.difference for a in found if a.planner == name) for name in ("greedy", "weak"))
     assert (strong.significant, strong.survives, weak.significant, weak.survives) == (True, True, False, False)
     for text in (shown(rows, 120), markdown(found, "sma-nbo").replace("\\*", "*")):
@@ -177,7 +177,7 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
         shift = 0.8 * (k == 0) * around.std(ddof=1)
         rows += [row(f"p{k}", s, metrics={"ospa.mean_m": 1.0 + shift + v}) for s, v in enumerate(around)]
-    found = answers(grouped(rows, "base"), [MEAN], "base")
+    found = answers(group_rows(rows, "base"), [MEAN], "base")
     first = next(a.difference for a in found if a.planner == "p0")
     assert first.significant and not first.survives and 0.05 / 6 < first.p_value < 0.05
 
@@ -200,7 +200,7 @@ def test_tables_say_what_intervals_of_so_many_maps_or_pairs_cover():
 
 
 def test_the_csv_holds_spreads_chances_and_maps_needed():
-    found = answers(grouped(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
+    found = answers(group_rows(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
     base, other = csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo")))
     gap = found[1].difference
     assert (other["maps"], other["flown"], other["trials"], base["holm"], other["holm"]) == ("8", "8", "24", "", "1")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
-from sim.analysis.cells import grouped, trimmed
+from sim.analysis.cells import drop_constant_factors, group_rows
 from sim.analysis.intervals import means
 from sim.report.wide_table import main, table, without_start
 
@@ -94,7 +94,7 @@ def test_trials_flown_without_a_factor_stand_beside_the_others():
     head, _ = parsed(table(rows, "H"))
     assert head == ["H = 1", "H = 3", "H = -"]
     few = [r for r in rows if r.factors != (("H", "3"),)]  # one value, and none: no value of all
-    assert {group.cell for group in trimmed(grouped(few))} == {(), (("H", "1"),)}
+    assert {group.cell for group in drop_constant_factors(group_rows(few))} == {(), (("H", "1"),)}
 
 
 def test_names_are_escaped_as_in_other_tables():
