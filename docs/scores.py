@@ -17,10 +17,10 @@ from msgspec.structs import replace
 
 from sim.analysis.answers import holm, map_means
 from sim.analysis.cell_text import Cell
-from sim.analysis.cells import Group, Run, group_rows
 from sim.analysis.differences import Difference, differences, pair_differences
+from sim.analysis.groups import Group, Run, group_rows
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.score import SCORE, NormalisedScore, Scored, score_planners
+from sim.analysis.normalised_score import SCORE, NormalisedScore, Scored, score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import score_picture

@@ -41,7 +41,7 @@ PLANNING = {
     "sim/running/flight.py",
     "sim/running/isolated_run.py",
     "sim/analysis/planner_labels.py",
-    "sim/analysis/score.py",
+    "sim/analysis/normalised_score.py",
     "sim/study/cells.py",
     "sim/cli/run.py",
     "sim/cli/checks.py",

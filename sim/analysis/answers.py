@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.analysis.cell_text import Cell
-from sim.analysis.cells import Group, Run
 from sim.analysis.differences import Difference, common_values, differences, map_values, pair_differences
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
+from sim.analysis.groups import Group, Run
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array

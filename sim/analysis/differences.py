@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.analysis.cells import Group, Run
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
+from sim.analysis.groups import Group, Run
 from sim.analysis.intervals import LEVEL, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array

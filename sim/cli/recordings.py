@@ -186,13 +186,13 @@ def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | N
 def _page(recording: Recording, folder: Path, path: Path) -> None:
     from sim.replay.flight import Flight
     from sim.replay.page.page import write_page
-    from sim.replay.redrawn_film import drawn
+    from sim.replay.redrawn_film import film_content
 
     beside = folder / "mission.mp4"
     film: bytes | Path = beside
     if not beside.is_file():
         with counted_progress(len(recording.times), "scans") as progress:
-            film = drawn(recording, progress=progress)
+            film = film_content(recording, progress=progress)
     write_page(Flight(recording), path, video=film, place=str(folder))
     show_place("Page", path)
 

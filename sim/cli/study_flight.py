@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 from rich.markup import escape
 
+from sim.analysis.normalised_score import ends_of
 from sim.analysis.planner_labels import baseline_of, entrant, labels_of
-from sim.analysis.score import ends_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import versions
 from sim.mission.trial import Trial, naming

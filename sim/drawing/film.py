@@ -71,7 +71,7 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
-        snapshot, holds = self._taken(snapshot)
+        snapshot, holds = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
             self._map.draw(image[self._layout.map.slices], snapshot, holds)
@@ -84,7 +84,7 @@ class Film:
 
         `frames` as in `draw`; only the last frame of each camera is used, and only if the camera is slower than scans.
         """
-        snapshot, _ = self._taken(snapshot)
+        snapshot, _ = self._take(snapshot)
         self._map.follow(snapshot)
         if frames is not None:
             self._draw_tiles(self._empty.copy(), snapshot, frames)
@@ -100,7 +100,7 @@ class Film:
                 self._last[i] = image[tile.slices].copy()
             image[tile.slices] = self._last[i]
 
-    def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
+    def _take(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
         """The snapshot with numbered tracks, and the states (M,) of people, which depend on earlier snapshots."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)

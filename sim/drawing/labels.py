@@ -36,7 +36,7 @@ def track_name(track: Track) -> str:
     return f"{track.id}{'' if track.reported else '?'}"
 
 
-def numbered(recording: Recording, k: int) -> Snapshot:
+def numbered_snapshot(recording: Recording, k: int) -> Snapshot:
     """Scan k of a recording with numbered tracks."""
     return with_numbers(recording.snapshot(k), recording.track_numbers)
 

@@ -36,10 +36,10 @@ def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
     if layout.startswith("uav"):
         side = min(panel.height, 2 * panel.width // 3)
         room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
-        return Parts(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
+        return Parts(_fit(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
     if layout == "map":
-        return Parts(_fitted(panel, aspect), {})
-    return _arranged(panel, aspect, uavs)
+        return Parts(_fit(panel, aspect), {})
+    return _arrange(panel, aspect, uavs)
 
 
 def _grid(panel: Box, tiles: int) -> list[Box]:
@@ -62,7 +62,7 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
     return boxes
 
 
-def _arranged(panel: Box, aspect: float, tiles: int) -> Parts:
+def _arrange(panel: Box, aspect: float, tiles: int) -> Parts:
     """The arrangement of a map (width over height `aspect`) and square tiles that is largest, mainly in the map.
 
     Tiles are in columns right of the map or in rows below it, whichever is better; right if both are equal.
@@ -95,10 +95,10 @@ def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) 
         left, top = panel.x + room.width + GAP, panel.y + (panel.height - per_line * pitch + GAP) // 2
     cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
     boxes = [Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells]
-    return _fitted(room, aspect), boxes
+    return _fit(room, aspect), boxes
 
 
-def _fitted(room: Box, aspect: float) -> Box:
+def _fit(room: Box, aspect: float) -> Box:
     """The largest box with this aspect in the middle of the room."""
     width = min(room.width, max(round(room.height * aspect), 1))
     height = min(room.height, max(round(width / aspect), 1))

@@ -37,7 +37,7 @@ def width(text: str, style: TextStyle) -> int:
     return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
 
 
-def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
+def wrap(text: str, room: int, style: TextStyle) -> list[str]:
     """Lines of a text that are at most `room` pixels wide; all but the first are indented."""
     lines = [""]
     for word in text.split():
@@ -49,7 +49,7 @@ def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
     return lines
 
 
-def listed(
+def lay_out_groups(
     groups: Sequence[Group], room: int, top: float, heading: TextStyle = _HEADING
 ) -> tuple[list[tuple[str, float, TextStyle]], float]:
     """Lines of groups of sentences from `top` down, each with the height of its middle; and the height below all.
@@ -59,7 +59,7 @@ def listed(
     found: list[tuple[str, float, TextStyle]] = []
     y = top
     for head, texts in groups:
-        lines = [(line, _TEXT) for text in texts for line in wrapped(text, room, _TEXT)]
+        lines = [(line, _TEXT) for text in texts for line in wrap(text, room, _TEXT)]
         for text, style in ((head, _HEADING if found else heading), *lines):
             found.append((text, y + _LINE / 2, style))
             y += _LINE

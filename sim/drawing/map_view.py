@@ -9,11 +9,11 @@ import numpy as np
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import Labels, numbered, track_name
+from sim.drawing.labels import Labels, numbered_snapshot, track_name
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
-from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
-from sim.drawing.strokes import SHIFT, disc, fixed, stroke
+from sim.drawing.palette import INK, PANEL, Colour, mix, track_colour, uav_colour
+from sim.drawing.strokes import SHIFT, disc, stroke, to_fixed_point
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
@@ -91,7 +91,7 @@ class MapView:
                 quadrotor(image, at, uav_colour(i))
             else:
                 broken(image, at)
-        for track in self.shown(snapshot):
+        for track in self.shown_tracks(snapshot):
             colour, at = track_colour(track.id), self.pixels(track.belief.mean[:2])
             ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
             stroke(image, self.pixels(ring), colour, thickness=2, closed=True)
@@ -104,18 +104,18 @@ class MapView:
         self._draw_people(image, snapshot, holds)
         return labels
 
-    def recorded(self, recording: Recording, k: int, holds: Indices) -> tuple[Image, Labels]:
+    def draw_recorded(self, recording: Recording, k: int, holds: Indices) -> tuple[Image, Labels]:
         """The map (H, W, 3) of a recording at scan k, with trails and intents, and its labels for further names.
 
         holds (M,): states of people at the scan, as indices into `HOLDS`.
         """
         for earlier in range(max(0, k - round(self._reach * self._rate)), k):
-            self.follow(numbered(recording, earlier))
+            self.follow(numbered_snapshot(recording, earlier))
         image = np.empty_like(self._ground)
-        return image, self.draw(image, numbered(recording, k), holds)
+        return image, self.draw(image, numbered_snapshot(recording, k), holds)
 
     @staticmethod
-    def shown(snapshot: Snapshot) -> tuple[Track, ...]:
+    def shown_tracks(snapshot: Snapshot) -> tuple[Track, ...]:
         """The tracks that are drawn: those of the first working UAV."""
         return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
@@ -131,7 +131,7 @@ class MapView:
             for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
-                stroke(image, self.pixels(ends), mixed(palette.LINE, PANEL, 0.5))
+                stroke(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
             disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, palette.CANOPY)
@@ -149,7 +149,7 @@ class MapView:
         part = image[low[1] : high[1], low[0] : high[0]]
         if part.size:
             tinted = part.copy()
-            cv2.fillPoly(tinted, [fixed(outline - low)], colour, cv2.LINE_AA, SHIFT)
+            cv2.fillPoly(tinted, [to_fixed_point(outline - low)], colour, cv2.LINE_AA, SHIFT)
             cv2.addWeighted(tinted, 0.14, part, 0.86, 0, dst=part)
         stroke(image, outline, colour, thickness=2, closed=True)
 
@@ -158,16 +158,18 @@ class MapView:
         for m in range(past.shape[1]):
             known = past[~np.isnan(past[:, m, 0]), m]
             if len(known) > 1:
-                stroke(image, self.pixels(known), mixed(INK, PANEL, 0.45))
-        for track in self.shown(snapshot):
-            means = [same.belief.mean[:2] for old in self._past for same in self.shown(old) if same.id == track.id]
-            stroke(image, self.pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
+                stroke(image, self.pixels(known), mix(INK, PANEL, 0.45))
+        for track in self.shown_tracks(snapshot):
+            means = [
+                same.belief.mean[:2] for old in self._past for same in self.shown_tracks(old) if same.id == track.id
+            ]
+            stroke(image, self.pixels(np.array(means)), mix(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Draw dots along the rest of each plan, beginning at the UAV's position."""
         for i, intent in self._intents.paths(snapshot).items():
             path = self.pixels(intent)
-            for dot in _spaced(path, 7.0)[2:]:
+            for dot in _points_along(path, 7.0)[2:]:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
@@ -198,14 +200,14 @@ class MapView:
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks; views: corners of each camera's field of view."""
-        for track in self.shown(snapshot):
+        for track in self.shown_tracks(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(track_name(track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
             labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
         shown = {i: _bounds(self.pixels(c)) for i in snapshot.working if (c := views[i]) is not None}
         for i, pose in enumerate(snapshot.cameras):
-            at, style = self.pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            at, style = self.pixels(pose.position[:2]), TextStyle(13, mix(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
             elif i in shown:
@@ -234,7 +236,7 @@ def _bounds(outline: Array) -> Array:
     return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
 
 
-def _spaced(path: Array, gap: float) -> Array:
+def _points_along(path: Array, gap: float) -> Array:
     """Points (N, 2) every `gap` pixels along a polyline."""
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     stops = np.arange(0.0, lengths[-1], gap)

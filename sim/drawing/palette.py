@@ -57,15 +57,15 @@ def track_colour(track: int) -> Colour:
 
 def on_dark(colour: Colour) -> Colour:
     """The colour, lightened so that it is legible on a dark background."""
-    return mixed((255, 255, 255), colour, 0.45)
+    return mix((255, 255, 255), colour, 0.45)
 
 
 def pale(colour: Colour) -> Colour:
     """The colour for a weaker case of its state: shown but not detected, or a duplicate."""
-    return mixed(colour, PANEL, 0.3)
+    return mix(colour, PANEL, 0.3)
 
 
-def mixed(colour: Colour, other: Colour, weight: float) -> Colour:
+def mix(colour: Colour, other: Colour, weight: float) -> Colour:
     """A mixture of two colours; `weight` is the share of the first."""
     red, green, blue = (round(weight * a + (1 - weight) * b) for a, b in zip(colour, other, strict=True))
     return red, green, blue

@@ -13,22 +13,21 @@ SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
 
 def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
     """Draw an anti-aliased polyline through pixels (N, 2)."""
-    cv2.polylines(image, [fixed(points)], closed, colour, thickness, cv2.LINE_AA, SHIFT)
+    cv2.polylines(image, [to_fixed_point(points)], closed, colour, thickness, cv2.LINE_AA, SHIFT)
 
 
 def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
     """Draw an anti-aliased circle at a pixel (2,), filled by default."""
-    x, y = fixed(centre).tolist()
+    x, y = to_fixed_point(centre).tolist()
     cv2.circle(image, (x, y), round(radius * 2**SHIFT), colour, thickness, cv2.LINE_AA, SHIFT)
 
 
-def outlined(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:
+def draw_outline(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:
     """Draw a polyline through pixels (N, 2) with a halo, visible on any background."""
     stroke(image, points, halo, thickness=4, closed=closed)
     stroke(image, points, colour, thickness=2, closed=closed)
 
 
-def fixed(points: Array) -> NDArray[np.int32]:
+def to_fixed_point(points: Array) -> NDArray[np.int32]:
     """Pixels in OpenCV's fixed point; OpenCV counts from the centre of the first pixel, we count from its corner."""
-    fixed = np.round(np.clip((points - 0.5) * 2**SHIFT, -1e6, 1e6))
-    return np.asarray(fixed, dtype=np.int32)
+    return np.asarray(np.round(np.clip((points - 0.5) * 2**SHIFT, -1e6, 1e6)), dtype=np.int32)

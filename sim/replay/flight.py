@@ -23,12 +23,12 @@ from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
 from sim.recording.recording import Recording
+from sim.replay.columns import TABLES, arrays, columns, event_columns
 from sim.replay.event import Event, ends
 from sim.replay.events import events_of
 from sim.replay.frames.pages import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer, find
 from sim.replay.history import History
-from sim.replay.tables import TABLES, arrays, columns, event_columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
@@ -90,7 +90,7 @@ class Flight:
         view = MapView(self.scenario, self.recording.forest, size)
         edges = np.array([(0, 0), size]) - 0.5  # edges of the first and the last pixel, whose centres are integers
         (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
-        image, _ = view.recorded(self.recording, k, self.history.hold_states[k])
+        image, _ = view.draw_recorded(self.recording, k, self.history.hold_states[k])
         return _picture(image, (left, right, -bottom, -top))
 
     def frame_figure(self, time: float, uav: int) -> Figure:

@@ -54,7 +54,7 @@ def write_film(
             progress(k)
 
 
-def drawn(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
+def film_content(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
     """The content of the film that a run makes, drawn again."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "mission.mp4"

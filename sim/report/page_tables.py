@@ -9,7 +9,7 @@ from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.differences import Difference
 from sim.evaluation.metric import Metric
-from sim.report.page import table
+from sim.report.html_parts import table
 from sim.report.tables import Table
 
 

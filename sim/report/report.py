@@ -13,16 +13,16 @@ from pathlib import Path
 
 from sim.analysis.answers import Answer, answers
 from sim.analysis.cell_text import SYMBOLS, cell_text, with_cell
-from sim.analysis.cells import Group, constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.coverage import COVERED
+from sim.analysis.groups import Group, constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.metric_choice import RUNTIME, available, choose_metrics, metric_shown
+from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import baseline_of, entrant
-from sim.analysis.score import score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
-from sim.report.page import bullet_list, command_line, page, paragraph
+from sim.report.html_parts import bullet_list, command_line, page, paragraph
 from sim.report.page_tables import html_table, runtime_tables, titled_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, score_table, shortfalls, tables

@@ -7,10 +7,10 @@ from html import escape
 import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, slug
-from sim.analysis.cells import Group
+from sim.analysis.groups import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
-from sim.report.page import command_line, table
+from sim.report.html_parts import command_line, table
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 from sim.analysis.answers import Answer, map_means
 from sim.analysis.cell_text import Cell, cell_text, with_cell
-from sim.analysis.cells import Group
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
+from sim.analysis.groups import Group
 from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
-from sim.analysis.score import SCORE, Scored
+from sim.analysis.normalised_score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
 SCORES = "Normalised score of each planner [%]"  # title of the table

@@ -11,10 +11,10 @@ from rich.markup import escape
 
 from sim.analysis.answers import answers
 from sim.analysis.cell_text import cell_text
-from sim.analysis.cells import constant_factors, drop_constant_factors, group_rows
+from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows
 from sim.analysis.metric_choice import choose_metrics
+from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import baseline_of, short_labels
-from sim.analysis.score import score_planners
 from sim.report.report import About
 from sim.report.tables import Table, notes, score_table, shortfalls, tables
 from sim.study.tasks import Row

@@ -12,9 +12,9 @@ import typer
 
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import SYMBOLS
-from sim.analysis.cells import Group, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.differences import differences, pair_differences
 from sim.analysis.distributions import share_under
+from sim.analysis.groups import Group, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric

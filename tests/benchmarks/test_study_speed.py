@@ -14,8 +14,8 @@ from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import group_rows
 from sim.analysis.distributions import ecdf
+from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import available, choose_metrics
 from sim.study.backends import Pool
 from sim.study.engine import complete

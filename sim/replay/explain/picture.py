@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Group, Image, TextStyle, listed, write
+from sim.drawing.lettering import Group, Image, TextStyle, lay_out_groups, write
 from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
-from sim.replay.frames.annotation import TRACK, annotated, marks_of
+from sim.replay.frames.annotation import TRACK, annotate, marks_of
 from sim.replay.frames.pages import MARK
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import at_target_height
@@ -38,7 +38,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
     for w in _nearest(facts):
         sight = Sight.of(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
-        frame, marks = annotated(image, sight, _TILE)
+        frame, marks = annotate(image, sight, _TILE)
         shown |= marks
         tiles.append((_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
@@ -108,11 +108,11 @@ def _map(facts: PersonFacts) -> tuple[Image, bool]:
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
     holds = facts.flight.history.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
-    image, labels = view.recorded(recording, facts.k, holds)
+    image, labels = view.draw_recorded(recording, facts.k, holds)
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, facts)
     tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
-    tracks = beliefs_of(view.shown(recording.snapshot(facts.k)))[0][:, :2]
+    tracks = beliefs_of(view.shown_tracks(recording.snapshot(facts.k)))[0][:, :2]
     inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
     return tile, bool(inside.all(axis=1).any())
 
@@ -144,7 +144,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 
 def _words(groups: Sequence[Group], shown: set[str]) -> Image:
     """Image of the words, and of a legend of the marks with the names `shown`."""
-    lines, bottom = listed(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
+    lines, bottom = lay_out_groups(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
     marks = marks_of(shown)
     rows = -(-len(marks) // 2)
     image = np.full((round(bottom) + rows * MARK + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)

@@ -11,7 +11,7 @@ from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.marks import cross, detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
-from sim.drawing.strokes import SHIFT, disc, fixed, outlined, stroke
+from sim.drawing.strokes import SHIFT, disc, draw_outline, stroke, to_fixed_point
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
 from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
@@ -21,7 +21,7 @@ _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)] 
 _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 
 
-def annotated(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
+def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
     """The frame (P, P, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
 
     Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square; a
@@ -97,7 +97,7 @@ class _View:
         with self._drawing(_DETECTION):
             for k in finite if len(detections) else []:
                 found = self._scale * detections[k]
-                outlined(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
+                draw_outline(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
                 detection(self._image, found, max(5.0 * self._scale, 10.0))
         with self._drawing(_MEASUREMENT):
             for k in finite:
@@ -172,20 +172,20 @@ def _arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
 def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
     """Draw the mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
     for k in range(0, len(ring), 6):
-        outlined(image, ring[k : k + 4], DETECTION, INK)
+        draw_outline(image, ring[k : k + 4], DETECTION, INK)
     disc(image, at, 4.0, INK)
     disc(image, at, 2.5, DETECTION)
 
 
 def _draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
     """Draw the mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
-    outlined(image, ring, track_colour(track), PANEL, closed=True)
+    draw_outline(image, ring, track_colour(track), PANEL, closed=True)
     cross(image, at, track_colour(track))
 
 
 def _draw_truth(image: Image, outline: Array) -> None:
     """Draw the mark of a true person: the outline, pixels (N, 2)."""
-    outlined(image, outline, INK, PANEL, closed=True)
+    draw_outline(image, outline, INK, PANEL, closed=True)
 
 
 def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
@@ -195,7 +195,7 @@ def _draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> N
     """
     inside = np.zeros(image.shape[:2], dtype=np.uint8)
     for outline in outlines:
-        cv2.fillPoly(inside, [fixed(outline)], 255, cv2.LINE_AA, SHIFT)
+        cv2.fillPoly(inside, [to_fixed_point(outline)], 255, cv2.LINE_AA, SHIFT)
     for colour, reach in _RIMS[hiding]:
         grown = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
         rim = grown > inside

@@ -8,14 +8,14 @@ import numpy as np
 
 from sim.drawing.labels import track_name
 from sim.drawing.layout import GAP
-from sim.drawing.lettering import Group, Image, TextStyle, listed, write
+from sim.drawing.lettering import Group, Image, TextStyle, lay_out_groups, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.annotation import annotated, marks_of
+from sim.replay.frames.annotation import annotate, marks_of
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.errors import InputError
@@ -31,10 +31,10 @@ _SLACK = 1e-6  # s, tolerance for typed times
 
 
 def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
-    """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
+    """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotate`."""
     recording, scenario = again.recording, again.recording.setting
     sight = Sight.of(recording, k, uav)
-    view, shown = annotated(again.image(k, uav), sight, size)
+    view, shown = annotate(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [titled(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
@@ -119,7 +119,7 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
 
     notes: the beginning of its first section; shown: the names of the marks in its legend.
     """
-    lines, bottom = listed(_sections(sight, notes), _WIDTH - 28, 44.0)
+    lines, bottom = lay_out_groups(_sections(sight, notes), _WIDTH - 28, 44.0)
     marks = marks_of(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
@@ -146,21 +146,21 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
         ("mission", [*notes, *error]),
         ("field of view", _field_of_view(sight.camera, sight.pose)),
         ("truth", _people(sight, ideal)),
-        ("tracks, 95 %", _shortened(tracks)),
+        ("tracks, 95 %", _shorten(tracks)),
     ]
 
 
 def _people(sight: Sight, ideal: bool) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
-    lines = _shortened([_described(sighting, ideal) for sighting in near])
+    lines = _shorten([_sighting_text(sighting, ideal) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
         lines += [f"{status}: {', '.join(others)}"] if others else []
     return lines
 
 
-def _described(sighting: Sighting, ideal: bool) -> str:
+def _sighting_text(sighting: Sighting, ideal: bool) -> str:
     text = f"person {sighting.person}: {sighting.status}"
     if not sighting.looked:
         return text
@@ -171,5 +171,5 @@ def _described(sighting: Sighting, ideal: bool) -> str:
     return text + (", missed" if sighting.pixels else "")
 
 
-def _shortened(lines: list[str]) -> list[str]:
+def _shorten(lines: list[str]) -> list[str]:
     return lines if len(lines) <= _MOST else [*lines[:_MOST], f"and {len(lines) - _MOST} more"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from sim.drawing.labels import numbered
+from sim.drawing.labels import numbered_snapshot
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import hiding_forest
@@ -101,7 +101,7 @@ class Sight:
         people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, hiding_forest(recording), numbered(recording, k), uav, people)
+        return Sight(scenario, hiding_forest(recording), numbered_snapshot(recording, k), uav, people)
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:

@@ -28,11 +28,11 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "margin": MARGIN,
         "rate": scenario.rates.sensing,
         "trail": round(TRAIL * scenario.rates.sensing),
-        "times": _rounded(recording.times, 3),
-        "trees": [_rounded([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in recording.forest.trees],
-        "people": [[None if math.isnan(p[0]) else _rounded(p) for p in row] for row in recording.people],
-        "headings": _rounded(np.nan_to_num(recording.headings)),
-        "uavs": _rounded(recording.poses[:, :, :3]),
+        "times": _round(recording.times, 3),
+        "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in recording.forest.trees],
+        "people": [[None if math.isnan(p[0]) else _round(p) for p in row] for row in recording.people],
+        "headings": _round(np.nan_to_num(recording.headings)),
+        "uavs": _round(recording.poses[:, :, :3]),
         "views": _views(recording),
         "tracks": _tracks(recording),
         "states": history.camera_states.tolist(),
@@ -60,7 +60,7 @@ def _views(recording: Recording) -> list[list[list[float] | None]]:
     """Corners x, y [m] of each camera's field of view on the ground; null if it has no bounds nearby."""
     scans, uavs = recording.poses.shape[:2]
     shown = ([footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans))
-    return [[None if corners is None else _rounded(corners.ravel()) for corners in row] for row in shown]
+    return [[None if corners is None else _round(corners.ravel()) for corners in row] for row in shown]
 
 
 def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
@@ -69,7 +69,7 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
     number = recording.numbers_of(recording.track_ids)
-    rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]))
+    rows = _round(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]))
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
@@ -79,9 +79,9 @@ def _plans(recording: Recording) -> dict[str, Any]:
     """Times [s] from which plans are flown, duration [s] of a step, and velocities [m/s] of each UAV's steps."""
     setting = recording.setting
     return {
-        "times": _rounded([setting.due(time) for time in recording.plan_times.tolist()], 3),
+        "times": _round([setting.due(time) for time in recording.plan_times.tolist()], 3),
         "step": 1 / setting.rates.planning,
-        "controls": [[_rounded(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
+        "controls": [[_round(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }
 
 
@@ -96,5 +96,5 @@ def css(colour: palette.Colour) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _rounded(values: ArrayLike, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array
+def _round(values: ArrayLike, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array
     return (np.round(np.asarray(values, dtype=float), digits) + 0.0).tolist()

@@ -73,9 +73,9 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         settings=_settings(scenario),
         film="" if film is None else _film(film),
         lost=len(lost),
-        losses=_listed("losses", lost, recording, place),
+        losses=_list_events("losses", lost, recording, place),
         count=len(incidents),
-        incidents=_listed("incidents", incidents, recording, place),
+        incidents=_list_events("incidents", incidents, recording, place),
         data=_json(data),
         style=style,
         script=script,
@@ -144,7 +144,7 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     outcome, scenario = Outcome(recording), recording.setting
     for label, metric in _RESULTS.items():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
-    if name := _packaged(scenario):
+    if name := _packaged_name(scenario):
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
     trees = recording.forest.trees
@@ -168,7 +168,7 @@ def _span(lengths: Iterable[float]) -> str:
     return " to ".join(texts) + " m"
 
 
-def _packaged(scenario: Scenario) -> str | None:
+def _packaged_name(scenario: Scenario) -> str | None:
     """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
     settings, flown = msgspec.to_builtins(scenario), {"duration": scenario.duration}
     return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
@@ -194,7 +194,7 @@ def _codes(lines: Iterable[str]) -> str:
     return "".join(f"<code>{escape(line)}</code>" for line in lines)
 
 
-def _listed(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
+def _list_events(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
     """A list of events as buttons, each with the commands that explain it."""
     if not events:
         return f'<p id="{name}">None.</p>'

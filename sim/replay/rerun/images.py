@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from sim.drawing.labels import numbered, track_name
+from sim.drawing.labels import numbered_snapshot, track_name
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
@@ -35,7 +35,7 @@ class Cameras:
         """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
-        tracks = numbered(self._recording, k).tracks
+        tracks = numbered_snapshot(self._recording, k).tracks
         for i, uav in enumerate(self._uavs):
             association = Association.of(self._recording, k, i)
             if association is None:

@@ -11,7 +11,7 @@ import rerun as rr
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import numbered, track_name
+from sim.drawing.labels import numbered_snapshot, track_name
 from sim.drawing.map_view import ellipse
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
@@ -101,7 +101,7 @@ class Scene:
 
     def log(self, k: int) -> None:
         """Log scan k: ground truth, intents and tracks."""
-        snapshot = numbered(self._recording, k)
+        snapshot = numbered_snapshot(self._recording, k)
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
         self._log_people(snapshot, [HOLDS[hold] for hold in self._holds[k]])

@@ -12,9 +12,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, ecdf
-from sim.analysis.score import NormalisedScore
+from sim.analysis.groups import Group
+from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import new_figure, rgb

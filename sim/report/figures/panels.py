@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import cycle, product
 
 from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.cells import Group, varying_factors
+from sim.analysis.groups import Group, varying_factors
 from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from sim.analysis.answers import map_means, map_points
 from sim.analysis.cell_text import slug, with_cell
-from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
+from sim.analysis.groups import Group
 from sim.analysis.metric_choice import DECISION, metric_shown
-from sim.analysis.score import SCORE, NormalisedScore
+from sim.analysis.normalised_score import SCORE, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets

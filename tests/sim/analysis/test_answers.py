@@ -6,8 +6,8 @@ import pytest
 from helpers.trials import failed, row, study
 
 from sim.analysis.answers import answers, holm
-from sim.analysis.cells import constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.distributions import spreads
+from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, choose_metrics, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of

@@ -4,7 +4,7 @@ import pytest
 from helpers.trials import row
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import group_rows
+from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
 from sim.study.cells import cells, with_trackers

@@ -14,7 +14,7 @@ from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, parts_in
 from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
-from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mixed, track_colour, uav_colour
+from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mix, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -172,7 +172,7 @@ def test_the_name_of_a_uav_does_not_stand_in_the_view_of_another():
     above = [Pose.level(0.0, 0.0, 17.32), Pose.level(-8.0, 8.0, 17.32)]  # the first one's corner is in the other view
     view.draw(image, empty(2, poses=above, cameras=above))
     (left, top), (right, bottom) = pixel(-17.5, 17.5), pixel(1.5, -1.5)
-    name = np.all(image == mixed(uav_colour(0), INK, 0.7), axis=2)
+    name = np.all(image == mix(uav_colour(0), INK, 0.7), axis=2)
     assert name.sum() > 20 and not name[top:bottom, left:right].any()
 
 

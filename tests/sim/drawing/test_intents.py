@@ -62,7 +62,7 @@ def test_the_map_rings_the_end_of_what_is_flown(delayed):
     size = (1080, 756)
     for k in (2, 7, 18):
         view = MapView(recording.setting, recording.forest, size)
-        image, _ = view.recorded(recording, k, np.full(recording.people.shape[1], HOLDS.index("held")))
+        image, _ = view.draw_recorded(recording, k, np.full(recording.people.shape[1], HOLDS.index("held")))
         for uav in range(3):
             ends = expected(delayed, k, uav)
             if ends is not None:

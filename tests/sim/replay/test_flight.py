@@ -18,10 +18,10 @@ from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
 from sim.replay import events as events_module
+from sim.replay.columns import TABLES
 from sim.replay.flight import Flight, load
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.tables import TABLES
 from sim.sensing.fault import Fault
 from tracking.errors import InputError
 

@@ -8,8 +8,8 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.answers import map_points
-from sim.analysis.cells import drop_constant_factors, group_rows
 from sim.analysis.distributions import bands
+from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets

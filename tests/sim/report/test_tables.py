@@ -12,8 +12,8 @@ from helpers.trials import failed, row, study
 from rich.console import Console
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import group_rows
 from sim.analysis.coverage import ERRORS, SHARES
+from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
 from sim.report.report import About

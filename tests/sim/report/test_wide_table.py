@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
-from sim.analysis.cells import drop_constant_factors, group_rows
+from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.intervals import means
 from sim.report.wide_table import main, table, without_start
 

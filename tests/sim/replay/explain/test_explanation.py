@@ -21,7 +21,7 @@ from sim.replay.explain.person import PersonFacts, planned_visibility
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts
 from sim.replay.flight import Flight
-from sim.replay.frames.annotation import TRACK, annotated
+from sim.replay.frames.annotation import TRACK, annotate
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
@@ -239,7 +239,7 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     page = draw_explanation(observer, facts, explanation(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
-    frame, _ = annotated(image, Sight.of(recording, facts.k, first.uav), 512)
+    frame, _ = annotate(image, Sight.of(recording, facts.k, first.uav), 512)
     tiles, words = np.split(page, [1060], axis=1)
     found = cv2.matchTemplate(tiles, frame, cv2.TM_SQDIFF)
     y, x = np.unravel_index(found.argmin(), found.shape)

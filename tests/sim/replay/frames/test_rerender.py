@@ -17,7 +17,7 @@ from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
 from sim.recording.recording import Recording
 from sim.replay.frames import pages
-from sim.replay.frames.annotation import annotated
+from sim.replay.frames.annotation import annotate
 from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
@@ -86,7 +86,7 @@ def bare(seen):
 )
 def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, size, side):
     frame = np.random.default_rng(0).integers(0, 256, (pixels, pixels, 3)).astype(np.uint8)
-    view, _ = annotated(frame, bare(scene()), size)
+    view, _ = annotate(frame, bare(scene()), size)
     assert view.shape == (side, side, 3)
     if side > pixels:
         factor = side // pixels
@@ -99,7 +99,7 @@ def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, siz
 def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     belief = Gaussian(np.array([3.0, -2.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0, 1.0]))
     seen = bare(scene(tracks=(Track(2, belief),)))
-    view, shown = annotated(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
+    view, shown = annotate(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
     assert shown == {"track, 95 % ellipse"}
     ring = ellipse(belief.mean[:2], belief.covariance[:2, :2])
     points = np.column_stack([ring, np.full(len(ring), TARGET_HEIGHT)])
@@ -114,7 +114,7 @@ def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
     seen = bare(scene(people=[person]))
     seen = dataclasses.replace(seen, people=(Sighting(0, person, True, (), 10, True),))
     named = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, tracks=[(Track(2, beside),)]))
-    without, view = (annotated(np.full((128, 128, 3), 90, np.uint8), each, 1024)[0] for each in (seen, named))
+    without, view = (annotate(np.full((128, 128, 3), 90, np.uint8), each, 1024)[0] for each in (seen, named))
     x, y = np.round(8 * seen.camera.project(seen.pose, np.array([[*person, TARGET_HEIGHT]]))[0][0]).astype(int)
     around = slice(y - 12, y + 12), slice(x - 12, x + 12)
     np.testing.assert_array_equal(view[around], without[around])
@@ -123,12 +123,12 @@ def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
 
 def test_neither_names_nor_marks_hide_north_and_the_scale():
     blank = np.full((128, 128, 3), 90, np.uint8)
-    without, _ = annotated(blank, bare(scene()), 512)
+    without, _ = annotate(blank, bare(scene()), 512)
     rows, columns = np.nonzero((without == INK).all(axis=2) | (without == PANEL).all(axis=2))
     assert columns.min() < 100 and columns.max() > 400 and len(rows) > 300
     for x, y in np.stack(np.meshgrid(np.arange(-9.5, 10), np.arange(-9.5, -4, 0.5)), axis=-1).reshape(-1, 2):
         track = Track(2, Gaussian(np.array([x, y, 0.0, 0.0]), np.diag([0.01, 0.01, 1.0, 1.0])))
-        view, _ = annotated(blank, bare(scene(tracks=(track,), trees=[Tree(x, y, 1.0)])), 512)
+        view, _ = annotate(blank, bare(scene(tracks=(track,), trees=[Tree(x, y, 1.0)])), 512)
         np.testing.assert_array_equal(view[rows, columns], without[rows, columns])
 
 
@@ -136,7 +136,7 @@ def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
     tree = Tree(2.0, 1.0, 3.0)
     frame = np.full((128, 128, 3), 90, np.uint8)
     seen = bare(scene(trees=[tree]))
-    view, shown = annotated(frame, seen, 1024)
+    view, shown = annotate(frame, seen, 1024)
     assert shown == {"rim of what trees hide"}
     rows, columns = np.nonzero(np.any(view != 90, axis=2))
     # Pixels that changed, the corners with scale and north and the name in the middle aside.
@@ -188,7 +188,7 @@ def test_views_of_anything_can_be_drawn():
             page = pages.draw(again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
-    view, shown = annotated(np.zeros((128, 128, 3), np.uint8), seen, 256)
+    view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
     assert view.shape == (256, 256, 3) and _draw_panel(seen, [], shown, height=100).shape[0] > 200
 
 
@@ -214,7 +214,7 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
         (two, truth | hiding | plain),
         (beside, truth | hiding),
     ):
-        assert annotated(blank, sight, 512)[1] == expected
+        assert annotate(blank, sight, 512)[1] == expected
     listed = []
     monkeypatch.setattr(pages, "write", lambda image, text, at, style, align=0.0: listed.append(text))
     pages._draw_panel(in_view, [], found | truth, height=100)

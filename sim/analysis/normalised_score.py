@@ -8,8 +8,8 @@ import numpy as np
 
 from planning.planner_text import with_options
 from sim.analysis.cell_text import Cell, Placed
-from sim.analysis.cells import Group
 from sim.analysis.differences import common_values
+from sim.analysis.groups import Group
 from sim.analysis.intervals import Estimate, means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row
 
-from sim.analysis.cells import group_rows
+from sim.analysis.groups import group_rows
 from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
+from sim.analysis.normalised_score import ends_of, scores
+from sim.analysis.normalised_score import score_planners as scored_study
 from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
-from sim.analysis.score import ends_of, scores
-from sim.analysis.score import score_planners as scored_study
 from sim.study.study import ScoreScale
 from tracking.errors import InputError
 
