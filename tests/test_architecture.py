@@ -14,7 +14,6 @@ LAYERS = {
     "tracking": (
         *("errors", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association"),
         *("measurement_update", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
-        "measurement_files",
     ),
     "planning": (
         *("planner", "returned_plans", "registry", "planner_text", "loading", "contract", "prediction"),
@@ -32,10 +31,10 @@ BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets
 BELOW["sim"] = {"sim", "planning", "tracking"}
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
 # Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, person.py where they lead, and
-# plan_exchange.py where they have brought a UAV out of contact.
+# teammates.py where they have brought a UAV out of contact.
 PLANNING = {
     "sim/mission/plan_check.py",
-    "sim/mission/plan_exchange.py",
+    "sim/mission/teammates.py",
     "sim/mission/mission.py",
     "sim/mission/warmup.py",
     "sim/running/flight.py",

@@ -49,25 +49,22 @@ class Rollout:
         self._go_on()
 
     def _go_on(self) -> None:
+        """Fly to the next decision, or to the end of the mission if no UAV works any more."""
         mission = self.mission
-        while not mission.over and not (team := self._sense()):
+        self._keep_frames()
+        while not (team := mission.team) and not mission.over:
             self._flown.append(mission.step())
-        if mission.over:  # all UAVs have broken down
-            self.team, self.over, self.now = {}, True, self._flown[-1]
-            return
+            self._keep_frames()
         self.team = {situation.own.id: situation for situation in team}
-        self.now, self.over = mission.present, mission.time >= self._last
-        if self.over:
-            while not mission.over:
-                self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
+        self.now, self.over = mission.present, not team or mission.time >= self._last
+        while self.over and not mission.over:
+            self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
 
-    def _sense(self) -> list[Situation]:
-        """The team at the present scan; its frames are kept, as slow cameras may take theirs between decisions."""
-        team = self.mission.team
+    def _keep_frames(self) -> None:
+        """Keep the frames of the present scan, as slow cameras may take theirs between decisions."""
         taken = {i: frame for i, frame in enumerate(self.mission.frames) if frame is not None}
         self.images |= taken
         self._taken |= dict.fromkeys(taken, self.mission.time)
-        return team
 
     @property
     def people(self) -> Array:

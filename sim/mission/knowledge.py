@@ -1,13 +1,15 @@
-"""Knowledge of each UAV: its tracks, its intensity of undetected people, and the plans that it has received."""
+"""Knowledge of each UAV: its tracks, its intensity of undetected people, and what it knows about its teammates."""
 
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from planning.planner import Exchange, Situation
-from sim.mission.plan_exchange import Links, PlanExchange
+from sim.mission.radio import RadioLinks
+from sim.mission.teammates import Teammates
 from sim.mission.tracker_setup import planned_motion, tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of, view_of
@@ -19,6 +21,13 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
+
+
+class BodyState(NamedTuple):
+    """Motion of a UAV's body at one scan."""
+
+    pose: Pose
+    velocity: Array  # (2,) m/s, east and north
 
 
 class Knowledge:
@@ -33,7 +42,7 @@ class Knowledge:
         exchange: Exchange,
         rng: np.random.Generator,
     ) -> None:
-        """Set up trackers; `exchange` says how the planner's plans are sent, and `rng` decides which are lost."""
+        """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
         self._scenario, self._forest = scenario, forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
@@ -48,10 +57,10 @@ class Knowledge:
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
             for _ in self._cameras
         ]
-        self.plans = PlanExchange(scenario.network, exchange, rng)
+        self.teammates = Teammates(scenario.network, exchange, rng)
 
     def track(
-        self, time: float, looks: Sequence[Observation], links: Links, working: Sequence[int]
+        self, time: float, looks: Sequence[Observation], links: RadioLinks, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         for i in working:
@@ -66,16 +75,13 @@ class Knowledge:
             sent[working] = fuse(members, links.up[np.ix_(working, working)], self._scenario.network.rounds, lost)
         return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)], sent
 
-    def situations(
-        self, k: int, bodies: Sequence[tuple[Pose, Array]], links: Links, working: Sequence[int]
+    def make_situations(
+        self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
     ) -> list[Situation]:
-        """One situation per working UAV at the decision of scan k: itself, its own tracks, and the other UAVs.
-
-        bodies: the pose and the velocity (2,) m/s of each UAV.
-        """
+        """One situation per working UAV at the decision of scan k; `bodies` has the state of each UAV."""
         time = k / self._scenario.rates.sensing
-        fleet = [vehicle_of(i, body, velocity, self._scenario) for i, (body, velocity) in enumerate(bodies)]
-        self.plans.begin(fleet, links, working, 1 / self._scenario.rates.planning)
+        fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
+        self.teammates.update(fleet, links, working, 1 / self._scenario.rates.planning)
         contact, team = links.contact, [fleet[j] for j in working]
         for i in working:
             known = [v for v in team if v.id == i or contact[i, v.id]]
@@ -84,7 +90,7 @@ class Knowledge:
             ]
             self._undetected[i].step(time, looks, self._trackers[i].tracks, self._forest)
         return [
-            self.plans.informed(
+            self.teammates.complete(
                 Situation(
                     time=time,
                     own=fleet[i],

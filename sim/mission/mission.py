@@ -3,16 +3,15 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.contract import exchange_of, is_stateful, reset, with_truth
+from planning.contract import exchange_of, reset, with_truth
 from planning.planner import Plan, Planner, Situation
-from sim.mission.knowledge import Knowledge
+from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import checked_plans, handed, usable_plans
-from sim.mission.plan_exchange import Links, lost_messages, open_links
+from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.mission.snapshot import Snapshot, reported_positions
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.wind import Air
@@ -27,7 +26,7 @@ from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.metrics.ospa import ospa
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array
 from tracking.track import Track
 
 
@@ -42,38 +41,39 @@ class Mission:
     """
 
     def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
-        """Grow the forest, compute the people's paths and build the world; ValueError if that is impossible."""
+        """Build the world, reset a stateful planner and take the first scan; ValueError if that is impossible."""
         self.scenario, self.seed, self.repeat = scenario, seed, repeat
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
-        self.frames: list[NDArray[np.uint8] | None] = []  # images of the last scan, one per UAV; None if not rendered
+        self.frames: list[NDArray[np.uint8] | None] = []  # images of the present scan, one per UAV; None: not rendered
+        self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = forest_and_people(scenario, seed)
         # An oracle gets access to the true positions here.
         self.planner, self.sees_truth = with_truth(planner, partial(_places, self.people))
         exchange = exchange_of(self.planner)
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, apart from the seed of its reset
-        self._reset = is_stateful(self.planner)  # True while the reset before the first decision is due
-        starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
+        reset(self.planner, int(chance("memory").integers(2**63)))
+        starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: dict[int, list[Plan]] = {}  # plans not yet flown, by the scan at which they are due
-        self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the last scan
+        self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
+        self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
         self._radio = chance("network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
         self._times = scenario.scan_times
         self._k = 0  # the present scan
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
-        self._sensed: _Sensed | None = None  # None until the present scan is sensed
-        self._team: list[Situation] | None = None  # None until the present scan's situations are made
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
             self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
+            self._scan()
         except BaseException:
-            self._world.close()
+            self.close()
             raise
 
     @property
@@ -89,25 +89,20 @@ class Mission:
     @property
     def team(self) -> list[Situation]:
         """Copies of the situations of the working UAVs, which have to decide now; empty between decisions."""
-        return [] if self.over else [handed(situation) for situation in self._situations()]
-
-    @property
-    def present(self) -> Snapshot:
-        """Snapshot of the present scan before its decision, with ground truth; RuntimeError if the mission is over."""
-        self._check_not_over()
-        return self._sense().snapshot
+        return [handed(situation) for situation in self._situations]
 
     def fly(self) -> Iterator[Snapshot]:
-        """Fly the rest of the mission with its planner, and yield a snapshot per scan.
+        """Fly the rest of the mission with its planner, and yield a snapshot per scan before flying on.
 
         The mission is closed at the end, and also if the iteration is given up before.
         """
         with self:
             while not self.over:
-                yield self.step()
+                yield self._decide(None)
+                self._fly_on()
 
     def step(self, plans: Sequence[Plan | Array] | Array | None = None) -> Snapshot:
-        """Decide at the present scan and go on to the next one; return the snapshot of the scan of the decision.
+        """Decide at the present scan, and fly to the next one; return the snapshot of the scan of the decision.
 
         Args:
             plans: One plan or one velocity (2,) m/s, east and north, for each situation of `team`; like `team` empty
@@ -118,25 +113,15 @@ class Mission:
             InputError: If plans are missing or cannot be used; the mission is unchanged, and the step can be repeated.
             RuntimeError: If the mission is over.
         """
-        self._check_not_over()
-        sensed = self._sense()
-        made, sent = self._decide(plans)
-        snapshot = replace(
-            sensed.snapshot,
-            plans=made,
-            plan_bytes=sent,
-            plan_rounds=0 if made is None else self._rounds,
-            faults=tuple(self.faults[sensed.faults :]),
-        )
-        self._commands = self._next_commands(made)
-        self._k, self._sensed, self._team = self._k + 1, None, None
         if self.over:
-            self.close()
+            raise RuntimeError("the mission is over, or was closed")
+        snapshot = self._decide(plans)
+        self._fly_on()
         return snapshot
 
     def close(self) -> None:
         """End the mission and free its world."""
-        self._k = len(self._times)
+        self._k, self._situations = len(self._times), []
         self._world.close()
 
     def __enter__(self) -> "Mission":
@@ -145,48 +130,10 @@ class Mission:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _check_not_over(self) -> None:
-        if self.over:
-            raise RuntimeError("the mission is over, or was closed")
-
-    def _next_commands(self, plans: list[Plan] | None) -> Array:
-        """Commands (n, 2) m/s from now on: the first controls of the plans due now, or the commands so far.
-
-        Plans are due `network.plan_delay` after their decision. UAVs that have broken down hover.
-        """
-        if plans is not None:
-            self._coming[self._k + self._delay] = plans
-        due = self._coming.pop(self._k, None)
-        commands = np.zeros_like(self._commands)
-        for i in self._working:
-            commands[i] = self._commands[i] if due is None else due[i].controls[0]
-        return commands
-
-    def _move(self) -> None:
-        """Fly from the previous scan to the present one."""
-        rates = self.scenario.rates
-        with self.clock.measure("physics"):
-            steps = rates.physics // rates.sensing
-            winds = [None] * steps if self._air is None else list(self._air.steps(steps))
-            self._world.advance(self._commands, winds)
-
-    def _break_down(self, time: float) -> None:
-        for i in self._working:
-            if not self.scenario.works(i, time):
-                self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, BREAKDOWN))
-        self._working = [i for i in self._working if self.scenario.works(i, time)]
-
-    def _sense(self) -> "_Sensed":
-        """Fly to the present scan, sense and track, unless this has already been done."""
-        if self._sensed is None:
-            if self._k:
-                self._move()
-            self._sensed = self._scan(self._k, self.time)
-        return self._sensed
-
-    def _scan(self, k: int, time: float) -> "_Sensed":
-        known = len(self.faults)
-        self._break_down(time)
+    def _scan(self) -> None:
+        """Take the present scan: sense, communicate and track, and find out what each UAV knows if it has to decide."""
+        k, time = self._k, self.time
+        faults = self._break_down(time)
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
             self._world.place_people(people, headings)
@@ -197,13 +144,20 @@ class Mission:
             (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people)
             for i, pose in enumerate(cameras)
         ]
+        faults += [fault for look in looks for fault in look.faults]
         network, places = self.scenario.network, np.array([body.position for body in bodies])
-        links = Links(open_links(network, time, places), lost_messages(network, len(bodies), self._radio))
-        self.frames = [look.image for look in looks]
-        self.faults += [fault for look in looks for fault in look.faults]
+        links = RadioLinks(find_links(network, time, places), draw_lost_messages(network, len(bodies), self._radio))
         with self.clock.measure("tracking"):
             tracks, sent = self._knowledge.track(time, looks, links, self._working)
-        snapshot = Snapshot(
+        if self._working and self.scenario.decides(k):
+            with self.clock.measure("tracking"):
+                states = list(map(BodyState, bodies, self._world.velocities()[:, :2]))
+                self._situations = self._knowledge.make_situations(k, states, links, self._working)
+        else:
+            self._situations = []
+        self.faults += faults
+        self.frames = [look.image for look in looks]
+        self.present = Snapshot(
             time=time,
             people=people,
             headings=headings,
@@ -221,8 +175,14 @@ class Mission:
             bytes_sent=sent,
             plan_bytes=np.zeros(len(bodies), dtype=np.int64),
             plan_rounds=0,
+            faults=tuple(faults),
         )
-        return _Sensed(snapshot, links, known)
+
+    def _break_down(self, time: float) -> list[Fault]:
+        """Faults of the UAVs that have broken down since the previous scan; they work no longer."""
+        failed = [i for i in self._working if not self.scenario.works(i, time)]
+        self._working = [i for i in self._working if i not in failed]
+        return [Fault(self.scenario.uavs[i].fails_at or 0.0, i, BREAKDOWN) for i in failed]
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m; NaN after a breakdown."""
@@ -231,52 +191,68 @@ class Mission:
             errors[i] = ospa(reported_positions(tracks[i]), present)
         return errors
 
-    def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:
-        """Plans of a decision and the bytes (n,) that each UAV sends; a UAV that has broken down has an empty plan.
+    def _decide(self, given: Sequence[Plan | Array] | Array | None) -> Snapshot:
+        """Take the decision that is due at the present scan, if any, and return the scan's complete snapshot.
 
-        The plans are None if no decision is due at this scan, and if all UAVs have broken down.
+        A UAV that has broken down has an empty plan.
         """
-        count = len(self.scenario.uavs)
-        if not self._decides():
+        team, count = self._situations, len(self.scenario.uavs)
+        if not team:
             if given is not None:
-                usable_plans(given, [])  # an error unless empty
-            return None, np.zeros(count, dtype=np.int64)
+                usable_plans(given, team)  # an error unless empty
+            self._command(None)
+            return self.present
         with self.clock.planning():
-            team = self._situations()
             if given is not None:
                 made, faults = usable_plans(given, team)
             elif self.planner is not None:
-                made, faults = checked_plans(self.planner, team, self._knowledge.plans.own, self.rng)
+                made, faults = checked_plans(self.planner, team, self._knowledge.teammates.own, self.rng)
             else:
                 raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)} plans")
-        self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
-        return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)], self._knowledge.plans.end(plans)
+        sent = self._knowledge.teammates.send(plans)
+        every = [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)]
+        self.faults += faults
+        self._command(every)
+        return replace(
+            self.present,
+            plans=every,
+            plan_bytes=sent,
+            plan_rounds=self._rounds,
+            faults=(*self.present.faults, *faults),
+        )
 
-    def _decides(self) -> bool:
-        self._sense()
-        return bool(self._working) and self.scenario.decides(self._k)
+    def _command(self, plans: list[Plan] | None) -> None:
+        """Command the first controls (n, 2) m/s of the plans due now; without any, keep the commands so far.
 
-    def _situations(self) -> list[Situation]:
-        """One situation per working UAV if a decision is due at this scan; otherwise none."""
-        if self._team is None:
-            sensed, due = self._sense(), self._decides()
-            if due and self._reset:  # here, because the caller may ask the planner; first, because a reset may fail
-                reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
-                self._reset = False
-            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
-            self._team = self._knowledge.situations(self._k, bodies, sensed.links, self._working) if due else []
-        return self._team
+        Plans are due `network.plan_delay` after their decision. UAVs that have broken down hover.
+        """
+        if plans is not None:
+            self._coming[self._k + self._delay] = plans
+        due = self._coming.pop(self._k, None)
+        commands = np.zeros_like(self._commands)
+        for i in self._working:
+            commands[i] = self._commands[i] if due is None else due[i].controls[0]
+        self._commands = commands
+
+    def _fly_on(self) -> None:
+        """Fly to the next scan and take it; close the mission after the last one, and if an error ends it."""
+        self._k += 1
+        if self.over:
+            self.close()
+            return
+        rates = self.scenario.rates
+        try:
+            with self.clock.measure("physics"):
+                steps = rates.physics // rates.sensing
+                winds = [None] * steps if self._air is None else list(self._air.steps(steps))
+                self._world.advance(self._commands, winds)
+            self._scan()
+        except BaseException:
+            self.close()
+            raise
 
 
 def _places(people: Trajectories, time: float) -> Array:
     """True positions (M, 2) m of people at a time [s]; after the mission's end they stay as they are at the end."""
-    return people.at(min(time, float(people.times[-1])))[0]
-
-
-class _Sensed(NamedTuple):
-    """A scan before its decision."""
-
-    snapshot: Snapshot
-    links: Links
-    faults: int  # number of faults before this scan
+    return people.at(min(time, float(people.times[-1]))).positions

@@ -5,7 +5,7 @@ import numpy as np
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.world.forest import grow
-from sim.world.trajectories import Trajectories, read
+from sim.world.trajectories import Trajectories, read_trajectories
 from sim.world.walkers import walk
 from tracking.geometry.visibility import Forest
 
@@ -18,7 +18,7 @@ def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectori
     """
     people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
     file = people.trajectory_file
-    recorded = None if file is None else read(file, scenario.area, duration=duration)
+    recorded = None if file is None else read_trajectories(file, scenario.area, duration=duration)
     paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
     grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
     forest = Forest(grown.trees, scenario.sensing.occlusion)

@@ -11,10 +11,10 @@ from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken
+from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.errors import check_known
-from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from tracking.numerics.arrays import Array, Flags, Indices
 
 Row = Sequence[float | int | str]
@@ -36,7 +36,7 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 
 def _csv(recording: Recording, folder: Path) -> None:
-    """Tables for `tracking.measurement_files`; that of the truth also works as `people.trajectories`."""
+    """Tables for `sim.replay.measurement_tables`; that of the truth also works as `people.trajectories`."""
     _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
     tracks = sorted([time, uav, *row] for _, uav, time, _, *row in _tracks(recording))
     _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)

@@ -25,15 +25,15 @@ def flown(
 ) -> Outcome:
     """Fly a mission; it is marked as interrupted if it ends before its last scan.
 
-    watching: context of all scans, whose value gets each of them. prepare: called before the first scan; its time
-    counts as start-up. planner: object to use; by default it is loaded by the trial's text. InputError if the mission
-    cannot be built.
+    watching: context of all scans, whose value gets each of them. prepare: called before the mission is built; its
+    time counts as start-up. planner: object to use; by default it is loaded by the trial's text. InputError if the
+    mission cannot be built.
     """
     start = time.perf_counter()
+    prepare()
     mission = mission_of(trial, planner)
     recorder = Recorder(trial.repeat)
     with mission:
-        prepare()
         start_up = time.perf_counter() - start
         with watching(mission) as watch:
             for snapshot in mission.fly():
@@ -52,7 +52,7 @@ def flown(
 
 
 def mission_of(trial: Trial, planner: Planner | None = None) -> Mission:
-    """The mission of a trial before its first scan; InputError if it cannot be built. planner: as in `flown`."""
+    """The mission of a trial at its first scan; InputError if it cannot be built. planner: as in `flown`."""
     if planner is None:
         planner = load_planner(trial.planner)
     with naming(trial.place, PlannerError):

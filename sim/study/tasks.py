@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from planning.loading import canonical_text, load_planner, planner_target
 from sim.installation import ROOT
+from sim.scenario.csv_tables import MOST_BYTES
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.text_files import content
 from sim.study.cells import Cell, cells
 from sim.study.study import Study
-from sim.world.trajectories import MOST_BYTES
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import imported

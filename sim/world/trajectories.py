@@ -1,17 +1,17 @@
 """Trajectories of people: positions at any time, and the reader of recorded trajectories in CSV files."""
 
-import csv
 import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sim.scenario.csv_tables import Row, read_rows
 from sim.scenario.environment import Area
 from sim.scenario.scenario import MOST_WALKED
-from sim.scenario.text_files import text
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
@@ -19,12 +19,17 @@ from tracking.numerics.trigonometry import arctan2_each
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("time", "id", "x", "y")
-MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
-_MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during reading
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
 _EXACT = 1e-6  # steps; a time that is nearer than this to a sample counts as the sample's
+
+
+class PeoplePoses(NamedTuple):
+    """Positions and headings of M people; NaN for those who are absent."""
+
+    positions: Array  # (M, 2) m
+    headings: Array  # (M,) rad from east
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +39,18 @@ class Trajectories:
     times: Array  # (K,) s, K >= 2
     positions: Array  # (K, M, 2) m; NaN while a person is absent
 
-    def at(self, time: float) -> tuple[Array, Array]:
-        """Positions (M, 2) m and headings (M,) rad from east at a time [s]; NaN for people absent then."""
+    def at(self, time: float) -> PeoplePoses:
+        """Positions and headings of all people at a time [s]."""
         step = (time - self.times[0]) / (self.times[1] - self.times[0])
         between = abs(step - round(step)) > _EXACT
         k = math.floor(step) if between else round(step)
         if not 0 <= k < len(self.times) - between:
-            return np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan)
+            return PeoplePoses(np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan))
         here, headings = self.positions[k], self._headings[k]
         if not between:
-            return here.copy(), headings.copy()
+            return PeoplePoses(here.copy(), headings.copy())
         positions = here + (step - k) * (self.positions[k + 1] - here)
-        return positions, np.where(np.isnan(positions[:, 0]), np.nan, headings)
+        return PeoplePoses(positions, np.where(np.isnan(positions[:, 0]), np.nan, headings))
 
     @cached_property
     def _headings(self) -> Array:
@@ -60,7 +65,7 @@ class Trajectories:
         return np.where(np.isnan(self.positions[..., 0]), np.nan, headings)
 
 
-def read(path: Path, area: Area, *, duration: float) -> Trajectories:
+def read_trajectories(path: Path, area: Area, *, duration: float) -> Trajectories:
     """Read recorded people from a CSV file with the columns time (or t) [s since start], id, x and y [m].
 
     Rows may have any order. Each person is present from the first to the last of their rows; in between, positions are
@@ -69,87 +74,50 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     """
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
-    people = _people(name, _lines(path, name), area)
+    people = _read_people(path, name, area)
     if len(people) * duration > MOST_WALKED:
         walked = f"{len(people)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
-    tracks = [_resampled(name, person, rows, times) for person, rows in people.items()]
+    tracks = [_resample(name, person, positions, times) for person, positions in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
-        known = [time for rows in people.values() for time in rows]
+        known = [time for positions in people.values() for time in positions]
         rows = f"rows are from {min(known):.12g} to {max(known):.12g} s"
         raise InputError(f"{name}: column time: nobody is there between 0 and {duration:g} s; {rows}")
     return Trajectories(times, np.stack(present, axis=1))
 
 
-def _lines(path: Path, name: str) -> list[str]:
-    """Lines of a file; InputError if it is empty or has too many."""
-    found = text(path, "people.trajectories", MOST_BYTES)
-    if not found.strip():
-        raise InputError(f"{name}: is empty; its first line must name the columns {','.join(COLUMNS)}")
-    lines = found.splitlines()
-    if len(lines) > _MOST_LINES:
-        raise InputError(f"{name}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
-    return lines
-
-
-def _people(name: str, lines: list[str], area: Area) -> dict[str, dict[float, Array]]:
+def _read_people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by person and time [s]; people are in the order in which the file first names them."""
     people: dict[str, dict[float, Array]] = {}
-    table = csv.DictReader(lines, restval="")
-    try:
-        header = [column.strip() for column in table.fieldnames or []]
-        table.fieldnames = ["time" if column == "t" else column for column in header]
-        if sorted(table.fieldnames) != sorted(COLUMNS):
-            raise InputError(f"{name}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
-        for row in table:
-            where = f"{name}, line {table.line_num}"
-            if None in row:
-                raise InputError(f"{where}: {row[None][0]!r} is in a column without a name")
-            person, time, position = _row(where, row, area)
-            if time in people.setdefault(person, {}):
-                raise InputError(f"{where}, column time: id {person} has a second row at {time:g} s")
-            people[person][time] = position
-    except csv.Error as error:  # a field is longer than Python's reader allows
-        raise InputError(f"{name}, line {table.reader.line_num}: {error}") from error
+    for row in read_rows(path, "people.trajectories", COLUMNS, aliases={"t": "time"}):
+        person, time, position = row.text("id"), row.number("time"), _position(row, area)
+        if len(person) > _LONGEST_ID or not person.isprintable():
+            raise row.error("id", f"is not printable, or longer than the {_LONGEST_ID} characters allowed")
+        if abs(time) > _LATEST:
+            raise row.error("time", f"{time:g} s is not allowed; expected at most {_LATEST:g} s")
+        if time in people.setdefault(person, {}):
+            raise row.error("time", f"id {person} has a second row at {time:g} s")
+        people[person][time] = position
     if not people:
         raise InputError(f"{name}: has no rows below the names of its columns; a path needs two or more")
     return people
 
 
-def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
-    """Person, time [s] and position (2,) m of one line."""
-    number = {}
-    for column in COLUMNS:
-        value = row[column].strip()
-        if not value:
-            raise InputError(f"{where}, column {column}: is empty")
-        if column != "id":
-            number[column] = _finite(f"{where}, column {column}", value)
-    for column, size in (("x", area.width), ("y", area.height)):
-        if abs(number[column]) > size / 2:
-            inside = f"{-size / 2:g} to {size / 2:g} m"
-            raise InputError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
-    person = row["id"].strip()
-    if len(person) > _LONGEST_ID or not person.isprintable():
-        raise InputError(f"{where}, column id: is not printable, or longer than the {_LONGEST_ID} characters allowed")
-    if abs(number["time"]) > _LATEST:
-        raise InputError(f"{where}, column time: {number['time']:g} s is not allowed; expected at most {_LATEST:g} s")
-    return person, number["time"], np.array([number["x"], number["y"]])
+def _position(row: Row, area: Area) -> Array:
+    """Position (2,) m within the area."""
+    position = [row.number("x"), row.number("y")]
+    for column, value, size in zip(("x", "y"), position, (area.width, area.height), strict=True):
+        if abs(value) > size / 2:
+            raise row.error(column, f"{value:g} is outside the area, {-size / 2:g} to {size / 2:g} m")
+    return np.array(position)
 
 
-def _finite(where: str, value: str) -> float:
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(f"{where}: {value!r} is not a finite number")
-    return number
+def _resample(name: str, person: str, rows: dict[float, Array], times: Array) -> Array:
+    """Positions (K, 2) m of one person at `times` (K,) s, given rows by time; NaN before the first and after the last.
 
-
-def _resampled(name: str, person: str, rows: dict[float, Array], times: Array) -> Array:
-    """Positions (K, 2) m of one person at `times` (K,) s; NaN before the first and after the last row."""
+    InputError if there are fewer than two rows, or two almost at the same time.
+    """
     if len(rows) < 2:
         raise InputError(f"{name}: column id: {person} has a single row; a path needs two or more")
     known = np.array(sorted(rows))

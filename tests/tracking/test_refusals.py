@@ -1,4 +1,4 @@
-"""Validation of parameters, tracks, poses, scenarios and tables: errors in one line."""
+"""Validation of parameters, tracks, poses and scenarios: errors in one line."""
 
 import dataclasses
 import math
@@ -10,7 +10,6 @@ from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, play, scan, track, track
 from sim.scenario.loading import load
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.camera import Pose
-from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa
 from tracking.parameters import MOST_SCANS
@@ -105,26 +104,6 @@ def test_wrong_settings_of_a_scenarios_tracker_are_named(setting, complaint):
     assert MOST_SCANS == 62
     with pytest.raises(ValueError, match=complaint):
         load("forest", [setting])
-
-
-@pytest.mark.parametrize(
-    ("read", "columns", "row", "complaint"),
-    [
-        (read_forest, TREE_COLUMNS, b"0,0,-1,3,6,0.2", "line 2, column canopy_radius: -1 m is not allowed"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", "line 2, column trunk_radius: -0.2 m is not allowed"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,7,6,0.2", "line 2, column canopy_base: 7 m is above canopy_top 6 m"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, "line 2: field larger than field limit"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", "line 2: .* is not UTF-8"),
-        (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, "line 2, column pixels: an integer of 5000 digits"),
-        (read_scans, SCAN_COLUMNS, b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1", "line 2, column uav: an integer of"),
-    ],
-)
-def test_a_wrong_row_of_a_table_is_named_in_one_line(tmp_path, read, columns, row, complaint):
-    path = tmp_path / "table.csv"
-    path.write_bytes(",".join(columns).encode() + b"\n" + row + b"\n")
-    with pytest.raises(ValueError, match=rf"table\.csv, {complaint}") as raised:
-        list(getattr(found := read(path), "trees", found))
-    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("distance", [ospa, gospa])

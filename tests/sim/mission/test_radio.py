@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components
 
 from planning.planner import Exchange
 from sim.evaluation.fleet_facts import disagreement
-from sim.mission.knowledge import Knowledge
-from sim.mission.plan_exchange import Links, lost_messages, open_links
+from sim.mission.knowledge import BodyState, Knowledge
+from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.fleet import Cut, Network
@@ -31,7 +31,7 @@ from tracking.track import Scan
 
 def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
     places = np.array([[0.0, 0, 20], [30, 0, 20], [60, 0, 20], [90, 0, 20]])
-    pairs = lambda network, time=0.0: np.argwhere(np.triu(open_links(network, time, places))).tolist()  # noqa: E731
+    pairs = lambda network, time=0.0: np.argwhere(np.triu(find_links(network, time, places))).tolist()  # noqa: E731
     every_pair = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
     assert pairs(Network()) == every_pair
     assert pairs(Network(range=60.0)) == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
@@ -44,7 +44,7 @@ def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
     assert pairs(cut, 15.0) == without([0, 1], [2, 3], [0, 3])
     assert pairs(cut, 20.0) == pairs(cut, 1e6) == without([0, 3])
     for time in (0.0, 12.0, 17.0):
-        table = open_links(cut, time, places)
+        table = find_links(cut, time, places)
         np.testing.assert_array_equal(table, table.T)
         assert not table.diagonal().any()
     with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
@@ -53,24 +53,26 @@ def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
 
 def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     rng, twin = np.random.default_rng(0), np.random.default_rng(0)
-    assert lost_messages(Network(), 3, rng) is None and rng.bit_generator.state == twin.bit_generator.state
-    lost = lost_messages(Network(loss=0.3, rounds=100_000), 2, rng)
+    assert draw_lost_messages(Network(), 3, rng) is None and rng.bit_generator.state == twin.bit_generator.state
+    lost = draw_lost_messages(Network(loss=0.3, rounds=100_000), 2, rng)
     assert lost.shape == (100_000, 2, 2)
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
-    assert lost_messages(Network(loss=1.0), 3, rng).all()
-    assert np.all(lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
+    assert draw_lost_messages(Network(loss=1.0), 3, rng).all()
+    assert np.all(
+        draw_lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost]
+    )  # more loss loses the same and more
 
 
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
     """Of two UAVs, what the second sends does not reach the first."""
     fleet = "uavs=[{start=[-28, -14]}, {start=[-28, 14], footprint=22}]"
     setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
-    bodies = [(Pose.level(*uav.start, uav.altitude), np.zeros(2)) for uav in setting.uavs]
+    bodies = [BodyState(Pose.level(*uav.start, uav.altitude), np.zeros(2)) for uav in setting.uavs]
     pair = ~np.eye(2, dtype=bool)
 
     def known(up, lost):
         knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
-        return knowledge.situations(0, bodies, Links(up, lost), [0, 1])
+        return knowledge.make_situations(0, bodies, RadioLinks(up, lost), [0, 1])
 
     alone, both = known(pair & False, None), known(pair, None)
     deaf = known(pair, np.array([[[False, True], [False, False]]]))
@@ -97,7 +99,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
             lost[:, receiver, sender] = False
         at = [track(0, *person, 0.0, 0.0)]
         knowledge = Knowledge(setting, Forest(()), at, exchange=Exchange(), rng=np.random.default_rng(0))
-        tracks, _ = knowledge.track(0.0, looks, Links(~np.eye(3, dtype=bool), lost), [1, 2])
+        tracks, _ = knowledge.track(0.0, looks, RadioLinks(~np.eye(3, dtype=bool), lost), [1, 2])
         assert tracks[0] == ()
         return [tracks[i][0].belief.mean[:2] for i in (1, 2)]
 
@@ -109,10 +111,10 @@ def test_between_frames_of_a_slow_camera_undetected_people_only_spread():
     fleet = "uavs=[{start=[-28, -14], rate=1}]"
     setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", "rates.planning=5", fleet])
     knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
-    links, found = Links(np.zeros((1, 1), dtype=bool), None), []
+    links, found = RadioLinks(np.zeros((1, 1), dtype=bool), None), []
     for k in range(6):
         body = Pose.level(3.0 * k, 0.0, setting.uavs[0].altitude)
-        (situation,) = knowledge.situations(k, [(body, np.zeros(2))], links, [0])
+        (situation,) = knowledge.make_situations(k, [BodyState(body, np.zeros(2))], links, [0])
         found.append(situation.undetected.people.sum())
     assert found[:5] == pytest.approx([found[0]] * 5) and found[5] < found[0] - 0.01
 
@@ -229,7 +231,7 @@ def check(split: str, seed: int, *overrides: str) -> int:
     mission, snapshots = fly(*SPLITS[split], *overrides, planner="sma-nbo", seed=seed, duration=18)
     healings, before, healed = 0, True, False
     for s in snapshots:
-        graph = open_links(mission.scenario.network, s.time, np.array([p.position for p in s.poses]))
+        graph = find_links(mission.scenario.network, s.time, np.array([p.position for p in s.poses]))
         whole = connected_components(graph)[0] == 1
         healings += whole and not before
         before, healed = whole, whole and (healed or not before)

@@ -16,12 +16,12 @@ from sim.mission.trial import Trial
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import find
+from sim.replay.measurement_tables import read_cameras
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.cameras import camera_of, noise_of, view_of
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
-from tracking.measurement_files import read_cameras
 
 ALL = ("sensing.mode=ideal", "sensing.field_of_view=unlimited")
 

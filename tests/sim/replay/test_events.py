@@ -11,7 +11,7 @@ from helpers.flights import recorded as recorded_flight
 from helpers.recordings import broken, record
 
 from sim.mission import mission
-from sim.mission.plan_exchange import Links
+from sim.mission.radio import RadioLinks
 from sim.replay import events
 from sim.replay.event import KINDS, when_text
 from sim.replay.events import events_of, links_of
@@ -222,8 +222,8 @@ def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatc
     on, pair = held((1, 0.0), (2, 20.0)), ~np.eye(2, dtype=np.bool_)
     recording, none = recorded([(on, on)] * 8), np.zeros((2, 2), dtype=np.bool_)
     silent = np.array([[[True, True], [False, True]]])  # of one round; nothing of UAV 1 reaches UAV 0
-    scans = [Links(pair, ~pair[None])] + [Links(pair, silent)] * 3 + [Links(none, silent)] + [Links(pair, silent)] * 2
-    scans.append(Links(pair, ~pair[None]))
+    heard, unheard = RadioLinks(pair, ~pair[None]), RadioLinks(pair, silent)
+    scans = [heard, *[unheard] * 3, RadioLinks(none, silent), *[unheard] * 2, heard]
     monkeypatch.setattr(events, "links_of", lambda _: scans)
     assert [e[:2] for e in told(recording, ()) if e[1].startswith(("link", "messages"))] == [
         (0.2, "messages lost"),
@@ -232,13 +232,13 @@ def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatc
         (1.0, "messages lost"),
         (1.4, "messages heard"),
     ]
-    scans[:] = [Links(pair, None)] * 4 + [Links(none, None)] * 4
+    scans[:] = [RadioLinks(pair, None)] * 4 + [RadioLinks(none, None)] * 4
     assert [e[1] for e in told(broken(recording, 1, 4), ()) if e[1].startswith("link")] == []
 
 
 def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     flown = []
-    monkeypatch.setattr(mission, "Links", lambda *parts: flown.append(Links(*parts)) or flown[-1])
+    monkeypatch.setattr(mission, "RadioLinks", lambda *parts: flown.append(RadioLinks(*parts)) or flown[-1])
     options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
     recording = recorded_flight(*options, seed=5, duration=4)
     again = links_of(recording)

@@ -16,10 +16,10 @@ from sim.evaluation.score import velocities
 from sim.recording.archive import save
 from sim.replay import export as module
 from sim.replay.export import STATE, export
+from sim.replay.measurement_tables import read_cameras, read_forest, read_scans
 from sim.scenario.environment import Area
-from sim.world.trajectories import read
+from sim.world.trajectories import read_trajectories
 from tracking.errors import InputError
-from tracking.measurement_files import read_cameras, read_forest, read_scans
 
 SECONDS = {"time_field": "time", "timestamp": True}
 START = datetime.datetime(1970, 1, 1)
@@ -70,7 +70,7 @@ def test_csv_files_hold_scans_cameras_trees_and_tracks_bit_for_bit(recording, fo
 
 
 def test_the_truth_can_be_flown_again_also_without_people(recording, folders, tmp_path):
-    again = read(folders / "csv" / "truth.csv", Area(), duration=4.0)
+    again = read_trajectories(folders / "csv" / "truth.csv", Area(), duration=4.0)
     for k, time in enumerate(recording.times):
         np.testing.assert_allclose(again.at(time)[0], recording.people[k], rtol=0, atol=1e-12)
     truth = [row[2:] for row in rows(folders / "csv" / "truth.csv")]

@@ -16,7 +16,7 @@ from sim.scenario.quantities import integer, integers, seconds
 from sim.scenario.scenario import Scenario, check_workload
 from sim.scenario.settings_text import changed
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
-from sim.world.trajectories import read
+from sim.world.trajectories import read_trajectories
 from tracking.errors import InputError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
@@ -56,7 +56,7 @@ def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_
     (tmp_path / "walk.csv").symlink_to("walk.csv")
     scenario = load("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
     with pytest.raises(InputError, match="symbolic links"):
-        read(Path(scenario.people.trajectories), scenario.area, duration=1.0)
+        read_trajectories(Path(scenario.people.trajectories), scenario.area, duration=1.0)
 
 
 def bounded():

@@ -6,10 +6,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
-from sim.scenario import text_files
+from sim.scenario import csv_tables, text_files
 from sim.scenario.environment import Area
-from sim.world import trajectories
-from sim.world.trajectories import Trajectories, read
+from sim.world.trajectories import Trajectories, read_trajectories
 from tracking.errors import InputError
 
 AREA = Area()
@@ -70,45 +69,48 @@ def test_samples_are_met_exactly_and_asking_changes_nothing():
 def test_a_recorded_walk_is_a_monotone_cubic_that_overshoots_no_stop(csv_file):
     t = np.arange(0, 11, 0.5)
     x, y = 20 * np.sin(0.3 * t), 3 * t - 20
-    walk = read(csv_file(table(zip(t, [7] * len(t), x, y, strict=True))), AREA, duration=10)
+    walk = read_trajectories(csv_file(table(zip(t, [7] * len(t), x, y, strict=True))), AREA, duration=10)
     for k, time in enumerate(t[t <= 10]):
         assert_allclose(walk.at(time)[0], [[x[k], y[k]]], atol=1e-12)
     curve = PchipInterpolator(t, np.column_stack([x, y]))
     assert_allclose(walk.positions[:, 0], curve(walk.times), atol=1e-12)
     assert walk.times[-1] == 10
     rows = [(0, 1, 0, 0), (1, 1, 2, 0), (2, 1, 2, 0), (3, 1, 4, 0)]
-    x = read(csv_file(table(rows)), AREA, duration=3).positions[:, 0, 0]
+    x = read_trajectories(csv_file(table(rows)), AREA, duration=3).positions[:, 0, 0]
     assert np.all(np.diff(x) >= 0)
     assert_allclose(x[60:121], 2.0)
 
 
 def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
     rows = [(0, "ann", 0, 0), (9, "ann", 9, 0), (3.01, "bob", 1, 1), (5, "bob", 2, 1)]
-    walk = read(csv_file(table(rows)), AREA, duration=12)
+    walk = read_trajectories(csv_file(table(rows)), AREA, duration=12)
     for time, ann, bob in [(0, 1, 0), (3.005, 1, 0), (3.05, 1, 1), (5.0, 1, 1), (5.1, 1, 0), (9, 1, 0), (9.1, 0, 0)]:
         positions, headings = walk.at(time)
         assert list(~np.isnan(positions[:, 0])) == [ann, bob] and list(~np.isnan(headings)) == [ann, bob]
     rows = [(0, 1, 0, 0), (9, 1, 9, 0), (50, 2, 0, 0), (60, 2, 1, 0)]
-    assert read(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
+    assert read_trajectories(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
     rows = [(4, 2, 5, 5), (0, 1, 0, 1), (4, 1, 8, 1), (0, 2, 5, -5), (2, 1, 4, 1)]
-    walk = read(csv_file(table([(x, t, y, i) for t, i, x, y in rows], "x,t,y,id")), AREA, duration=4)
+    walk = read_trajectories(csv_file(table([(x, t, y, i) for t, i, x, y in rows], "x,t,y,id")), AREA, duration=4)
     assert_allclose(walk.at(0)[0], [(5, -5), (0, 1)])
     assert_allclose(walk.at(4)[0], [(5, 5), (8, 1)])
+    more = [(0, "left", 1, 3, 4), (1, "right", 1, 3, 5)]  # other columns are ignored
+    walk = read_trajectories(csv_file(table(more, "t,side,id,x,y")), AREA, duration=1)
+    assert_allclose(walk.at(1)[0], [(3, 5)])
 
 
 @pytest.mark.parametrize(
     "text, complaint",
     [
         ("", "is empty; its first line must name the columns time,id,x,y"),
-        ("t,id,x\n0,1,0\n", "line 1: columns are t,id,x, not time,id,x,y"),
-        ("t,time,id,x,y\n", "line 1: columns are t,time,id,x,y, not time,id,x,y"),
-        ("t,id,x,y,z\n", "line 1: columns are t,id,x,y,z, not time,id,x,y"),
+        ("t,id,x\n0,1,0\n", "line 1: column y is missing; columns are time,id,x"),
+        ("t,time,id,x,y\n", "line 1: column time is twice; columns are time,time,id,x,y"),
         (table([*GOOD, (2, 1, "east", 0)]), "line 4, column x: 'east' is not a finite number"),
         (table([*GOOD, (2, 1, 0, "nan")]), "line 4, column y: 'nan' is not a finite number"),
         (table([*GOOD, ("inf", 1, 0, 0)]), "line 4, column time: 'inf' is not a finite number"),
-        (table([*GOOD, (2, 1, 0)]), "line 4, column y: is empty"),
+        (table([*GOOD, (2, 1, 0, "")]), "line 4, column y: is empty"),
         (table([*GOOD, (2, "", 0, 0)]), "line 4, column id: is empty"),
-        (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: '5' is in a column without a name"),
+        (table([*GOOD, (2, 1, 0)]), "line 4: has 3 entries, not 4 as line 1"),
+        (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: has 5 entries, not 4 as line 1"),
         (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column time: id 1 has a second row at 1 s"),
         (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
@@ -117,7 +119,7 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
             table([(90, 1, 0, 0), (95, 1, 1, 0)]),
             "column time: nobody is there between 0 and 40 s; rows are from 90 to 95 s",
         ),
-        ("\n0,1,0,0\n", "line 1: columns are missing, not time,id,x,y"),
+        ("\n0,1,0,0\n", "line 1: column time is missing; columns are none"),
         (table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]), "id 2 has rows at 0 and 9.99989e-321 s"),
         (table([*GOOD, (1.00005, 1, 0, 0)]), "column time: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),
         (table([*GOOD, (1e308, 1, 0, 0)]), "line 4, column time: 1e+308 s is not allowed; expected at most 1e+12 s"),
@@ -131,26 +133,25 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
 def test_what_is_wrong_is_named_by_field_line_column_and_value(csv_file, text, complaint):
     path = csv_file(text)
     with pytest.raises(ValueError, match=re.escape(complaint)) as error:
-        read(path, AREA, duration=40)
+        read_trajectories(path, AREA, duration=40)
     assert str(error.value).startswith(f"people.trajectories: {path}")
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"missing\.csv cannot be read"):
-        read(tmp_path / "missing.csv", AREA, duration=40)
+        read_trajectories(tmp_path / "missing.csv", AREA, duration=40)
     (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\xff\xfe")
     with pytest.raises(ValueError, match=r"binary\.csv cannot be read"):
-        read(tmp_path / "binary.csv", AREA, duration=40)
+        read_trajectories(tmp_path / "binary.csv", AREA, duration=40)
 
 
 def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_file, monkeypatch):
     path = csv_file(table([(t, 1, 0, 0) for t in range(700)]))
-    assert (
-        read(path, AREA, duration=1).positions.shape == (61, 1, 2) and trajectories.MOST_BYTES > text_files.MOST_BYTES
-    )
-    monkeypatch.setattr("sim.world.trajectories._MOST_LINES", 700)
-    with pytest.raises(InputError, match=r"people\.csv: has 701 lines; at most 700 are allowed"):
-        read(path, AREA, duration=1)
-    monkeypatch.setattr("sim.world.trajectories.MOST_BYTES", 700)
+    assert read_trajectories(path, AREA, duration=1).positions.shape == (61, 1, 2)
+    assert csv_tables.MOST_BYTES > text_files.MOST_BYTES
+    monkeypatch.setattr("sim.scenario.csv_tables._MOST_LINES", 700)
+    with pytest.raises(InputError, match=r"people\.csv, line 701: has more than the 700 lines that are allowed"):
+        read_trajectories(path, AREA, duration=1)
+    monkeypatch.setattr("sim.scenario.csv_tables.MOST_BYTES", 700)
     with pytest.raises(InputError, match="has more than the 700 bytes that are allowed"):
-        read(path, AREA, duration=1)
+        read_trajectories(path, AREA, duration=1)

@@ -7,7 +7,7 @@ import pytest
 from helpers.kalman import update
 
 from sim.scenario.environment import Area, People
-from sim.world.trajectories import read
+from sim.world.trajectories import read_trajectories
 from sim.world.walkers import walk
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -146,7 +146,7 @@ def steady(speed: float) -> np.ndarray:
 
 def plaza() -> np.ndarray:
     """Positions (81, M, 2) m of the pedestrians of the world `recorded`, each for 16 s from every fifth second on."""
-    found, paths = [], read(PLAZA, Area(), duration=50.0)
+    found, paths = [], read_trajectories(PLAZA, Area(), duration=50.0)
     for start in range(0, 35, 5):
         places = np.array([paths.at(start + DT * k)[0] for k in range(81)])
         found.append(places[:, ~np.isnan(places).any(axis=(0, 2))])

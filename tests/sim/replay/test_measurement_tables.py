@@ -13,12 +13,19 @@ from scipy.stats import chi2
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.export import export
+from sim.replay.measurement_tables import (
+    CAMERA_COLUMNS,
+    SCAN_COLUMNS,
+    TREE_COLUMNS,
+    read_cameras,
+    read_forest,
+    read_scans,
+)
 from sim.running.run import run
 from sim.scenario.loading import load
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import ALL_ROUND
-from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.tracker import Tracker, TrackerParameters
 
 DOCS = (ROOT / "docs" / "how-to" / "tracking.md").read_text(encoding="utf-8")
@@ -77,8 +84,8 @@ WRONG = {
     "two poses": ([GOOD, GOOD.replace(",20,", ",21,")], "line 3, column camera_x: the camera has another pose"),
     "measured and not": ([GOOD, f"0.0,0,,,,,,{POSE}"], "line 3, column x: is empty, but this scan has measurements"),
     "not measured and yet": ([f"0.0,0,,,,,,{POSE}", GOOD], "line 3, column x: this scan has another row, without"),
-    "short row": (["0.0,0,1,2"], "line 2: has 4 fields, not 14 as line 1"),
-    "long row": ([GOOD + ",7"], "line 2: has 15 fields, not 14 as line 1"),
+    "short row": (["0.0,0,1,2"], "line 2: has 4 entries, not 14 as line 1"),
+    "long row": ([GOOD + ",7"], "line 2: has 15 entries, not 14 as line 1"),
     "nothing": ([], "scans.csv: holds no scan"),
 }
 
@@ -87,7 +94,7 @@ WRONG = {
 def test_a_row_that_cannot_be_used_is_named(tmp_path, lines, message):
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         list(read_scans(written(tmp_path, *lines)))
-    assert str(caught.value).startswith(str(tmp_path / "scans.csv")) and "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"scans: {tmp_path / 'scans.csv'}") and "\n" not in str(caught.value)
 
 
 def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
@@ -96,8 +103,33 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
     with pytest.raises(ValueError, match="line 1: column time is twice"):
         list(read_scans(written(tmp_path, header=HEADER + ",time")))
     (tmp_path / "empty.csv").touch()
-    with pytest.raises(ValueError, match="line 1: column time is missing; columns are none"):
+    with pytest.raises(ValueError, match="is empty; its first line must name the columns time,uav,x,y"):
         list(read_scans(tmp_path / "empty.csv"))
+
+
+@pytest.mark.parametrize(
+    ("read", "columns", "row", "complaint"),
+    [
+        (read_forest, TREE_COLUMNS, b"0,0,-1,3,6,0.2", ", line 2, column canopy_radius: -1 m is not allowed"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", ", line 2, column trunk_radius: -0.2 m is not allowed"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,7,6,0.2", ", line 2, column canopy_base: 7 m is above canopy_top 6 m"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, ", line 2: field larger than field limit"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", " cannot be read: 'utf-8' codec can't decode byte 0xe9"),
+        (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, ", line 2, column pixels: an integer of 5000 digits"),
+        (
+            read_scans,
+            SCAN_COLUMNS,
+            b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1",
+            ", line 2, column uav: an integer of",
+        ),
+    ],
+)
+def test_a_wrong_row_of_a_table_is_named_in_one_line(tmp_path, read, columns, row, complaint):
+    path = tmp_path / "table.csv"
+    path.write_bytes(",".join(columns).encode() + b"\n" + row + b"\n")
+    with pytest.raises(ValueError, match=rf"table\.csv{complaint}") as raised:
+        list(getattr(found := read(path), "trees", found))
+    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -164,11 +196,11 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", DOCS, flags=re.M | re.S)
 
 
-def test_the_documented_lines_track_without_engine_and_simulation(mission):
+def test_the_documented_lines_track_without_engine_and_planners(mission):
     recording, out = mission
     ((block,)) = [block for block in blocks("python") if "read_scans" in block]
     assert len([line for line in block.splitlines() if line]) <= 10
-    check = "\nimport sys\nassert not {'pybullet', 'sim', 'planning', 'cv2'} & set(sys.modules), sorted(sys.modules)\n"
+    check = "\nimport sys\nassert not {'pybullet', 'planning', 'cv2'} & set(sys.modules), sorted(sys.modules)\n"
     done = python("-c", block + check, cwd=out / "csv")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()

@@ -14,7 +14,8 @@ from planning.loading import load_planner
 from planning.planner import Exchange, Plan
 from planning.prediction.intent import expected_plans, policy_of_intent
 from sim.mission.plan_check import checked_plans
-from sim.mission.plan_exchange import Links, PlanExchange
+from sim.mission.radio import RadioLinks
+from sim.mission.teammates import Teammates
 from sim.mission.trial import Trial
 from sim.running.run import run
 from sim.scenario.fleet import Network
@@ -251,28 +252,28 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     fleet = [s.own for s in random_team(0)]
     none = np.zeros((3, 3), dtype=bool)
     for rounds in (1, 3):
-        intents = PlanExchange(Network(loss=1.0), Exchange(rounds, centre=True), np.random.default_rng(0))
-        intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
-        sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-        assert sent.tolist() == [rounds * 8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
+        teammates = Teammates(Network(loss=1.0), Exchange(rounds, centre=True), np.random.default_rng(0))
+        teammates.update(fleet, RadioLinks(none, none[None]), [0, 2], 1.0)
+        sent = teammates.send({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
+        assert sent.tolist() == [rounds * 8 * (7 + 6), 0, 0] and teammates.own[2].controls.shape == (3, 2)
 
 
 def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
     """Two steps of half a second after the link from UAV 1 to UAV 0 went down, by the lag's differential equation."""
     before, commands, left = np.array([2.0, -1.0]), np.array([[-3.0, 1.0], [0.5, 4.0], [1.0, 1.0]]), np.exp(-0.5 / 0.65)
     fleet = [dataclasses.replace(s.own, lag=0.65, velocity=before) for s in random_team(0, uavs=2)]
-    up, exchange = ~np.eye(2, dtype=bool), PlanExchange(Network(), Exchange(), np.random.default_rng(0))
-    exchange.begin(fleet, Links(up, None), [0, 1], 0.5)
-    exchange.end({i: Plan(commands) for i in range(2)})
+    up, teammates = ~np.eye(2, dtype=bool), Teammates(Network(), Exchange(), np.random.default_rng(0))
+    teammates.update(fleet, RadioLinks(up, None), [0, 1], 0.5)
+    teammates.send({i: Plan(commands) for i in range(2)})
     place, velocity = fleet[1].position[:2], before
     for command in commands[:2]:
-        exchange.begin(fleet, Links(np.zeros_like(up), None), [0, 1], 0.5)
-        (known,) = exchange.informed(random_team(0, uavs=2)[0]).neighbours
+        teammates.update(fleet, RadioLinks(np.zeros_like(up), None), [0, 1], 0.5)
+        (known,) = teammates.complete(random_team(0, uavs=2)[0]).neighbours
         place = place + 0.5 * command + 0.65 * (1.0 - left) * (velocity - command)
         velocity = command + left * (velocity - command)
         np.testing.assert_allclose(known.position, [*place, fleet[1].position[2]])
         np.testing.assert_allclose(known.velocity, velocity)
-        exchange.end({i: Plan(commands) for i in range(2)})
+        teammates.send({i: Plan(commands) for i in range(2)})
 
 
 @pytest.mark.parametrize(("rate", "delay"), [(5, 0.2), (5, 1.0), (5, 2.4), (25, 1.16)])  # 25 times 1.16 is below 29

@@ -1,0 +1,104 @@
+"""What each UAV knows about its teammates, and the sending of plans over the radio."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from planning.planner import Exchange, Plan, Situation, Vehicle
+from planning.prediction.response import vehicle_after
+from sim.mission.radio import RadioLinks
+from sim.scenario.fleet import Network
+from tracking.numerics.arrays import Flags, Indices
+
+_NO_PLAN = Plan(np.zeros((0, 2)))
+
+
+class _Teammate(NamedTuple):
+    """What one UAV knows about another."""
+
+    vehicle: Vehicle
+    plan: Plan  # as of the last decision
+
+
+class Teammates:
+    """What each UAV knows about each other one: position, velocity and last known plan.
+
+    UAVs send their plans over the links at the time of the decision and do not forward them. The network loses each
+    message with its probability. A UAV knows position and velocity of those in contact (`RadioLinks.contact`). It
+    predicts the others by their last known plan and their lag, and drops them once that plan has ended. A plan that is
+    not renewed is shifted by one control per decision.
+    """
+
+    def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:
+        """Begin without knowledge; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
+        self._loss, self._exchange, self._rng = network.loss, exchange, rng
+        self.own: dict[int, Plan] = {}  # the last plan of each UAV
+        self._known: dict[tuple[int, int], _Teammate] = {}  # by receiver and sender
+        self._fleet: Sequence[Vehicle] = ()
+        self._contact = self._up = np.zeros((0, 0), dtype=np.bool_)
+        self._received: list[Flags] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
+
+    def update(self, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float) -> None:
+        """Go on to the next decision, `step` s after the last: drop failed UAVs, and predict those out of contact."""
+        works = np.isin(np.arange(len(fleet)), working)
+        both = works[:, None] & works
+        self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
+        self.own = {i: plan for i, plan in self.own.items() if works[i]}
+        before = self._known
+        self._known = {  # UAVs out of contact are assumed to have flown as planned
+            pair: _Teammate(vehicle_after(known.vehicle, known.plan.controls[0], step), known.plan)
+            for pair, known in before.items()
+            if both[pair] and not self._contact[pair] and len(known.plan.controls) > 1
+        }
+        for i, j in np.argwhere(self._contact).tolist():
+            self._known[i, j] = _Teammate(fleet[j], before[i, j].plan if (i, j) in before else _NO_PLAN)
+        self._received = self._draw_receptions()
+
+    def _draw_receptions(self) -> list[Flags]:
+        rounds, n = self._exchange.rounds, len(self._fleet)
+        if self._loss == 0.0 or self._exchange.centre:
+            return [self._up] * rounds
+        return [self._up & (draw >= self._loss) for draw in self._rng.random((rounds, n, n))]
+
+    def complete(self, situation: Situation) -> Situation:
+        """Add to a UAV's situation what it knows about the others, its own last plan, and which plans will reach it."""
+        own = situation.own.id
+        known = {j: self._known[i, j] for i, j in sorted(self._known) if i == own}
+        plans = {j: k.plan for j, k in known.items() if len(k.plan.controls)}
+        if own in self.own:
+            plans[own] = self.own[own]
+        return replace(
+            situation,
+            neighbours=tuple(k.vehicle for k in known.values()),
+            intents={j: plans[j] for j in sorted(plans)},
+            reception=tuple(tuple(np.flatnonzero(received[own]).tolist()) for received in self._received),
+        )
+
+    def send(self, plans: Mapping[int, Plan]) -> Indices:
+        """Send the plan of each working UAV to the UAVs that it reaches; return the bytes (n,) that each UAV sent."""
+        self.own = dict(plans)
+        reached = np.zeros_like(self._up) if self._exchange.centre or not self._received else self._received[-1]
+        for i, j in permutations(plans, 2):
+            known = self._known.get((i, j))
+            if reached[i, j]:
+                self._known[i, j] = _Teammate(self._fleet[j], Plan(plans[j].controls))
+            elif self._contact[i, j] and j in plans[i].others:
+                self._known[i, j] = _Teammate(self._fleet[j], Plan(plans[i].others[j]))
+            elif known:
+                self._known[i, j] = known._replace(plan=Plan(known.plan.controls[1:]))
+        return self._count_bytes(plans)
+
+    def _count_bytes(self, plans: Mapping[int, Plan]) -> Indices:
+        sent = np.zeros(len(self._fleet), dtype=np.int64)
+        if self._exchange.centre:
+            first, *others = plans
+            for i in others:
+                sent[first] += self._exchange.rounds * plans[i].size
+            return sent
+        for i, plan in plans.items():
+            if self._up[:, i].any():
+                sent[i] = self._exchange.rounds * plan.size
+        return sent

@@ -1,0 +1,120 @@
+"""Scans, cameras and trees from the CSV files of `export --to csv`, or of other sources, for trackers."""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.scenario.csv_tables import Row, read_rows
+from tracking.errors import InputError
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.management.validation import QUATERNION_TOLERANCE
+from tracking.numerics.distances import length
+from tracking.track import Scan
+
+MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan without measurements
+POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz", "camera_qw")
+SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
+CAMERA_COLUMNS = ("uav", "fov", "pixels")
+TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
+
+_Path = str | os.PathLike[str]
+
+
+class _ScanRows(NamedTuple):
+    """Rows of one UAV's scan."""
+
+    pose: list[float]  # position and quaternion of the camera
+    measurements: list[list[float]]  # position and covariance of each row; empty in the row of a scan without any
+
+
+def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
+    """The scans of each instant by ascending UAV, from a CSV file with the columns `SCAN_COLUMNS` and any others.
+
+    A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose
+    with a quaternion xyzw. A scan without measurements is one row without x, y, xx, xy and yy, which is negative
+    information for a tracker. Rows are in the order of time. InputError names file, line and column of a wrong entry.
+    """
+    time, scans = -math.inf, dict[int, _ScanRows]()
+    for row in read_rows(Path(path), "scans", SCAN_COLUMNS):
+        now = row.number("time")
+        if now < time:
+            raise row.error("time", f"{now:g} s comes after {time:g} s; times must not go backwards")
+        if now > time:
+            if scans:
+                yield _make_scans(time, scans)
+            time, scans = now, {}
+        uav, pose = row.integer("uav"), _pose(row)
+        scan = scans.setdefault(uav, _ScanRows(pose, []))
+        if pose != scan.pose:
+            raise row.error("camera_x", "the camera has another pose in another row of this scan")
+        scan.measurements.append(_measurement(row, scan))
+    if not scans:
+        raise InputError(f"scans: {path}: holds no scan")
+    yield _make_scans(time, scans)
+
+
+def read_cameras(path: _Path) -> dict[int, Camera]:
+    """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`: full angle of view [rad], pixels."""
+    cameras: dict[int, Camera] = {}
+    for row in read_rows(Path(path), "cameras", CAMERA_COLUMNS):
+        uav, fov, pixels = row.integer("uav"), row.number("fov"), row.integer("pixels")
+        if uav in cameras:
+            raise row.error("uav", f"UAV {uav} has a second row")
+        try:
+            cameras[uav] = Camera(fov, pixels)
+        except ValueError as error:
+            raise InputError(f"{row.where}, column {error}") from None
+    return cameras
+
+
+def read_forest(path: _Path) -> Forest:
+    """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
+    return Forest(tuple(_tree(row) for row in read_rows(Path(path), "trees", TREE_COLUMNS)))
+
+
+def _tree(row: Row) -> Tree:
+    """A tree of possible sizes."""
+    tree = Tree(*(row.number(name) for name in TREE_COLUMNS))
+    for name in ("canopy_radius", "canopy_base", "trunk_radius"):
+        if (value := getattr(tree, name)) < 0:
+            raise row.error(name, f"{value:g} m is not allowed; expected 0 or more")
+    if tree.canopy_base > tree.canopy_top:
+        raise row.error("canopy_base", f"{tree.canopy_base:g} m is above canopy_top {tree.canopy_top:g} m")
+    return tree
+
+
+def _pose(row: Row) -> list[float]:
+    """Position and unit quaternion of the camera."""
+    pose = [row.number(name) for name in POSE]
+    norm = float(length(np.array(pose[3:])))
+    if abs(norm - 1) > QUATERNION_TOLERANCE:
+        raise row.error("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
+    return pose
+
+
+def _measurement(row: Row, scan: _ScanRows) -> list[float]:
+    """Position and covariance, or nothing; InputError if the row contradicts earlier rows of its scan."""
+    if scan.measurements == [[]]:
+        raise row.error("x", "this scan has another row, without a measurement")
+    if not any(row.values[name] for name in MEASUREMENT):
+        if scan.measurements:
+            raise row.error("x", "is empty, but this scan has measurements")
+        return []
+    x, y, xx, xy, yy = (row.number(name) for name in MEASUREMENT)
+    if not (xx > 0 and xx * yy > xy * xy):
+        raise row.error("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
+    return [x, y, xx, xy, xy, yy]
+
+
+def _make_scans(time: float, by_uav: dict[int, _ScanRows]) -> tuple[Scan, ...]:
+    scans = []
+    for uav, (pose, rows) in sorted(by_uav.items()):
+        table = np.array(rows, dtype=float).reshape(-1, 6)
+        at = Pose(np.array(pose[:3]), np.array(pose[3:]))
+        scans.append(Scan(uav, time, at, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
+    return tuple(scans)
