@@ -25,7 +25,7 @@ from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import toml
 from sim.world.appearance import FULL
-from tracking.plugins.registry import imported
+from tracking.plugins.registry import import_plugin
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
@@ -100,7 +100,7 @@ def planners_table() -> str:
 
 def options_table(planner: str = DEFAULT_PLANNER) -> str:
     """Options of a planner and of others of its class: default, that of these where it differs, and meaning."""
-    kind = imported(PLANNERS[planner].target)
+    kind = import_plugin(PLANNERS[planner].target)
     alike = {name: spec.options for name, spec in PLANNERS.items() if spec.target == PLANNERS[planner].target}
     lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(kind)
     for name, parameter in inspect.signature(kind).parameters.items():

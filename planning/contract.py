@@ -7,7 +7,7 @@ from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Exchange, Planner
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import Unusable
+from tracking.plugins.plugin_error import Unusable
 
 TruePositions = Callable[[float], Array]  # (M, 2) m of people at a time [s]; NaN while absent
 
@@ -23,7 +23,7 @@ def planner_of(given: object) -> Planner:
 
 def exchange_of(planner: object) -> Exchange:
     """The exchange of plans that a planner declares, else `Exchange()`; InputError if the declaration fails."""
-    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends", called=(planner, "exchange")):
+    with ANY_PLANNER.errors(type(planner).__qualname__, "say what it sends", planner, "exchange"):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
         # A copy, which the planner cannot change after this check.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
@@ -35,7 +35,7 @@ def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
     InputError if `knowing` fails.
     """
     with ANY_PLANNER.errors(
-        type(planner).__qualname__, "be given the truth by its method `knowing`", called=(planner, "knowing")
+        type(planner).__qualname__, "be given the truth by its method `knowing`", planner, "knowing"
     ):
         knowing = getattr(planner, "knowing", None)
         if knowing is None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 from planning.planner_text import split_options
 from planning.registry import PlannerSpec, installed_planners, parameters_of
 from tracking.errors import InputError, nearest
-from tracking.plugins.registry import Registry, imported, lack
+from tracking.plugins.registry import Registry, import_plugin
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
@@ -33,19 +33,16 @@ def load_planner(text: str) -> Planner:
     name, options = _parsed(text)
     spec = _spec(name)
     make = _import(name, spec)
-    with ANY_PLANNER.errors(name, "be made", InputError):
+    with ANY_PLANNER.errors(name, "be made", passing=(InputError,)):
         _check(name, make, options)
-    with ANY_PLANNER.errors(name, "be made", called=(make, "__init__")):
+    with ANY_PLANNER.errors(name, "be made", make, "__init__"):
         planner = make(**{**spec.options, **options})
     return checked_planner(planner, name)
 
 
 def checked_planner(planner: object, name: str) -> Planner:
     """The planner of that name; InputError unless it has the method plan(team, rng)."""
-    with ANY_PLANNER.errors(name, "be made"):
-        lacking = lack(name, planner, *ANY_PLANNER.methods)
-    if lacking:
-        raise InputError(f"planner: {lacking}")
+    ANY_PLANNER.check_methods(name, planner)
     return cast("Planner", planner)
 
 
@@ -145,7 +142,7 @@ def _kind(value: object) -> str:
 
 def _import(name: str, spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a user's module holds
     try:
-        return imported(spec.target)
+        return import_plugin(spec.target)
     except ImportError as error:
         what = f"{name!r} of {spec.source}, {spec.target!r}," if spec.source else repr(spec.target)
         raise InputError(f"planner: {what} cannot be imported: {error}") from error

@@ -9,7 +9,7 @@ from importlib.metadata import Distribution, EntryPoint, distributions, entry_po
 from pathlib import Path
 from typing import Any
 
-from tracking.plugins.registry import imported
+from tracking.plugins.registry import import_plugin
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def _options_in_source(target: str) -> dict[str, Any]:
 
 def _described(target: str) -> tuple[str, str]:
     """First line of the docstring of another package's class, and its options; ImportError if it cannot be imported."""
-    made = imported(target)
+    made = import_plugin(target)
     text = inspect.getdoc(made) or ""
     options = {p.name: p.default for p in (parameters_of(made) or {}).values() if p.default is not p.empty}
     return text.partition("\n")[0], _text(options)

@@ -1,26 +1,24 @@
 """Copies and checks of the plans that planners of any origin return."""
 
 from collections.abc import Iterable, Mapping
-from itertools import islice
 
 import numpy as np
 
 from planning.planner import LONGEST_PLAN, Plan
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import Unusable, numbers
-
-_MOST_OTHERS = 1000
+from tracking.plugins.array_checks import check_numbers
+from tracking.plugins.plugin_error import Unusable
 
 
 def proposed_plans(plans: Iterable[object] | None, uavs: int) -> list[object]:
     """List of the plans that a planner returned; `Unusable` if their number is not that of the UAVs."""
     if plans is None:
         raise Unusable(f"None in place of plans for {uavs} UAVs")
-    found = list(islice(plans, uavs + 1))
+    found = list(plans)
     if found and not uavs:
         raise Unusable("none are due between decisions")
     if len(found) != uavs:
-        raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
+        raise Unusable(f"{len(found)} plans for {uavs} UAVs")
     return found
 
 
@@ -36,17 +34,14 @@ def _expected_of(plan: object) -> dict[int, Array]:
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
         raise Unusable("others is no mapping")
-    expected = list(islice(others.items(), _MOST_OTHERS + 1))
-    if len(expected) > _MOST_OTHERS:
-        raise Unusable(f"others has more than {_MOST_OTHERS} entries")
-    return {j: _controls(f"others[{j!r}]", given) for j, given in expected}
+    return {j: _controls(f"others[{j!r}]", given) for j, given in others.items()}
 
 
 def _controls(name: str, given: object, *, finite: bool = True) -> Array:
     """A copy of controls (H, 2) m/s; `Unusable` if they have another shape or, if they must be finite, are not."""
-    controls = numbers(name, given, 2 * LONGEST_PLAN)
-    if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H at least 1")
+    controls = check_numbers(name, given)
+    if controls.ndim != 2 or controls.shape[1] != 2 or not 1 <= len(controls) <= LONGEST_PLAN:
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H from 1 to {LONGEST_PLAN}")
     if finite and not np.all(np.isfinite(controls)):
         raise Unusable(f"{name} are not finite")
     return controls

@@ -14,6 +14,15 @@ def check_known(field: str, name: str, known: Collection[str], also: str = "") -
         raise InputError(f"{field}: {name!r} is unknown; {did_you_mean(name, known)}{also}")
 
 
+def one_line(message: str | Exception, longest: int = 2000) -> str:
+    """A message as one line of printable characters; a long one keeps its beginning and its end."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in str(message)).split())
+    if not text and isinstance(message, Exception):
+        return type(message).__name__
+    half = (longest - 5) // 2
+    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+
+
 def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     """The end of an error message: the known name nearest to a word; empty if none has the similarity `cutoff`."""
     names = {name.casefold(): name for name in known}

@@ -21,8 +21,8 @@ from planning.loading import load_planner
 from planning.planner import Plan, Planner, Situation
 from planning.returned_plans import proposed_plans, usable_plan
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.results import change, contents
+from tracking.plugins.findings import find_change
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 SEED = 5  # with which stateful planners are reset
 _CHILD = """
@@ -50,9 +50,9 @@ class Attempt:
         if "plans" in self.defects:
             return False
         try:
-            with contained():
+            with plugin_call():
                 after = [usable_plan(plan, finite=False) for plan in self.plans]
-        except ForeignError:
+        except PluginError:
             return True
         return any(any(differences(now, before)) for now, before in zip(after, self.copies, strict=True))
 
@@ -63,20 +63,20 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
     `world` seeds the global random numbers. Changes of the situations are only found if `watched`.
     """
     situations = copy.deepcopy(list(team))
-    before = contents(situations, "team") if watched else {}
+    before = copy.deepcopy(situations) if watched else []
     rng, reason = np.random.default_rng(0), ""
     plans: list[Any] = []
     with _global_chance(world) as drew:
         start = perf_counter()
         try:
-            with contained(called=(planner, "plan")):
+            with plugin_call(planner, "plan"):
                 plans = proposed_plans(planner.plan(situations, rng), len(team))
-        except ForeignError as error:
-            reason = error.whole
+        except PluginError as error:
+            reason = error.with_place
         seconds = perf_counter() - start
     copies, problems = _copies(planner, plans)
     defects = {"plans": reason or problems} if reason or problems else _defects(copies, team)
-    touched = change(before, contents(situations, "team")) if watched else ""
+    touched = find_change(before, situations, "team") if watched else ""
     return Attempt(plans, copies, defects, touched, " and ".join(drew), seconds)
 
 
@@ -129,10 +129,10 @@ def _copies(planner: Planner, plans: Sequence[Any]) -> tuple[tuple[Plan, ...], s
     copies: list[Plan] = []
     for k, plan in enumerate(plans):
         try:
-            with contained(called=(planner, "plan")):
+            with plugin_call(planner, "plan"):
                 copies.append(usable_plan(plan, finite=False))
-        except ForeignError as error:
-            return tuple(copies), f"plan {k}: {error.whole}"
+        except PluginError as error:
+            return tuple(copies), f"plan {k}: {error.with_place}"
     return tuple(copies), ""
 
 

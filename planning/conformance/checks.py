@@ -21,8 +21,8 @@ from planning.contract import exchange_of, is_stateful, reset
 from planning.loading import ANY_PLANNER, checked_planner, load_planner
 from planning.planner import Planner, Situation
 from tracking.errors import InputError
-from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 _DECISIONS = 5  # number of decisions that are timed
 Maker = Callable[[], Planner]
@@ -160,9 +160,9 @@ def _repeatable(subject: Subject) -> str:
 def _other_process(subject: Subject) -> str:
     subject.comparable()
     try:
-        with contained():
+        with plugin_call():
             sent = subject.text or pickle.dumps(subject.make())
-    except ForeignError as error:
+    except PluginError as error:
         raise Untried("it cannot be pickled") from error
     # Arrays have other addresses in another process, for which linear algebra may round sums differently.
     subject.compare(attempt_in_other_process(sent, subject.team), "in a process with other hashes of strings", ROUNDING)
@@ -203,10 +203,10 @@ def _pickling(subject: Subject) -> str:
     planner = subject.make()
     attempt(planner, subject.team)
     try:
-        with contained():
+        with plugin_call():
             data = pickle.dumps(planner)
             copy = pickle.loads(data)
-    except ForeignError as error:
+    except PluginError as error:
         raise Unfit(str(error)) from error
     found = _difference_of_plans(attempt(planner, subject.team), attempt(copy, subject.team))
     if found:

@@ -24,8 +24,8 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
-from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
 PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
@@ -98,13 +98,13 @@ class _Subject:
 
         def detect(view: StagedFrame) -> Detections:
             try:
-                with contained(called=(made, "detect")):
+                with plugin_call(made, "detect"):
                     frame = deepcopy(view.frame)
                     if isinstance(made, MaskDetector):
                         return made.detect(frame, view.rendered.people)
                     return deepcopy(usable_detections(made.detect(frame)))
-            except ForeignError as error:
-                raise Unfit(error.whole) from error
+            except PluginError as error:
+                raise Unfit(error.with_place) from error
 
         return detect
 

@@ -22,9 +22,9 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.parameters import TrackerParameters
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.findings import Finding, Unfit, Untried, finding
-from tracking.plugins.results import change, check_positive_definite, contents
+from tracking.plugins.array_checks import check_positive_definite
+from tracking.plugins.findings import Finding, Unfit, Untried, find_change, finding
+from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.track import Scan, Track, beliefs_of
 
 _SCANS, _STEP = 25, 0.2  # and s between them
@@ -76,9 +76,9 @@ class _Watched:
         parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))
         initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(states.copy())]
         self.given = (uav, Camera(math.radians(60), 128), Forest(()), parameters, initial)
-        before = contents(self.given, "arguments")
+        before = deepcopy(self.given)
         self._made = TRACKERS.make(name, *self.given)
-        self.touched = change(before, contents(self.given, "arguments"))
+        self.touched = find_change(before, self.given, "arguments")
         self.failed = ""  # the check that its tracks failed
         self._last = "tracks"  # the method called last
         self.seconds = 0.0
@@ -86,7 +86,7 @@ class _Watched:
     @property
     def tracks(self) -> Any:  # noqa: ANN401 - a plug-in may return anything
         tracks = None
-        with contained(called=(self._made, self._last)):
+        with plugin_call(self._made, self._last):
             tracks = self._made.tracks
             for self.failed, look in _LOOKS.items():
                 look(tracks)
@@ -103,17 +103,17 @@ class _Watched:
         start = perf_counter()
         sent = self._made.message(degree)
         self.seconds += perf_counter() - start
-        with contained(called=(self._made, "message")):
+        with plugin_call(self._made, "message"):
             return checked_message(sent)
 
     def accept(self, message: Message) -> None:
         self._call("the message", "accept", message)
 
     def _call(self, name: str, method: str, given: object) -> None:
-        self._last, before, start = method, contents(given, name), perf_counter()
+        self._last, before, start = method, deepcopy(given), perf_counter()
         getattr(self._made, method)(given)
         self.seconds += perf_counter() - start
-        self.touched = self.touched or change(before, contents(given, name))
+        self.touched = self.touched or find_change(before, given, name)
 
 
 _LOOKS: dict[str, Callable[[Sequence[Any]], object]] = {
@@ -261,9 +261,9 @@ def _times(subject: _Subject) -> str:
     for uav, what in enumerate(("a scan", "a time to coast to")):
         late, scan = subject.repeated.watched[uav], replace(_PAST, uav=uav)
         try:
-            with contained():
+            with plugin_call():
                 late.coast(scan.time) if uav else late.step(scan)
-        except ForeignError:
+        except PluginError:
             continue
         raise Unfit(f"takes {what} of {scan.time:.1f} s after {_STEP * (_SCANS - 1):.1f} s")
     return "a scan and a time to coast to before the last scan are refused"

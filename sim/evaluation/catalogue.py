@@ -21,8 +21,8 @@ from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array, Indices
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.registry import imported
+from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.plugins.registry import import_plugin
 
 _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
 
@@ -200,7 +200,7 @@ def metric(name: str) -> Metric:
     if ":" not in name:
         check_known("--metric", name, METRICS, " (or yours, module:NAME)")
     try:
-        found = imported(name)
+        found = import_plugin(name)
     except ImportError as error:
         raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
     if not isinstance(found, Metric):
@@ -217,13 +217,13 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
     found = {name: known(outcome) for name, known in METRICS.items()}
     for name in asked:
         try:
-            with contained():
+            with plugin_call():
                 asked_for = metric(name)
-            with contained(called=(asked_for, "of")):
+            with plugin_call(asked_for, "of"):
                 value = asked_for(deepcopy(outcome))
                 found[name] = float(value) if value is not None and math.isfinite(value) else None
-        except ForeignError as error:
-            text = f"metric {name}: {error.explained}"
+        except PluginError as error:
+            text = f"metric {name}: {error.with_place}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
             found |= {name: None, "faults": METRICS["faults"](outcome)}
     return found

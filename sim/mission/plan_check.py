@@ -5,14 +5,15 @@ from copy import deepcopy
 
 import numpy as np
 
-from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, limit_speed
+from planning.planner import Plan, Planner, Situation, limit_speed
 from planning.returned_plans import proposed_plans, usable_plan
 from sim.sensing.fault import Fault
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
+from tracking.plugins.array_checks import check_numbers
+from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
 from tracking.track import Track
 
 
@@ -26,16 +27,16 @@ def checked_plans(
     """
     time = team[0].time
     try:
-        with contained(called=(planner, "plan")):
+        with plugin_call(planner, "plan"):
             proposed = proposed_plans(planner.plan([handed(situation) for situation in team], rng), len(team))
-    except ForeignError as error:
+    except PluginError as error:
         return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
     plans, faults = [], []
     for situation, given in zip(team, proposed, strict=True):
         try:
-            with contained(called=(planner, "plan")):
+            with plugin_call(planner, "plan"):
                 plan = usable_plan(given)
-        except ForeignError as error:
+        except PluginError as error:
             plans.append(_shifted(last.get(situation.own.id)))
             faults.append(Fault(time, situation.own.id, str(error), error.trace))
             continue
@@ -51,16 +52,16 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
     plans: list[Plan] = []
     faults: list[Fault] = []
     try:
-        with contained():
+        with plugin_call():
             proposed = proposed_plans(given, len(team))
-    except ForeignError as error:
+    except PluginError as error:
         expected = f"; expected a plan or a velocity (2,) for each of {len(team)} UAVs" if team else ""
         raise InputError(f"plans: {error}{expected}") from error
     for situation, each in zip(team, proposed, strict=True):
         try:
-            with contained():
+            with plugin_call():
                 plan = usable_plan(each if hasattr(each, "controls") else Plan(_velocity(each)))
-        except ForeignError as error:
+        except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limited(plan, situation, faults))
     return plans, faults
@@ -68,7 +69,7 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
 
 def _velocity(given: object) -> Array:
     """A velocity as the controls (1, 2) m/s of a plan."""
-    velocity = numbers("velocities", given, 2 * LONGEST_PLAN)
+    velocity = check_numbers("velocities", given)
     if velocity.shape != (2,):
         raise Unusable(f"velocity of shape {velocity.shape}, not (2,)")
     return velocity[None]

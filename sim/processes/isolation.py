@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from sim.processes.signals import stop_signals
 from tracking.errors import InputError
-from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
 def lead_session() -> None:
@@ -171,13 +171,13 @@ def _begin(theirs: Connection, work: Work, arguments: tuple[object, ...]) -> Non
 def _outcome_of(work: Callable[[], Any]) -> _End:
     """Result or failure of the work, as a message."""
     try:
-        with contained(MemoryError, OSError, InputError):
+        with plugin_call(passing=(MemoryError, OSError, InputError)):
             return _End(work())
     except MemoryError:
         return _End(error=IsolationError("there is not enough memory"))
     except OSError as error:
         return _End(error=IsolationError(f"{error.filename or 'a file'}: {error.strerror or error}"))
-    except ForeignError as error:
-        return _End(error=IsolationError(error.explained))
+    except PluginError as error:
+        return _End(error=IsolationError(error.with_place))
     except BaseException as error:  # includes KeyboardInterrupt and InputError
         return _End(error=error)

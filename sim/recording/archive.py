@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.recording.atomic_files import whole
-from sim.recording.npz import Npz, line, opened
+from sim.recording.npz import Npz, opened
 from sim.recording.recording import FIELDS, VERSION, Recording
 from sim.recording.validation import check
+from tracking.errors import one_line
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 # Fields that old recordings lack.
@@ -61,7 +62,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
         with opened(path) as archive:
             return _loaded(archive)
     except ValueError as error:
-        raise ValueError(f"{path}: {line(error)}") from error
+        raise ValueError(f"{path}: {one_line(error)}") from error
 
 
 def _loaded(archive: Npz) -> Recording:
@@ -95,7 +96,7 @@ def _about(name: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"field '{name}': {line(error)}") from error
+        raise ValueError(f"field '{name}': {one_line(error)}") from error
 
 
 def _check_ours(archive: Npz) -> None:

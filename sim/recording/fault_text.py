@@ -8,7 +8,7 @@ from dataclasses import replace
 import msgspec
 
 from sim.sensing.fault import Fault
-from tracking.plugins.containment import one_line
+from tracking.errors import one_line
 
 MOST = 1000  # number of faults that are kept; a planner may fail at every decision
 LONGEST = 300  # characters of a message

@@ -13,6 +13,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.errors import one_line
+
 MOST_BYTES = 2**30  # of all arrays together
 SMALL, RATIO = 2**25, 64  # bytes to which any file may inflate, or the ratio to its own size if that is more
 _MOST_DIRECTORY = 2**16  # bytes of the archive's table of contents, which is read before anything can be checked
@@ -32,7 +34,7 @@ class Npz:
         try:
             self._archive = zipfile.ZipFile(file)
         except Exception as error:  # zipfile, zlib and struct raise errors of many kinds
-            raise ValueError(f"is a damaged archive: {line(error)}") from error
+            raise ValueError(f"is a damaged archive: {one_line(error)}") from error
         entries = self._archive.infolist()
         self.names = tuple(entry.filename.removesuffix(".npy") for entry in entries)
         # We never write comments; in a damaged file, one may contain the entries that follow it.
@@ -57,7 +59,7 @@ class Npz:
                 array: NDArray[np.generic] = np.lib.format.read_array(member, allow_pickle=False)
                 member.read(1)  # reaches the end, where the checksum is compared
         except Exception as error:
-            raise ValueError(f"cannot be read: {line(error)}") from error
+            raise ValueError(f"cannot be read: {one_line(error)}") from error
         return array
 
     def header(self, name: str) -> tuple[str, tuple[int, ...], int]:
@@ -72,7 +74,7 @@ class Npz:
                     raise ValueError("is no array")
                 text = member.read(int.from_bytes(prefix[-2:], "little"))
         except Exception as error:
-            raise ValueError(f"cannot be read: {line(error)}") from error
+            raise ValueError(f"cannot be read: {one_line(error)}") from error
         found = _HEADER.fullmatch(text)
         if found is None:
             raise ValueError("cannot be read: its header is none of a plain array")
@@ -95,12 +97,6 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
         except ValueError as error:
             raise ValueError(f"not a recording: {error}") from error
         yield archive
-
-
-def line(error: BaseException) -> str:
-    """Message of an error as one line of printable characters."""
-    text = " ".join(str(error)[:400].split()) or type(error).__name__
-    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _check_end(file: BinaryIO, size: int) -> None:

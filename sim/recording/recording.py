@@ -11,12 +11,11 @@ import numpy as np
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
 from sim.recording.fault_text import read
-from sim.recording.npz import line
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
-from tracking.errors import InputError
+from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -83,7 +82,7 @@ class Recording:
             found = decode(json.loads(self.scenario))
         except (ValueError, RecursionError, OverflowError) as error:
             other = "made by another understory? its summary.json names the version that reads it"
-            raise InputError(f"recording: its scenario: {line(error)}; {other}") from error
+            raise InputError(f"recording: its scenario: {one_line(error)}; {other}") from error
         _check_setting(self, found)
         return found
 

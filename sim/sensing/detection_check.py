@@ -1,6 +1,5 @@
 """Detection check: validates the output of plug-in detectors and sensor modes for trackers and recordings."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +8,8 @@ from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import SensorOutput
 from tracking.detection.detector import Detections, Frame
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.plugins.containment import Unusable, numbers
-from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
+from tracking.plugins.array_checks import check_array, check_numbers, check_positive_definite, check_whole_numbers
+from tracking.plugins.plugin_error import Unusable
 
 _SHAPES = {"pixels": (2,), "ground": (2,), "covariances": (2, 2)}  # of one detection
 _UNITS = {"pixels": "pixels", "ground": "m"}
@@ -22,10 +21,12 @@ def usable_detections(found: Detections) -> Detections:
     """Detections as arrays of floats that trackers can use; `Unusable` says why they cannot be used."""
     if not all(hasattr(found, name) for name in _SHAPES):
         raise Unusable(f"it is not Detections but of type {type(found).__name__}")
-    arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
+    arrays = {name: check_numbers(name, getattr(found, name)) for name in _SHAPES}
     if not any(array.size for array in arrays.values()):
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
     count = len(arrays["ground"]) if arrays["ground"].ndim else 0
+    if count > _MOST:
+        raise Unusable(f"{count} detections are more than {_MOST}")
     return Detections(**{name: _usable(name, array, count) for name, array in arrays.items()})
 
 
@@ -62,7 +63,7 @@ def usable_matches(matched: object, people: Array) -> Flags:
 
 def _usable(name: str, given: object, count: int) -> Array:
     """Valid pixels, ground points or covariances of `count` detections."""
-    array = checked_array(name, given, (count, *_SHAPES[name]))
+    array = check_array(name, given, (count, *_SHAPES[name]))
     if name not in _UNITS:
         check_positive_definite(name, array, " m²")
     elif np.abs(array).max(initial=0.0) > _FARTHEST:
@@ -72,7 +73,7 @@ def _usable(name: str, given: object, count: int) -> Array:
 
 def _visible(given: object, people: Array) -> Indices:
     """Number (M,) of pixels that show each person; True and False count as 1 and 0."""
-    visible = whole_numbers("visible", given, (len(people),), "biu")
+    visible = check_whole_numbers("visible", given, (len(people),), "biu")
     if visible.min(initial=0) < 0:
         raise Unusable("visible are below 0")
     _check_present("visible", visible > 0, people)

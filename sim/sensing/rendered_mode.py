@@ -14,7 +14,7 @@ from tracking.detection.detector import Detections, Frame
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
 class RenderedMode:
@@ -55,9 +55,9 @@ class RenderedMode:
         if isinstance(self._detector, MaskDetector):
             return self._detector.detect(frame, rendered.people), ()
         try:
-            with contained(called=(self._detector, "detect")):
+            with plugin_call(self._detector, "detect"):
                 # A plug-in gets a copy, so that it cannot change scans, recordings and videos.
                 return usable_detections(self._detector.detect(deepcopy(frame))), ()
-        except ForeignError as error:
+        except PluginError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
             return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)

@@ -110,7 +110,7 @@ class Sensors:
             output = self._mode.sense(uav, time, pose, people)
             kept = self._clutter.kept(len(output.ground))
             return output, kept, output.matched(kept)
-        with SENSOR_MODES.errors(self._name, "sense", called=(self._mode, "sense")):
+        with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
             output = usable_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
             kept = self._clutter.kept(len(output.ground))
             return output, kept, usable_matches(output.matched(kept.copy()), people)

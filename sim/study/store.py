@@ -13,9 +13,8 @@ import msgspec
 import numpy as np
 
 from sim.recording.dataframes import dataframe
-from sim.recording.npz import line
 from sim.study.tasks import Row, Task
-from tracking.errors import InputError
+from tracking.errors import InputError, one_line
 
 SCHEMA = 2  # version of the tables, in the file's user_version; docs/how-to/studies.md describes them
 NAME = "study.sqlite"
@@ -270,4 +269,5 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             **{name: getattr(kept, name) for name in _SAME},
         )
     except (ValueError, OverflowError, RecursionError) as error:  # errors of msgspec are ValueErrors
-        raise InputError(f"{path}: is a damaged store: a trial in it: {line(error)}; name another folder") from error
+        why = one_line(error)
+        raise InputError(f"{path}: is a damaged store: a trial in it: {why}; name another folder") from error

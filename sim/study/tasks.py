@@ -24,7 +24,7 @@ from sim.study.cells import Cell, cells
 from sim.study.study import Study
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import imported
+from tracking.plugins.registry import import_plugin
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
@@ -158,7 +158,7 @@ def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
 def _contents(setting: Scenario, planner: str) -> list[str]:
     """Digests of files outside of the package on which a trial depends: plug-ins and trajectories of people."""
     made, target = load_planner(planner), planner_target(planner)
-    plugins = [(target, imported(target)), (target, type(made))]
+    plugins = [(target, import_plugin(target)), (target, type(made))]
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
     files = dict.fromkeys(file for target, plugin in plugins for file in _sources(target, plugin))
     return [_digest(Path(file)) for file in [*files, setting.people.trajectory_file] if file]

@@ -18,7 +18,7 @@ from sim.recording.archive import content, digest
 from sim.running.flight import flown
 from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, release
-from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
 class Flown(Struct, frozen=True):
@@ -41,9 +41,9 @@ def fly(
             raise RuntimeError(f"understory is {release()} here, not {task.version}")
         warm_up()  # so that the first trial takes as long as the others
         begun()
-        with contained():
+        with plugin_call():
             return _flown(task, keep, timeout)
-    except ForeignError as error:
+    except PluginError as error:
         return failed(task, str(error))
     except Exception as error:
         return failed(task, f"{type(error).__name__}: {error}")

@@ -7,8 +7,9 @@ from typing import NoReturn
 from rich.console import Console
 from rich.markup import escape
 
+from tracking.errors import one_line
+
 console = Console(highlight=False, emoji=False)
-_LONGEST = 2000  # characters of a message
 
 
 def fail(message: str, *, code: int) -> NoReturn:
@@ -17,16 +18,10 @@ def fail(message: str, *, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def _line(message: str) -> str:
-    """A message as one printable line; a long one keeps its beginning, the field, and its end, the allowed values."""
-    text = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-
-
 def remark(*messages: str) -> None:
     """Print remarks on unexpected facts, one line each."""
     for message in messages:
-        print(f"understory: {_line(message)}", file=sys.stderr)
+        print(f"understory: {one_line(message)}", file=sys.stderr)
 
 
 def say(message: str) -> None:

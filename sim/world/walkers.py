@@ -63,7 +63,7 @@ def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Gene
         if name in WALKS.built_in:
             found += walk.itineraries(people, half, own, rng)
             continue
-        with WALKS.errors(name, "walk", called=(walk, "itineraries")):
+        with WALKS.errors(name, "walk", walk, "itineraries"):
             made = [Itinerary(*itinerary) for itinerary in walk.itineraries(people, half.copy(), own.copy(), rng)]
             _check(made, half, own)
         found += made

@@ -110,7 +110,7 @@ def option(rng, name):
     wrong += ["9-0", "1" * 5000, f"0:{long(rng.choice(NUMBERS))}", f"hover({nested(rng)})"]
     wrong += [f"sma-nbo(horizon={rng.choice(WORDS)})", rng.choice(["greedy", "sma-nbo", "x" * 5000, "os"])]
     wrong[-1] += f"({rng.choice(OPTIONS)}={long(rng.choice(NUMBERS))})"
-    wrong += ["os:system", "os.path:x", "x" * 5000 + ":y", "sys:exit", "json:JSONDecoder", "a:b:c", ":", "/dev/full"]
+    wrong += ["os:system", "os.path:x", "x" * 5000 + ":y", "json:JSONDecoder", "a:b:c", ":", "/dev/full"]
     wrong += ["given/out", "given/out.png", "given/x.mp4", "/proc/out", "n" * 300, "out.png", "new/out.mp4"]
     return right[name] if rng.random() < 0.4 else rng.choice(wrong)
 

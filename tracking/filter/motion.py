@@ -63,12 +63,12 @@ class _Checked:
     dt: float
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        from tracking.plugins.results import check_positive_definite, checked_array
+        from tracking.plugins.array_checks import check_array, check_positive_definite
 
-        with MOTION_MODELS.errors(self.name, "predict", called=(self.model, "predict_all")):
+        with MOTION_MODELS.errors(self.name, "predict", self.model, "predict_all"):
             moved, spread = self.model.predict_all(means, covariances)
-            moved = checked_array("means", moved, means.shape)
-            spread = checked_array("covariances", spread, covariances.shape)
+            moved = check_array("means", moved, means.shape)
+            spread = check_array("covariances", spread, covariances.shape)
             check_positive_definite("covariances", spread)
             return moved, spread
 

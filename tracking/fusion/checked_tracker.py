@@ -12,8 +12,8 @@ import numpy as np
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.message import INFORMATION, Message, checked_novel
 from tracking.numerics.arrays import Array, Indices
-from tracking.plugins.containment import Unusable, numbers
-from tracking.plugins.results import check_positive_definite, checked_array, whole_numbers
+from tracking.plugins.array_checks import check_array, check_numbers, check_positive_definite, check_whole_numbers
+from tracking.plugins.plugin_error import Unusable
 from tracking.track import Scan, Track, tracks_of
 
 _MOST = 10_000  # tracks of one UAV
@@ -61,7 +61,7 @@ class CheckedTracker:
             self.tracks = checked_tracks(self._made.tracks)
 
     def _errors(self, what: str, method: str) -> AbstractContextManager[None]:
-        return TRACKERS.errors(self._name, what, called=(self._made, method))
+        return TRACKERS.errors(self._name, what, self._made, method)
 
 
 def checked_tracks(given: Collection[Any]) -> tuple[Track, ...]:
@@ -76,7 +76,7 @@ def _sightings(tracks: Sequence[Any]) -> Array:
     """Sightings (T, 3) of tracks, NaN for a track without one; `Unusable` unless they are numbers."""
     nowhere = np.full(3, np.nan)
     given = [getattr(track, "sighting", nowhere) for track in tracks] or np.zeros((0, 3))
-    found = numbers("sightings of tracks", given, 3 * _MOST)
+    found = check_numbers("sightings of tracks", given)
     if found.shape != (len(tracks), 3):
         raise Unusable(f"sightings of tracks are no table ({len(tracks)}, 3) of numbers")
     found[~np.isfinite(found).all(axis=1)] = np.nan
@@ -105,10 +105,10 @@ def track_ids(tracks: Collection[Any]) -> Indices:
 def track_beliefs(tracks: Sequence[Any]) -> tuple[Array, Array, Array]:
     """Means (T, 4), covariances (T, 4, 4) and existence (T,) of tracks; `Unusable` unless they are finite numbers."""
     count = len(tracks)
-    means = checked_array("means of tracks", [t.belief.mean for t in tracks] or np.zeros((0, 4)), (count, 4))
+    means = check_array("means of tracks", [t.belief.mean for t in tracks] or np.zeros((0, 4)), (count, 4))
     spreads = [t.belief.covariance for t in tracks] or np.zeros((0, 4, 4))
-    covariances = checked_array("covariances of tracks", spreads, (count, 4, 4))
-    existence = checked_array("existence of tracks", [t.existence for t in tracks], (count,))
+    covariances = check_array("covariances of tracks", spreads, (count, 4, 4))
+    existence = check_array("existence of tracks", [t.existence for t in tracks], (count,))
     if not np.all((existence > 0.0) & (existence <= 1.0)):
         raise Unusable("existence of tracks is not in (0, 1]")
     return means, covariances, existence
@@ -119,18 +119,18 @@ def checked_message(given: object) -> Message:
     if not isinstance(given, Message):
         raise Unusable(f"it is no tracking.fusion.message.Message but {type(given).__name__}")
     count = len(given.ids)
-    whole_numbers("scan", given.scan, ())
+    check_whole_numbers("scan", given.scan, ())
     _instants("time", given.time, ())
     sent = replace(
         given,
         partition=_numbered("partition", [given.partition])[0],
         deleted=_numbered("deleted", given.deleted),
-        ids=whole_numbers("ids", given.ids, (count,)),
-        names=whole_numbers("names", given.names, (count, 2)),
-        shares=checked_array("shares", given.shares, (count, INFORMATION + 2)),
+        ids=check_whole_numbers("ids", given.ids, (count,)),
+        names=check_whole_numbers("names", given.names, (count, 2)),
+        shares=check_array("shares", given.shares, (count, INFORMATION + 2)),
         times=_instants("times", given.times, (count, 4)),
-        views=whole_numbers("views", given.views, (count, 2)),
-        misses=whole_numbers("misses", given.misses, (count,)),
+        views=check_whole_numbers("views", given.views, (count, 2)),
+        misses=check_whole_numbers("misses", given.misses, (count,)),
         sightings=_instants("sightings", given.sightings, (count, 3)),
         novel=checked_novel("novel", given.novel, count),
     )
@@ -139,7 +139,7 @@ def checked_message(given: object) -> Message:
     if count and sent.shares[:, 0].min() <= 0.0:
         raise Unusable("weights, the first column of shares, are not positive")
     means, covariances = sent.beliefs
-    checked_array("beliefs", means, (count, 4))
+    check_array("beliefs", means, (count, 4))
     check_positive_definite("covariances of beliefs", covariances)
     return sent
 
@@ -156,7 +156,7 @@ def _numbered(name: str, given: Sequence[Any]) -> tuple[tuple[int, float], ...]:
 
 def _instants(name: str, given: object, shape: tuple[int, ...]) -> Array:
     """Times, or positions and times, which are -inf if there are none yet; `Unusable` if they have another form."""
-    found = numbers(name, given, 4 * _MOST)
+    found = check_numbers(name, given)
     if found.shape != shape or np.isnan(found).any() or np.any(found == np.inf):
         raise Unusable(f"{name} are no table {shape} of numbers")
     return found

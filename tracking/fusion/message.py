@@ -14,8 +14,8 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import products
-from tracking.plugins.containment import Unusable
-from tracking.plugins.results import checked_array
+from tracking.plugins.array_checks import check_array
+from tracking.plugins.plugin_error import Unusable
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
@@ -122,7 +122,7 @@ def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 -
     width = np.shape(given)[-1:] or (0,)
     if 0 < width[0] <= INFORMATION:
         raise Unusable(f"{name} of {width[0]} columns; allowed are 0, or more than {INFORMATION}")
-    return checked_array(name, given, (count, *width))
+    return check_array(name, given, (count, *width))
 
 
 @compiled

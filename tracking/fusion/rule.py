@@ -65,17 +65,17 @@ class _Checked:
         import numpy as np
 
         from tracking.fusion.message import INFORMATION, checked_novel
-        from tracking.plugins.containment import Unusable
-        from tracking.plugins.results import check_positive_definite, checked_array
+        from tracking.plugins.array_checks import check_array, check_positive_definite
+        from tracking.plugins.plugin_error import Unusable
 
         count = len(local.means)
-        with FUSION_RULES.errors(self.name, "contribute", called=(self.rule, "contribution")):
+        with FUSION_RULES.errors(self.name, "contribute", self.rule, "contribution"):
             averaged, summed, weights = self.rule.contribution(deepcopy(local))
-            averaged = checked_array("averaged", averaged, (count, INFORMATION))
+            averaged = check_array("averaged", averaged, (count, INFORMATION))
             summed = checked_novel("summed", summed, count)
             if 0 < summed.shape[1] <= INFORMATION + local.uav:
                 raise Unusable(f"summed of {summed.shape[1]} columns lacks that of UAV {local.uav}")
-            weights = checked_array("weights", weights, (count,))
+            weights = check_array("weights", weights, (count,))
             if not summed.shape[1]:  # other UAVs may add up
                 summed = np.zeros((count, INFORMATION + local.uav + 1))
             information = averaged[:, 4:] + summed[:, 4:INFORMATION]  # only the sum has to be definite

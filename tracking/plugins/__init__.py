@@ -1,1 +1,1 @@
-"""Import and containment of plug-ins."""
+"""Import of plug-ins, their errors, and checks of their results."""

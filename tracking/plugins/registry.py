@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tracking.errors import InputError, check_known, nearest
-from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 _OURS = ("sim", "planning", "tracking", "assets", "understory")
 _ROOT = Path(__file__).parents[2]
@@ -37,39 +37,52 @@ class Registry:
     def find(self, name: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
         """The class of that name or import string; InputError if there is none."""
         self.check(name)
+        if name in self.built_in:
+            return pkgutil.resolve_name(self.built_in[name])
         try:
-            return imported(self.built_in.get(name, name))
+            return import_plugin(name)
         except ImportError as error:
             raise InputError(f"{self.field}: {name!r} cannot be imported: {error}") from error
 
     def make(self, name: str, *arguments: object) -> Any:  # noqa: ANN401 - whatever a user's class makes
         """The plug-in of that name or import string; InputError if it cannot be made."""
-        make, ours = self.find(name), name in self.built_in
-        methods = () if ours else self.methods
-        with self.errors(name, "be made", called=(make, "__init__")):
-            made = make() if self.bare and not ours else make(*arguments)
-            lacking = [text for method in methods if (text := lack(name, made, method))]
-        if lacking:
-            raise InputError(f"{self.field}: {lacking[0]}")
+        make = self.find(name)
+        if name in self.built_in:  # which may make a plug-in in turn, whose InputErrors name it
+            with self.errors(name, "be made", passing=(InputError,)):
+                return make(*arguments)
+        with self.errors(name, "be made", make, "__init__"):
+            made = make() if self.bare else make(*arguments)
+        self.check_methods(name, made)
         return made
+
+    def check_methods(self, name: str, made: object) -> None:
+        """Raise InputError unless a plug-in has the methods of this registry."""
+        for method in self.methods:
+            if lacking := _lack(name, made, method):
+                raise InputError(f"{self.field}: {lacking}")
 
     @contextmanager
     def errors(
-        self, name: str, what: str, *passing: type[BaseException], called: tuple[object, str] | None = None
+        self,
+        name: str,
+        what: str,
+        plugin: object = None,
+        method: str = "",
+        *,
+        passing: tuple[type[Exception], ...] = (),
     ) -> Iterator[None]:
         """Raise `raises`, with the text "FIELD: NAME cannot WHAT: why", for any exception of a plug-in in the block.
 
-        called: as in `contained`. Exceptions of `passing` pass as they are. So do InputErrors of a built-in plug-in,
-        which may be about another plug-in that it makes.
+        Other arguments are as in `plugin_call`.
         """
         try:
-            with contained(*passing, *[InputError] * (name in self.built_in), called=called):
+            with plugin_call(plugin, method, passing=passing):
                 yield
-        except ForeignError as error:
-            raise self.raises(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error
+        except PluginError as error:
+            raise self.raises(f"{self.field}: {name!r} cannot {what}: {error.with_place}") from error
 
 
-def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
+def _lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
     """Error text if a plug-in lacks the method "method(argument, ...)" or takes other arguments; empty if not."""
     called, _, arguments = method.removesuffix(")").partition("(")
     found = getattr(made, called, None)
@@ -87,29 +100,27 @@ def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a
     return ""
 
 
-def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
-    """Import the class that "package.module:Class" names; ImportError says in one line why there is none.
-
-    Importing runs the module, which may fail in any way.
-    """
+def import_plugin(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
+    """Import the class that "package.module:Class" names; ImportError says in one line why there is none."""
     module, _, attribute = target.partition(":")
     _check_names(module, attribute)
     try:
-        with contained(ModuleNotFoundError):
+        with plugin_call(passing=(ModuleNotFoundError,)):
             loaded = importlib.import_module(module)
-            found: Any = loaded
-            for part in attribute.split("."):
-                found = getattr(found, part, None)
-            usable = callable(found)
+    except SystemExit as error:  # of a script without a guard by `__name__`
+        raise ImportError(f"{module} calls sys.exit when it is imported") from error
     except ModuleNotFoundError as error:
         raise ImportError(_missing(module, error) + _clash()) from error
-    except ForeignError as error:
-        raise ImportError(error.explained + _clash()) from error
-    if not usable and found is not None:
-        raise ImportError(f"{attribute!r} of {module} is of type {type(found).__name__}, not a class or function")
-    if not usable:
+    except PluginError as error:
+        raise ImportError(error.with_place + _clash()) from error
+    found: Any = loaded
+    for part in attribute.split("."):
+        found = getattr(found, part, None)
+    if found is None:
         classes = [name for name, value in vars(loaded).items() if isinstance(value, type)]
         raise ImportError(f"{module} has no class {attribute!r}{nearest(attribute, classes)}")
+    if not callable(found):
+        raise ImportError(f"{attribute!r} of {module} is of type {type(found).__name__}, not a class or function")
     return found
 
 

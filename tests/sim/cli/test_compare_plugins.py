@@ -50,9 +50,9 @@ factors.rule.theirs.network.fusion = "theirs:Stepless"
 """
 REFUSED = {
     "tracking.tracker=theirs:Stepless": "'theirs:Stepless' has no method step(scan)",
-    "tracking.tracker=theirs:Raising": "'theirs:Raising' cannot be made: no table (",
+    "tracking.tracker=theirs:Raising": "'theirs:Raising' cannot be made: ValueError: no table (",
     "network.fusion=theirs:Stepless": "'theirs:Stepless' has no method contribution(local)",
-    "tracking.motion=theirs:Bare": "'theirs:Bare' cannot be made: Bare.__init__() takes 1 positional argument but 5",
+    "tracking.motion=theirs:Bare": "'theirs:Bare' cannot be made: TypeError: Bare.__init__() takes 1 positional arg",
     "sensing.mode=theirs:Stepless": "'theirs:Stepless' has no method sense(uav, time, pose, people)",
 }
 

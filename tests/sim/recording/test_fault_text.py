@@ -63,7 +63,7 @@ def test_a_planner_that_faults_always_fills_no_disk():
     kept = read(text)
     assert len(kept) == MOST and len(text) < MOST * (LONGEST + 60)
     assert [(f.time, f.uav) for f in kept[:-1]] == [(f.time, f.uav) for f in many[: MOST - 1]]
-    assert all(len(f.message) == LONGEST and f.message.endswith("…") for f in kept[:-1])
+    assert all(len(f.message) <= LONGEST and " ... xx" in f.message for f in kept[:-1])
     assert kept[-1] == Fault((MOST - 1) / 5, None, f"{2 * MOST + 1} more faults are not recorded")
     assert recorded(kept) == text
     assert len(read(recorded(many[:MOST]))) == MOST and read(recorded(many[:MOST]))[-1].uav is not None

@@ -10,7 +10,7 @@ from helpers.graphs import message
 from tracking.errors import InputError
 from tracking.fusion.checked_tracker import CheckedTracker, checked_message
 from tracking.geometry.camera import Pose
-from tracking.plugins.containment import Unusable
+from tracking.plugins.plugin_error import Unusable
 from tracking.track import Scan
 
 ONE = message(0, [3], np.zeros(4), np.eye(4), degree=0)
