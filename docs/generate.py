@@ -2,8 +2,8 @@
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
 lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- commands -->`, `<!-- planners -->` and, of the
-default planner or of one that is named, `<!-- planner options -->`; those of `scores.py`, of all worlds or one, with
-`<!-- scores -->`, `<!-- gaps: METRIC -->` and `<!-- ends: WORLD -->`. MkDocs calls the functions `on_...`: a formula
+default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with `<!-- scores -->`,
+`<!-- gaps: METRIC -->` and `<!-- ends -->`. MkDocs calls the functions `on_...`: a formula
 between `$$` becomes MathML, and each tutorial is written as a notebook, too.
 """
 
@@ -54,10 +54,10 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
-    from scores import ends_line, gaps_table, scores_table
+    from scores import ends_table, gaps_table, scores_table
 
     makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
-    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table, "ends": ends_line}
+    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table, "ends": ends_table}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())
@@ -122,14 +122,14 @@ def commands_text() -> str:
     for name, (target, _) in sorted(COMMANDS.items()):
         command = load_command(target)
         parts += [f"## understory {name}", "", inspect.cleandoc(command.help or ""), ""]
-        parts += ["| argument or option | meaning | default |", "|---|---|---|"] if command.params else []
+        parts += ["| argument or option | meaning |", "|---|---|"] if command.params else []
         for parameter in command.params:
             options = "/".join([*parameter.opts, *parameter.secondary_opts])
             value = "" if getattr(parameter, "is_flag", False) else f" {parameter.metavar or ''}"
             written = parameter.metavar or options if parameter.param_type_name == "argument" else options + value
             default = "" if parameter.default in (None, False) or callable(parameter.default) else parameter.default
-            shown = "required" if parameter.required else f"`{default}`" if default != "" else ""
-            parts.append(f"| `{written.replace('|', chr(92) + '|')}` | {_escaped(parameter.help or '')} | {shown} |")
+            shown = " Required." if parameter.required else f" Default: `{default}`." if default != "" else ""
+            parts.append(f"| `{written.replace('|', chr(92) + '|')}` | {_escaped(parameter.help or '')}{shown} |")
         parts.append("")
     return "\n".join(parts).rstrip("\n")
 

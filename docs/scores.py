@@ -110,15 +110,15 @@ def scores_table() -> str:
     return _markdown(heads, lines)
 
 
-def ends_line(world: str) -> str:
-    """Mean GOSPA of floor, bound, default and oracle in one world."""
-    groups = _groups(world)
+def ends_table() -> str:
+    """Mean GOSPA of floor, bound, default and oracle in each world."""
+    groups = _groups()
     _, metric, (floor, bound) = _scored(groups)
-    ((_, own),) = _by_world(groups)
-    named = {f"floor (`{floor}`)": floor, "bound": bound, f"`{DEFAULT}`": DEFAULT, "`oracle`": "oracle"}
-    means = [f"{name} {map_means(own[key], metric).text(metric)} {metric.unit}" for name, key in named.items()]
-    (maps,) = {len({row.seed for row in own[key].done}) for key in named.values()}
-    return f"{metric.label} on {maps} maps: {', '.join(means)}."
+    lines = []
+    for cell, own in _by_world(groups):
+        means = (map_means(own[key], metric).text(metric) for key in (floor, bound, DEFAULT, "oracle"))
+        lines.append((f"[{_name(cell)}](#{dict(cell)['scenario']})", *means))
+    return _markdown(("world", f"`{floor}`", "bound", f"`{DEFAULT}`", "`oracle`"), lines)
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
