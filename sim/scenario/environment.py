@@ -35,9 +35,9 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
     density: Expected = 45.0  # expected number of trees in the area, the paper's λ; the number drawn is Poisson
-    per_hectare: Expected | None = None  # 1/ha, expected number of trees per hectare; if given, `density` is not used
+    per_hectare: Expected | None = None  # 1/ha, expected number of trees, in place of `density`
     canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, and people walk under them
-    # m, largest canopy radius; if given, radii are uniform between `canopy_radius` and this; by default all are equal
+    # m; if given, radii are uniform between `canopy_radius` and this
     largest_radius: Length | None = None
     canopy_base: Length = 3.0  # m, height above ground
     canopy_top: Length = 6.0  # m, height above ground; below every UAV, by more than 1 m if images are rendered
@@ -69,23 +69,21 @@ DEFAULT_PATHS: Paths = (
 class People(Struct, frozen=True, forbid_unknown_fields=True):
     """People: simulated walkers with one or several ways of walking, or recorded trajectories."""
 
-    count: Count = 4  # number of walkers, including those who appear late or leave early
-    # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, or wandering if
-    # there is no path left; `"waypoints"`: to one place after another; `"stop-and-go"`: the same, with stops;
-    # `"groups"`: together to one place after another, until the group parts; `"module:Class"`: your own
-    # ([how](../how-to/plugins.md#a-way-of-walking))
+    count: Count = 4  # number of people, late ones included
+    # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, else wandering;
+    # `"waypoints"`: to one place after another; `"stop-and-go"`: the same, with stops; `"groups"`: the same together,
+    # until the group parts
     walks: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)] = ("levy",)
     # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, shifted a little at random by the seed; the others
     # wander
     paths: Paths = DEFAULT_PATHS
     group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
-    # s, mean time for which a person is present; each stays between 0.5 and 1.5 times as long. People appear and leave
-    # anywhere in the area and evenly over the mission, some before its start or after its end. By default all people
-    # are present throughout
+    # s, mean time for which a person is present (0.5 to 1.5 times as long). People appear and leave anywhere and
+    # evenly over the mission, some before its start or after its end; by default all are present throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
-    # exponent of the density of step lengths, which is proportional to length^-exponent between the two speeds
+    # step lengths have a density proportional to length^-exponent between the two speeds
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
     # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""

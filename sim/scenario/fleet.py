@@ -83,8 +83,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     # m, distance beyond which no message arrives, with or without a link
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
     # `"hcmci"`: hybrid consensus on measurements and information, which adds up the information of all UAVs, as
-    # planners expect; `"kla"`: weighted average of information, as in the paper; `"module:Class"`: your own
-    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
+    # planners expect; `"kla"`: weighted average of information, as in the paper
     fusion: str = "hcmci"
     # probability that a message is lost, drawn by seed and repeat for each round and direction
     loss: Probability = 0.0

@@ -27,7 +27,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     """Settings of sensing, which turns the world into measurements."""
 
     # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, without
-    # rendering; `"module:Class"`: your own ([how](../how-to/plugins.md#a-sensor-mode))
+    # rendering
     mode: str = "camera"
     # `"range_bearing"`: adds noise of [Li22] eq. (4) to each detection, and its covariance to the detection's own;
     # `"camera"`: adds none
@@ -38,8 +38,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # `"tiny"`: PyBullet's own renderer, on the CPU; `"egl"`: OpenGL without a display, for images of up to 768 pixels;
     # an error if it cannot start
     renderer: Literal["tiny", "egl"] = "tiny"
-    # `"blob"`: finds people by their colour; `"segmentation"`: uses the renderer's mask and finds every person with a
-    # visible pixel; `"package.module:Class"`: your own, with a method `detect(frame)`
+    # `"blob"`: finds people by their colour; `"segmentation"`: by the renderer's mask, all who show a pixel
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to this
     # number divided by the field of view in m²
@@ -102,12 +101,9 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # with `"existence"`: probability of existence below which a track is deleted
     deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
     # motion model: `"mean-reverting"`: speeds return to the walking speed of the people seen; `"ncv"`: nearly constant
-    # velocity, as in the paper; `"module:Class"`: your own
-    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict with the same model, but with `"ncv"`
-    # if it is your own; `thompson` always predicts constant velocity
+    # velocity, as in the paper, and what planners expect with a model of your own. `thompson` always expects it
     motion: str = "mean-reverting"
-    # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: your own
-    # ([how](../how-to/trackers.md)), which may use any of these keys
+    # `"jpda"`: Bernoulli tracks with joint probabilistic data association
     tracker: str = "jpda"
     # expected number of undetected people at the start, for whom UAVs search if `initial_tracks` is `"none"`
     undetected: Expected = 4.0
