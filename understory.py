@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.flight import Flight, load
-    from sim.running.run import record
+    from sim.running.results import record
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.errors import InputError
@@ -52,7 +52,7 @@ _HOMES = {
     "Mission": "sim.mission.mission",
     "Recording": "sim.recording.recording",
     **dict.fromkeys(("Flight", "load"), "sim.replay.flight"),
-    "record": "sim.running.run",
+    "record": "sim.running.results",
     "Scenario": "sim.scenario.scenario",
     **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
@@ -135,21 +135,23 @@ def run(
     from planning.contract import planner_of
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
-    from sim.running.flight import flown
+    from sim.running.mission_flight import fly_mission
     from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
     from tracking.errors import InputError
 
     setting, numbers = chosen(scenario, settings), (*seed_and_repeat(seed, repeat), place_of(scenario, settings))
     if out is not None:
-        from sim.running.run import run as fly
+        from sim.running.results import run_mission
 
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        fly(Trial(setting, planner, *numbers), Path(out))
+        run_mission(Trial(setting, planner, *numbers), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
-    return Flight(flown(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording)
+    return Flight(
+        fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording
+    )
 
 
 def mission(
@@ -215,7 +217,7 @@ def compare(
     """
     from sim.scenario.quantities import WORKERS, integer
     from sim.study.backends import Pool
-    from sim.study.engine import rows_of
+    from sim.study.scheduler import rows_of
     from sim.study.store import frame_of
     from sim.study.study import study_of
     from sim.study.tasks import tasks

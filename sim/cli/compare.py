@@ -9,12 +9,16 @@ import typer
 
 from planning.loading import load_planner
 from planning.registry import COMPARED
+from sim.analysis.metric_choice import from_outside
+from sim.cli.study_flight import facts_of, fly_study, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, integers, seconds
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
+from sim.study.scheduler import Options
 from sim.study.study import STUDIES, Study, adapted, read
+from sim.study.tasks import tasks
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from tracking.errors import InputError, check_known
 from tracking.fusion.member import TRACKERS
@@ -96,12 +100,6 @@ def compare(
     limit = None if timeout is None else seconds(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
     kept = _kept(keep, folder)
-    # Imported late, because an error about the input needs none of these packages.
-    from sim.analysis.metric_choice import from_outside
-    from sim.cli.study_flight import facts_of, fly_study, show_study
-    from sim.study.engine import Options
-    from sim.study.tasks import tasks
-
     listed = tasks(chosen, from_outside(metric or ()))
     facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)

@@ -9,19 +9,22 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
+from sim.evaluation.summary import results_table
 from sim.mission.trial import Trial
-from sim.recording.atomic_files import unused
-from sim.running.isolated_run import Results, fly_apart, is_built_in
+from sim.recording.atomic_files import PlaceTaken, unused
+from sim.replay.history import fleet_text
+from sim.running.mission_flight import is_built_in
+from sim.running.results import run_mission
+from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load, place_of
 from sim.scenario.quantities import seconds, seed_and_repeat
 from sim.scenario.remarks import remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import mission_progress
-
-# Engine, compiler and linear algebra take a second to import, so commands that fly import them late.
+from tracking.errors import InputError
+from tracking.plugins.plugin_error import plugin_call
 
 _SHOWN = 3  # number of faults of different kinds that are printed
 _LONGEST = 150  # characters of scenario and planner in a folder's name, which may have 255
@@ -62,27 +65,23 @@ def run(
     setting = load(scenario, changes)
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else seconds(timeout, "--timeout")
-    # Plug-ins run in a separate process, because nothing else limits the harm that they may do.
-    trusted = is_built_in(trial) and not metric
-    if trusted:
-        load_planner(planner)
     remark(*remarks(setting))
     folder = out or unused(Path("runs") / _name(scenario, trial))
+    options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with mission_progress(setting) as progress:
-        if trusted and limit is None:
-            from sim.running.run import run as fly
-
-            summary = fly(trial, folder, video=video, progress=progress, say=say)
+        options["progress"] = progress
+        if limit is not None:
+            summary = run_with_timeout(trial, folder, limit, **options)
+        elif is_built_in(trial) and not metric:
+            summary = run_mission(trial, folder, **options)
         else:
-            results = Results(str(folder), video, tuple(metric or ()))
-            summary = fly_apart(trial, results, timeout=limit, progress=progress, say=say)
+            with plugin_call(passing=(InputError, PlaceTaken)):  # an exception of a plug-in is told in a line
+                summary = run_mission(trial, folder, **options)
     show_run(summary, folder)
 
 
 def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     """Print the results of a mission and the place of its files."""
-    from sim.evaluation.summary import results_table  # late, because it needs NumPy
-
     _show_faults(summary["faults"])
     console.print(results_table(summary))
     show_files(folder)
@@ -90,8 +89,6 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
-    from sim.replay.history import fleet_text  # late, because it needs NumPy
-
     alike: dict[tuple[object, ...], list[Mapping[str, Any]]] = {}
     for fault in faults:
         kind = fault["uav"] is None, fault["message"], *fault.get("trace", ())

@@ -18,14 +18,13 @@ from sim.mission.trial import Trial, naming
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
-from sim.running.flight import mission_of
-from sim.running.isolated_run import is_built_in
+from sim.running.mission_flight import is_built_in, make_mission
 from sim.scenario.loading import place_of
 from sim.scenario.random_streams import numbered
 from sim.scenario.remarks import remarks
 from sim.study.backends import Backend, Pool, connected
 from sim.study.cells import ENTERED
-from sim.study.engine import Options, complete
+from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study
 from sim.study.tasks import Row, Task
@@ -104,7 +103,7 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
             with naming(trial.place):
                 forest_and_people(trial.scenario, trial.seed)
         else:
-            mission_of(trial).close()
+            make_mission(trial).close()
 
 
 def _place(study: Study, task: Task) -> str:

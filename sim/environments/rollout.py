@@ -13,7 +13,7 @@ from sim.evaluation.score import FAR
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot, reported_positions
 from sim.replay.flight import Flight
-from sim.running.run import record
+from sim.running.results import record
 from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array

@@ -1,1 +1,1 @@
-"""Separate processes, and signals that end them."""
+"""Worker processes, and signals that ask to stop."""

@@ -1,39 +1,35 @@
 """Backends that fly trials: their interface, processes of this machine, executors of the caller and dask clusters."""
 
-import multiprocessing
 import os
-import signal
 import time
-from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing.process import BaseProcess
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any, Protocol, cast
 
 from sim.mission.warmup import warm_up
-from sim.processes.isolation import kill_session, lead_session
-from sim.processes.signals import ctrl_c_deferred
+from sim.processes.workers import Workers, start_workers
 from sim.study.tasks import Task
-from sim.study.trial import Flown, failed, fly
+from sim.study.trial_flight import TrialResult, fly_trial
 from tracking.errors import InputError
+
+GRACE = 2.0  # s after the timeout, within which a slow trial ends by itself
 
 
 class Backend(Protocol):
-    """Executor of trials that can end a trial."""
+    """Executor of trials."""
 
-    def room(self) -> bool:
-        """True if another task may be submitted; always so for a backend with a queue."""
-        return True
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
+        """Submit `fly_trial` for a task."""
 
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """Submit `sim.study.trial.fly` for a task."""
+    def end_hanging(self, seconds: float) -> Sequence[Future[TrialResult]]:
+        """End trials that have flown for longer than so many seconds, if their futures do not end by themselves."""
+        return ()
 
-    def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that have flown for longer than so many seconds, without the time of waiting and compiling."""
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Give up a task that hangs, and free its resources if possible."""
+    def crash_place(self, task: Task) -> str:
+        """Place in a plug-in where a trial's process died or hung, in brackets; empty if it is not known."""
+        return ""
 
 
 class Borrowed(Backend):
@@ -42,17 +38,9 @@ class Borrowed(Backend):
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
 
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
         """Submit the task to the executor."""
-        return self._executor.submit(fly, task, keep=keep, timeout=timeout)
-
-    def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """No trials, because futures of Python's process pool count as running while they still wait."""
-        return []
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Cancel the task, which works only before it starts."""
-        future.cancel()
+        return self._executor.submit(fly_trial, task, keep=keep, timeout=timeout)
 
 
 _CONNECT = 10.0  # s, timeout
@@ -69,55 +57,56 @@ class Cluster(Backend):
         self._executor = client.get_executor(pure=False)
         self._topic = f"understory-{client.id}"
         self._submitted = 0
-        self._names: dict[Future[Flown], str] = {}  # names of trials that have not ended
+        self._names: dict[Future[TrialResult], str] = {}  # names of trials that have not ended
         self._begun: dict[str, tuple[str, float]] = {}  # worker and start [s] of trials in flight, by name
         client.subscribe_topic(self._topic, self._hear)
 
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
         """Submit the task under a unique name, so that dask does not take a second attempt for the first."""
         self._submitted += 1
         name = f"{task.key}-{self._submitted}"
-        future: Future[Flown] = self._executor.submit(
+        future: Future[TrialResult] = self._executor.submit(
             _fly_announced, task, keep=keep, timeout=timeout, announcement=(self._topic, name), key=name
         )
         self._names[future] = name
         future.add_done_callback(self._forget)
         return future
 
-    def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that began so long ago and are still at their workers; those of a lost worker wait for another one."""
+    def end_hanging(self, seconds: float) -> list[Future[TrialResult]]:
+        """Cancel trials that began so long ago and are still at their workers, and restart these workers.
+
+        A trial of a lost worker waits for another one, and is left alone.
+        """
         limit = time.monotonic() - seconds
         late = {name: worker for name, (worker, begun) in list(self._begun.items()) if begun < limit}
-        if not late:
+        if not late:  # as nearly always: the scheduler need not be asked
             return []
         processing = self._client.processing()
-        held = {name for name, worker in late.items() if name in processing.get(worker, ())}
-        return [future for future, name in list(self._names.items()) if name in held]
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Cancel the task and restart the worker in which it hangs."""
-        worker, _ = self._begun.get(self._names.get(future, ""), ("", 0.0))
-        future.cancel()
-        if worker:
-            self._client.restart_workers([worker], raise_for_error=False)
+        late = {name: worker for name, worker in late.items() if name in processing.get(worker, ())}
+        hanging = [future for future, name in list(self._names.items()) if name in late]
+        for future in hanging:
+            future.cancel()
+        if late:
+            self._client.restart_workers([*set(late.values())], raise_for_error=False)
+        return hanging
 
     def _hear(self, event: tuple[float, tuple[str, str]]) -> None:
         """Note a worker's announcement that a trial has begun, for the first time or again."""
         name, worker = event[1]
         self._begun[name] = worker, time.monotonic()
 
-    def _forget(self, future: Future[Flown]) -> None:
+    def _forget(self, future: Future[TrialResult]) -> None:
         """Remove the entries of a trial that has ended."""
         self._begun.pop(self._names.pop(future, ""), None)
 
 
-def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcement: tuple[str, str]) -> Flown:
-    """`fly` in a worker that announces the beginning; announcement: the topic and the trial's name."""
+def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcement: tuple[str, str]) -> TrialResult:
+    """`fly_trial` in a worker that announces the beginning; announcement: the topic and the trial's name."""
     from distributed import get_worker
 
     worker: Any = cast(Any, get_worker)()
     topic, name = announcement
-    return fly(task, keep=keep, timeout=timeout, begun=lambda: worker.log_event(topic, (name, worker.address)))
+    return fly_trial(task, keep=keep, timeout=timeout, begun=lambda: worker.log_event(topic, (name, worker.address)))
 
 
 @contextmanager
@@ -149,113 +138,39 @@ _ONE_THREAD = dict.fromkeys(
 )
 
 
-class Pool:
-    """Processes with an executor each, so that the death of a process ends only its own trial."""
+class Pool(Backend):
+    """Processes of this machine. One that dies or hangs ends only its own trial, and another takes its place."""
 
     def __init__(self, workers: int | None = None) -> None:
-        """Make `workers` processes, by default one for each core that this process may use."""
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-        self._lanes = [_Lane() for _ in range(workers or cores or 1)]
-        self._compiled = False
+        """Make a pool of `workers` processes, by default one for each core that this process may use."""
+        self.count = workers or _cores()
+        self._started = ExitStack()
+        self._workers: Workers | None = None
 
     def __enter__(self) -> "Pool":
         return self
 
     def __exit__(self, *error: object) -> None:
-        for lane in self._lanes:
-            lane.end()
+        self._started.close()
 
-    def room(self) -> bool:
-        """True if a process is free. The first process compiles alone, as the others would compile the same code."""
-        self._compiled = self._compiled or any(lane.ready for lane in self._lanes)
-        return any(lane.idle for lane in (self._lanes if self._compiled else self._lanes[:1]))
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
+        """Fly a task in the next free process, which is killed if it hangs; the first task starts the processes."""
+        if self._workers is None:
+            warm_up()  # compiles here, alone; processes that start at the same time would all compile the same code
+            self._started.enter_context(_one_thread())
+            self._workers = self._started.enter_context(start_workers(self.count, warm_up))
+        limit = None if timeout is None else timeout + GRACE
+        return self._workers.submit(task.key, limit, partial(fly_trial, task, keep=keep, timeout=timeout))
 
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """Fly a task in a free process."""
-        return next(lane for lane in self._lanes if lane.idle).submit(task, keep, timeout)
-
-    def overdue(self, seconds: float) -> list[Future[Flown]]:
-        """Trials that have flown for longer than so many seconds, without the start of their process."""
-        return [lane.future for lane in self._lanes if lane.future is not None and lane.seconds > seconds]
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Kill the process in which a task hangs; another one takes its place."""
-        for lane in self._lanes:
-            if lane.future is future:
-                lane.end()
+    def crash_place(self, task: Task) -> str:
+        """Place in a plug-in where a trial's process died or hung."""
+        return self._workers.crash_place(task.key) if self._workers else ""
 
 
-class _Lane:
-    """One process, started when it is needed."""
-
-    def __init__(self) -> None:
-        self.future: Future[Flown] | None = None
-        self._executor: ProcessPoolExecutor | None = None
-        self._greeting: Future[int] | None = None
-        self._since: float | None = None  # s, time at which the task was first seen to fly
-        self._processes: list[BaseProcess] = []
-
-    @property
-    def idle(self) -> bool:
-        return self.future is None or self.future.done()
-
-    @property
-    def ready(self) -> bool:
-        """True if the process has started and loaded all compiled code."""
-        return self._greeting is not None and self._greeting.done() and self._greeting.exception() is None
-
-    @property
-    def seconds(self) -> float:
-        """Time [s] of the task since this property was first read while the process was ready."""
-        if self.idle or not self.ready:
-            return 0.0
-        if self._since is None:
-            self._since = time.monotonic()
-        return time.monotonic() - self._since
-
-    def submit(self, task: Task, keep: bool, timeout: float | None) -> Future[Flown]:
-        if self._executor is None:
-            self._executor = self._start()
-        self._since = None
-        try:
-            self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
-        except BrokenProcessPool:  # the process died in its last task or afterwards
-            self.end()
-            return self.submit(task, keep, timeout)
-        return self.future
-
-    def _start(self) -> ProcessPoolExecutor:
-        before = multiprocessing.active_children()
-        executor = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-        with _one_thread(), ctrl_c_deferred():
-            self._greeting = executor.submit(os.getpid)
-        self._processes = [child for child in multiprocessing.active_children() if child not in before]
-        return executor
-
-    def end(self) -> None:
-        """Kill the process and all processes that it has started."""
-        for process in self._processes:
-            kill_session(process)
-        if self._executor is not None:
-            self._executor.shutdown()
-        self._executor = self._greeting = self.future = None
-        self._processes = []
-
-
-def _begin() -> None:
-    """Initialise a process: leave Ctrl-C to its parent, end with the parent, and load compiled code."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    lead_session()
-    warm_up()
-
-
-def _fly(task: Task, *, keep: bool, timeout: float | None) -> Flown:
-    """`fly` in a process that ignores Ctrl-C, so that a KeyboardInterrupt comes from a plug-in."""
-    try:
-        return fly(task, keep=keep, timeout=timeout)
-    except KeyboardInterrupt:
-        return failed(task, "KeyboardInterrupt: raised by a plug-in")
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextmanager

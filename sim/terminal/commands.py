@@ -1,6 +1,7 @@
 """Commands of the terminal: shared options, help, error messages and exit codes."""
 
 import errno
+import faulthandler
 import os
 import signal
 import sys
@@ -13,11 +14,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from sim.processes.isolation import IsolationError
 from sim.recording.atomic_files import PlaceTaken
 from sim.scenario.quantities import DAY, seconds
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known
+from tracking.plugins.plugin_error import PluginError
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # the disk is full or fails
 # Places that cannot be written or read.
@@ -131,11 +132,15 @@ def conclude(app: Callable[..., Any]) -> None:
     """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure."""
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _take_signals()
+    if not faulthandler.is_enabled():
+        faulthandler.enable(all_threads=False)  # says in which line a plug-in crashes the process
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes non-zero
             fail("interrupted; nothing new is kept", code=1)
-    except (InputError, IsolationError, PlaceTaken) as error:
+    except (InputError, PlaceTaken) as error:
         fail(str(error), code=2 if isinstance(error, InputError) else 1)
+    except PluginError as error:
+        fail(f"{error.with_place}; nothing is kept", code=1)
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing new is kept", code=1)
     except OSError as error:

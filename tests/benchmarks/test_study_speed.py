@@ -18,7 +18,7 @@ from sim.analysis.distributions import ecdf
 from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import available, choose_metrics
 from sim.study.backends import Pool
-from sim.study.engine import complete
+from sim.study.scheduler import complete
 from sim.study.store import Store, frame
 from sim.study.study import Study
 from sim.study.tasks import tasks

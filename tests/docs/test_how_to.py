@@ -17,7 +17,7 @@ from sim.scenario.scenario import Scenario
 from sim.study.cells import cells
 from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 from tracking.fusion.rule import LocalBeliefs
 
 PAGE = (DOCS / "how-to" / "planners.md").read_text(encoding="utf-8")
@@ -133,5 +133,5 @@ def test_the_page_on_studies_counts_the_packaged_ones_and_names_metrics():
     counts = {name: len(tasks(adapted(read(name), seeds="0-49"))) for name in STUDIES}
     assert {name: int(count) for name, count in rows} == counts
     (task,) = short(["hover"], "0")
-    for name in fly(task).row.metrics:
+    for name in fly_trial(task).row.metrics:
         assert f"`{name}`" in STUDIES_PAGE or name.startswith("seconds.")

@@ -16,7 +16,7 @@ from sim.analysis.metric_choice import metric_shown
 from sim.study.store import Store
 from sim.study.study import adapted
 from sim.study.tasks import tasks
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 
 sys.path.append(str(DOCS))
 import scores
@@ -127,6 +127,6 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 def test_trials_of_the_list_are_those_of_this_program(world, planner):
     listed = next(row for row in scores.trials() if (row.scenario, row.planner, row.seed) == (world, planner, 4))
     study = adapted(scores.STUDY, scenarios=[world], planners=[planner], seeds="4")
-    row = fly(next(task for task in tasks(study) if task.planner == planner)).row
+    row = fly_trial(next(task for task in tasks(study) if task.planner == planner)).row
     shown = [[metrics[name] for name in scores.METRICS] for metrics in (row.metrics, listed.metrics)]
     np.testing.assert_allclose(*shown, rtol=1e-9)

@@ -3,7 +3,6 @@
 import sys
 
 from sim import __main__ as cli
-from sim.running import isolated_run
 
 
 def called(arguments, monkeypatch, capsys):
@@ -16,8 +15,3 @@ def called(arguments, monkeypatch, capsys):
         code = end.code or 0
     captured = capsys.readouterr()
     return code, captured.out, captured.err
-
-
-def fly_here(monkeypatch):
-    """Plug-ins of others fly in the process of the test, as another takes seconds to start."""
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import cv2
 
-import sim.running.run  # noqa: F401 - what commands import late is loaded once
+import sim.running.results  # noqa: F401 - what commands import late is loaded once
 from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.cli import study_flight

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
-from helpers.commands import called, fly_here
+from helpers.commands import called
 from sim.cli import study_flight
 from sim.study import backends
 from sim.study.backends import Borrowed
@@ -51,7 +51,6 @@ class Shell:
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
         for module in backends, study_flight:  # each has the name of its own
             monkeypatch.setattr(module, "Pool", Here)
-        fly_here(monkeypatch)
         monkeypatch.setattr(console.console, "width", 200)
 
     def call(self, *arguments):

@@ -12,7 +12,7 @@ import numpy as np
 from sim.study.store import NAME, Store
 from sim.study.study import Study
 from sim.study.tasks import Task, release, tasks
-from sim.study.trial import Flown, failed, fly
+from sim.study.trial_flight import TrialResult, fly_trial, make_failure
 
 NUMBERS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", "recall", "wall_s", "seconds.planning", "faults")
 SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
@@ -31,7 +31,7 @@ def task_of(setting, planner, seed):
 def invented(task):
     """A row as a flight gives it, its numbers drawn by the seed."""
     rng = np.random.default_rng([task.seed, task.repeat] if task.repeat else task.seed)
-    row = failed(task, "").row
+    row = make_failure(task, "").row
     values = dict(zip(NUMBERS, rng.uniform(size=len(NUMBERS)).tolist(), strict=True))
     return msgspec.structs.replace(
         row,
@@ -74,11 +74,8 @@ class Serial:
 
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
-        self.flown, self.dropped = [], []
+        self.flown = []
         self._begun = {}  # s, by future
-
-    def room(self):
-        return True
 
     def submit(self, task, *, keep, timeout):
         self.flown.append((task.planner, task.seed))
@@ -88,18 +85,21 @@ class Serial:
         if isinstance(fate, type):
             raise fate("shut down")
         if isinstance(fate, str):
-            future.set_result(failed(task, fate))
+            future.set_result(make_failure(task, fate))
         elif isinstance(fate, BaseException):
             future.set_exception(fate)
         elif fate is None:
-            future.set_result(fly(task, keep=keep) if not self.fates else Flown(invented(task)))
+            future.set_result(fly_trial(task, keep=keep) if not self.fates else TrialResult(invented(task)))
         return future
 
-    def overdue(self, seconds):
-        return [f for f, begun in self._begun.items() if not f.done() and time.monotonic() - begun > seconds]
+    def end_hanging(self, seconds):
+        late = [f for f, begun in self._begun.items() if not f.done() and time.monotonic() - begun > seconds]
+        for future in late:
+            future.cancel()
+        return late
 
-    def drop(self, future):
-        self.dropped.append(future)
+    def crash_place(self, task):
+        return ""
 
 
 def is_timing(metric):

@@ -23,10 +23,10 @@ from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.report.report import About
 from sim.report.terminal import show
-from sim.running import run as flights
-from sim.running.run import run
+from sim.running import results as flights
+from sim.running.results import run_mission
 from sim.scenario.loading import load
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -167,13 +167,13 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr(flights, "Film", Film)
     setting = load("forest", [*SHORT])
     for name in ("oracle(evaluations=64)", "hover"):
-        summary = run(Trial(setting, name, 0), tmp_path / name)
+        summary = run_mission(Trial(setting, name, 0), tmp_path / name)
         seen = name != "hover"
         assert json.loads((tmp_path / name / "summary.json").read_text())["sees_truth"] is seen
         recording = load_recording(tmp_path / name / "mission.npz")
         assert recording.sees_truth is seen and recording.planner == name
         assert (MARK in results_table(summary).title) == (MARK in titles[-1]) == seen
-    rows = [fly(task_of(setting, name, 0)).row for name in ("oracle(evaluations=64)", "hover")]
+    rows = [fly_trial(task_of(setting, name, 0)).row for name in ("oracle(evaluations=64)", "hover")]
     with console.capture() as capture:
         show(rows, About("tried"))
     shown = " ".join(capture.get().split())

@@ -7,7 +7,7 @@ import shutil
 import sys
 
 import pytest
-from helpers.commands import called, fly_here
+from helpers.commands import called
 from helpers.processes import ROOT, python
 
 from planning.loading import load_planner
@@ -109,7 +109,6 @@ def test_the_example_is_listed_and_flies(example, tmp_path, monkeypatch):
     words = "Sequential NBO that lets nobody stray from the nearest camera."
     assert lines[theirs + 1].split(maxsplit=1) == ["shepherd", words]
     assert "shepherd       horizon=4, far=10.0" in lines
-    fly_here(monkeypatch)
     options = ["--planner", "shepherd(far=5)", "--duration", "1", "--no-video", "--out", "flown"]
     assert example("run", *options)[0] == 0
     summary = json.loads((tmp_path / "flown" / "summary.json").read_text())

@@ -3,7 +3,6 @@
 import sys
 
 import pytest
-from helpers.commands import fly_here
 from helpers.studies import Serial
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
@@ -62,7 +61,6 @@ def theirs(tmp_path, monkeypatch):
     """A module with plug-ins in the current folder, imported anew; plug-ins fly in this process."""
     (tmp_path / "theirs.py").write_text(MODULE)
     monkeypatch.delitem(sys.modules, "theirs", raising=False)
-    fly_here(monkeypatch)
 
 
 @pytest.mark.parametrize(("override", "words"), REFUSED.items())

@@ -9,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from helpers.commands import fly_here
 from helpers.flown_pages import eventful, lost_between_tenths
 from helpers.processes import python
 from helpers.recordings import record
@@ -70,7 +69,6 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     (tmp_path / "ailing.py").write_text(AILING)
     (tmp_path / "runs" / "forest-ailing.Ailing-seed0").mkdir(parents=True)
     options = ["--planner", "ailing:Ailing", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
-    fly_here(monkeypatch)
     code, out, err = call("run", *options)
     assert (code, err) == (0, "") and "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     before, _, after = out.partition("┏")
@@ -155,7 +153,7 @@ def test_errors_of_files_other_than_a_full_disk_are_not_hidden(call, monkeypatch
     def save(recording, path):
         raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), "mission.npz")
 
-    monkeypatch.setattr("sim.running.run.save", save)
+    monkeypatch.setattr("sim.running.results.save", save)
     with pytest.raises(FileNotFoundError):
         call("run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r")
     assert not list(Path().iterdir())

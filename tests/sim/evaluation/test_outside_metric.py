@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.commands import fly_here
 from helpers.pages import DOCS, blocks
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
@@ -63,7 +62,6 @@ def test_a_file_adds_a_metric_to_summary_and_table_of_runs(call, tmp_path, monke
     told = {"label": "farthest from the middle", "unit": "km", "value": 0.0}
     assert found["metrics"] == {"mine:FARTHEST": told, "mine:NONE": {"label": "of nothing", "unit": "", "value": None}}
     assert "farthest from the middle" in shown(found) and "0.00 km" in shown(found)
-    fly_here(monkeypatch)
     words = ["run", "--planner", "hover", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video"]
     code, out, err = call(*words, "--metric", "mine:FARTHEST", "--out", "r")
     assert (code, err) == (0, "") and "farthest from the middle" in out
@@ -133,5 +131,4 @@ def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
     ],
 )
 def test_what_is_no_metric_is_refused_in_one_line(refused, command, name, words, monkeypatch):
-    fly_here(monkeypatch)
     assert words in refused(command, "--metric", name)

@@ -19,10 +19,10 @@ from sim.drawing.palette import ALARM, FAINT, uav_colour
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.frames.pages import scans_between
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
-from sim.study.trial import fly as fly_trial
+from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
 
@@ -92,7 +92,7 @@ def test_a_breakdown_changes_neither_forest_nor_people_nor_messages_of_others():
 def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path):
     ends = [f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3)]
     setting = load("forest", ["duration=2", "sensing.mode=ideal", *ends])
-    found = run(Trial(setting, "greedy", 0), tmp_path / "out")
+    found = run_mission(Trial(setting, "greedy", 0), tmp_path / "out")
     assert [(f["time"], f["uav"]) for f in found["faults"]] == [(0.4, 0), (0.6, 1), (0.8, 2)]
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     recording = load_recording(tmp_path / "out" / "mission.npz")

@@ -14,7 +14,7 @@ from sim.mission.mission import Mission
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError
@@ -219,7 +219,7 @@ def test_missions_that_hover_at_first_sense_the_same_and_are_shown(tmp_path):
         assert [len(t) for t in one.tracks] == [len(t) for t in other.tracks]
     assert len(later[3].tracks[0]) == 4 and Scenario().first_decision == 0.0
     scenario = load("forest", [*IDEAL, OPEN, "duration=4", "first_decision=2"])
-    run(Trial(scenario, "greedy", 0), tmp_path / "out")
+    run_mission(Trial(scenario, "greedy", 0), tmp_path / "out")
     recording = load_recording(tmp_path / "out" / "mission.npz")
     np.testing.assert_array_equal(recording.plan_times, [2.0, 3.0, 4.0])
     assert recording.plans_at(0) is None

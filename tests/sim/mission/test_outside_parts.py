@@ -16,9 +16,9 @@ from helpers.studies import task_of
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 from tracking.filter.motion import motion_model
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
@@ -46,7 +46,7 @@ def module(tmp_path, monkeypatch):
 
 def flown(folder, *overrides, planner="greedy"):
     """Recording and summary of a mission."""
-    summary = run(Trial(load_scenario("forest", overrides), planner, 0), folder, video=False)
+    summary = run_mission(Trial(load_scenario("forest", overrides), planner, 0), folder, video=False)
     return load(folder / "mission.npz"), summary
 
 
@@ -70,7 +70,7 @@ def test_stone_soups_tracks_of_unknown_people_are_found(tmp_path, monkeypatch):
 @cache
 def digest_of(*overrides):
     """Digest of the recording of a short mission."""
-    return fly(task_of(load_scenario("forest", [*SHORT, *overrides]), "hover", 0)).row.recording
+    return fly_trial(task_of(load_scenario("forest", [*SHORT, *overrides]), "hover", 0)).row.recording
 
 
 @pytest.mark.parametrize(
@@ -297,7 +297,7 @@ def test_a_plug_in_that_changes_what_it_is_given_changes_nothing(module, call, l
     code += f"    def {call}(self, {arguments}):\n        given = super().{call}({arguments})\n        {line}\n"
     module("spoils", f"{code}        return given\n")
     rows = [
-        fly(task_of(load_scenario("forest", [*SHORT, f"{key}=spoils:{name}"]), "greedy", 0)).row
+        fly_trial(task_of(load_scenario("forest", [*SHORT, f"{key}=spoils:{name}"]), "greedy", 0)).row
         for name in ("Plain", "Spoils")
     ]
     assert rows[0].ospa.tobytes() == rows[1].ospa.tobytes() and rows[1].error == ""

@@ -22,7 +22,7 @@ from sim.recording.archive import save
 from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
 from sim.sensing.sensors import Sensors
-from sim.study.trial import fly as fly_trial
+from sim.study.trial_flight import fly_trial
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa

@@ -13,7 +13,7 @@ from sim.recording.archive import load as load_recording
 from sim.replay.events import links_of
 from sim.scenario.loading import load
 from sim.study.backends import Borrowed
-from sim.study.engine import complete
+from sim.study.scheduler import complete
 from sim.study.store import Store, read_rows
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks

@@ -13,9 +13,9 @@ from planning.registry import DEFAULT_PLANNER
 from sim.evaluation.machine import machine
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
@@ -44,13 +44,13 @@ def test_recordings_and_images_have_the_same_bytes_on_every_processor(flown):
 def test_the_readme_has_the_figure_of_its_first_command():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (figure,) = re.findall(r"Seed 0,\s+which\s+the\s+first\s+command\s+flies,\s+has\s+([0-9.]+) %", readme)
-    row = fly(task_of(load_scenario("forest"), DEFAULT_PLANNER, 0)).row
+    row = fly_trial(task_of(load_scenario("forest"), DEFAULT_PLANNER, 0)).row
     assert f"{100 * row.metrics['ospa.share_under_1m']:.1f}" == figure
 
 
 def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
     scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "trees.density=5"])
-    run(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
+    run_mission(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["recording_sha256"] == digest(load(tmp_path / "out" / "mission.npz"))
     assert summary["machine"] == machine() and set(machine()) == {"processor", "blas"}

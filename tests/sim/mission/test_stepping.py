@@ -12,7 +12,7 @@ from planning.loading import load_planner
 from planning.planner import Plan
 from sim.mission.mission import Mission
 from sim.recording.archive import digest
-from sim.running.run import record
+from sim.running.results import record
 from sim.scenario.loading import load
 from tracking.errors import InputError
 

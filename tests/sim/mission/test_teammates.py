@@ -17,7 +17,7 @@ from sim.mission.plan_check import checked_plans
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
 from sim.mission.trial import Trial
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.fleet import Network
 from sim.scenario.loading import load
 from sim.scenario.random_streams import stream
@@ -227,7 +227,7 @@ def test_rounds_are_whole_numbers(rounds):
 
 def test_a_run_says_what_plans_took_to_send(tmp_path):
     setting = load("forest", ["duration=1", *IDEAL, "uavs.2.fails_at=0.6"])
-    summary = run(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
+    summary = run_mission(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["network"] == summary["network"]
     assert summary["network"]["plans"] == {
         "bytes_total": 5 * FIVE_STEPS, "bytes_per_decision_mean": 136.0, "bytes_per_decision_max": 136, "rounds": 1,

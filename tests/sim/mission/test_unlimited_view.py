@@ -17,7 +17,7 @@ from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import find
 from sim.replay.measurement_tables import read_cameras
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.cameras import camera_of, noise_of, view_of
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
@@ -117,7 +117,7 @@ def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
 
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
-    run(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
+    run_mission(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")
     cameras = read_cameras(tmp_path / "csv" / "cameras.csv")

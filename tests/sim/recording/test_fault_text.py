@@ -13,10 +13,10 @@ from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.fault_text import LONGEST, MOST, read, recorded
 from sim.recording.recorder import Recorder
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
-from sim.study.trial import fly as fly_trial
+from sim.study.trial_flight import fly_trial
 
 OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")
 SETTING = load("forest", ["duration=2", *OPTIONS])
@@ -70,7 +70,7 @@ def test_a_planner_that_faults_always_fills_no_disk():
 
 
 def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path):
-    run(Trial(SETTING, "hover", 4), tmp_path / "run", video=False)
+    run_mission(Trial(SETTING, "hover", 4), tmp_path / "run", video=False)
     kept = load_recording(tmp_path / "run" / "mission.npz")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert [{"time": f.time, "uav": f.uav, "message": f.message} for f in read(kept.faults)] == summary["faults"] != []

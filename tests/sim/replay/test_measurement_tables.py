@@ -21,7 +21,7 @@ from sim.replay.measurement_tables import (
     read_forest,
     read_scans,
 )
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.fleet import step
@@ -185,7 +185,7 @@ def mission(tmp_path_factory):
     """A flown mission that began without tracks, and its exports."""
     out = tmp_path_factory.mktemp("mission")
     setting = load("forest", ["duration=8", "sensing.mode=ideal", "tracking.initial_tracks=none"])
-    run(Trial(setting, "greedy", 0), out / "run", video=False)
+    run_mission(Trial(setting, "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "csv", out / "csv")
     export(recording, "stonesoup", out / "stonesoup")

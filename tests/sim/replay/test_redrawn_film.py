@@ -22,7 +22,7 @@ from sim.recording.atomic_files import unused
 from sim.replay import redrawn_film as module
 from sim.replay import window
 from sim.replay.redrawn_film import write_film
-from sim.running.run import run as fly
+from sim.running.results import run_mission as fly
 from sim.scenario.loading import load as load_scenario
 from tracking.errors import InputError
 

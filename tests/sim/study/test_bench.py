@@ -12,7 +12,7 @@ from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.remarks import remarks
 from sim.scenario.scenario import resolved
 from sim.study.cells import VIEW, cells
-from sim.study.engine import rows_of
+from sim.study.scheduler import rows_of
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks
 

@@ -12,11 +12,11 @@ from helpers.processes import python, started_with
 from helpers.studies import SHORT, Serial, plain, short
 
 from sim.study.backends import connected
-from sim.study.engine import complete
+from sim.study.scheduler import complete
 from sim.study.store import NAME, Store, read_rows
 from sim.study.study import read
 from sim.study.tasks import tasks
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 
 FILE = "[study]\nplanners = ['hover', 'greedy']\nseeds = '{seeds}'\n[set]\n" + "\n".join(
@@ -28,7 +28,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from sim.study.backends import Borrowed
-from sim.study.engine import complete
+from sim.study.scheduler import complete
 from sim.study.store import Store
 from sim.study.study import read
 from sim.study.tasks import tasks
@@ -61,7 +61,7 @@ def killed(tmp_path):
         with Store.opened(folder, "killed") as store:
             rows = complete(every, store, Serial())
         assert {key: value for key, value in stored(folder).items() if key in kept} == kept
-        assert list(map(plain, rows)) == [plain(fly(task).row) for task in every]
+        assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in every]
         return len(kept), len(every)
 
     return check
@@ -172,7 +172,7 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
 
         with Store.opened(tmp_path, "short") as store:
             rows = complete(tasks, store, cluster, heard=kill)
-    assert killed and list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+    assert killed and list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert len(read_rows(tmp_path)) == len(tasks)
 
 

@@ -8,7 +8,7 @@ from helpers.studies import task_of
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.study.backends import Pool
-from sim.study.engine import rows_of
+from sim.study.scheduler import rows_of
 
 SEEDS = range(10)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.studies import Serial, invented, plain, short, sql, store
 
-from sim.study.engine import Options, complete
+from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
 from tracking.errors import InputError
 

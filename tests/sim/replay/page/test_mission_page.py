@@ -26,7 +26,7 @@ from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.page.data import page_data
 from sim.replay.page.page import page, write_page
-from sim.running.run import run
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.settings_text import changed, toml
@@ -142,7 +142,7 @@ def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, missi
 
 def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
     setting = load("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
-    run(Trial(setting, "hover", 2), tmp_path / "out")
+    run_mission(Trial(setting, "hover", 2), tmp_path / "out")
     text = (tmp_path / "out" / "mission.html").read_text()
     assert len(data_of(text)["times"]) == 4
     assert call("replay", "out", "--page")[0] == 0  # with the film beside

@@ -6,7 +6,7 @@ import pytest
 from helpers.clients import open_clients
 
 from sim.mission.trial import Trial
-from sim.running.flight import flown
+from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import load
 
 TRIAL = Trial(load("forest", ["duration=1"]), "hover", 0)
@@ -20,5 +20,5 @@ def full(*given):
 def test_what_fails_between_set_up_and_the_first_scan_closes_the_world(watching, prepare):
     before = open_clients()
     with pytest.raises(OSError, match="no room"):
-        flown(TRIAL, watching, prepare)
+        fly_mission(TRIAL, watching, prepare)
     assert open_clients() == before

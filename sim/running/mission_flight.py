@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from planning.loading import PlannerError, load_planner
+from planning.loading import PlannerError, load_planner, planner_target
 from planning.planner import Planner
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
@@ -17,7 +17,7 @@ from sim.scenario.scenario import resolved
 Watch = Callable[[Snapshot], bool]  # gets each scan, and returns False to end the mission
 
 
-def flown(
+def fly_mission(
     trial: Trial,
     watching: Callable[[Mission], AbstractContextManager[Watch]],
     prepare: Callable[[], object] = lambda: None,
@@ -31,7 +31,7 @@ def flown(
     """
     start = time.perf_counter()
     prepare()
-    mission = mission_of(trial, planner)
+    mission = make_mission(trial, planner)
     recorder = Recorder(trial.repeat)
     with mission:
         start_up = time.perf_counter() - start
@@ -51,8 +51,8 @@ def flown(
     )
 
 
-def mission_of(trial: Trial, planner: Planner | None = None) -> Mission:
-    """The mission of a trial at its first scan; InputError if it cannot be built. planner: as in `flown`."""
+def make_mission(trial: Trial, planner: Planner | None = None) -> Mission:
+    """The mission of a trial at its first scan; InputError if it cannot be built. planner: as in `fly_mission`."""
     if planner is None:
         planner = load_planner(trial.planner)
     with naming(trial.place, PlannerError):
@@ -69,3 +69,9 @@ def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recordin
         interrupted=len(recorder) < len(mission.scenario.scan_times),
         sees_truth=mission.sees_truth,
     )
+
+
+def is_built_in(trial: Trial) -> bool:
+    """True if no plug-in from outside flies in a mission; InputError if there is no planner of that name."""
+    parts = all(name in registry.built_in for registry, name in trial.scenario.plugins)
+    return planner_target(trial.planner).startswith("planning.") and parts

@@ -15,22 +15,22 @@ from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 from sim.recording.archive import content, digest
-from sim.running.flight import flown
+from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, release
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
-class Flown(Struct, frozen=True):
+class TrialResult(Struct, frozen=True):
     """A trial that has ended: its row, and the content of its recording's file if that is to be kept."""
 
     row: Row
     recording: bytes = b""
 
 
-def fly(
+def fly_trial(
     task: Task, *, keep: bool = False, timeout: float | None = None, begun: Callable[[], object] = lambda: None
-) -> Flown:
+) -> TrialResult:
     """Fly a trial. Any exception becomes the error of a failed row, because not all exceptions can be pickled.
 
     keep: True to return the recording, too. timeout: wall time [s], without compilation, after which the trial fails.
@@ -42,19 +42,19 @@ def fly(
         warm_up()  # so that the first trial takes as long as the others
         begun()
         with plugin_call():
-            return _flown(task, keep, timeout)
+            return _fly(task, keep, timeout)
     except PluginError as error:
-        return failed(task, str(error))
+        return make_failure(task, str(error))
     except Exception as error:
-        return failed(task, f"{type(error).__name__}: {error}")
+        return make_failure(task, f"{type(error).__name__}: {error}")
 
 
-def failed(task: Task, error: str) -> Flown:
+def make_failure(task: Task, error: str) -> TrialResult:
     """A trial without a result, with the reason."""
-    return Flown(Row(**task.shared, status="failed", error=" ".join(error.split())))
+    return TrialResult(Row(**task.shared, status="failed", error=" ".join(error.split())))
 
 
-def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
+def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
     start, ospa = time.perf_counter(), []
 
     def watch(snapshot: Snapshot) -> bool:
@@ -64,7 +64,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
         return True
 
     trial = Trial(task.setting, task.planner, task.seed, task.repeat, place_of(task.scenario, task.settings))
-    outcome = flown(trial, lambda mission: nullcontext(watch))
+    outcome = fly_mission(trial, lambda mission: nullcontext(watch))
     recording = outcome.recording
     row = Row(
         **task.shared,
@@ -75,7 +75,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
         recording=digest(recording),
         machine=", ".join(machine().values()),
     )
-    return Flown(row, content(recording) if keep else b"")
+    return TrialResult(row, content(recording) if keep else b"")
 
 
 def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:

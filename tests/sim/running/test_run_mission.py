@@ -15,8 +15,8 @@ from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import PlaceTaken, new_folder
 from sim.replay import events
-from sim.running import run as module
-from sim.running.run import run
+from sim.running import results as module
+from sim.running.results import run_mission
 from sim.scenario.loading import load
 from tracking.errors import InputError
 
@@ -47,7 +47,7 @@ def interrupting(*scans):
 
 def test_a_run_leaves_files_that_agree(tmp_path):
     setting = load("forest", ["duration=2"])
-    summary = run(Trial(setting, "greedy", 3), tmp_path / "deep" / "out")
+    summary = run_mission(Trial(setting, "greedy", 3), tmp_path / "deep" / "out")
     assert names(tmp_path) == ["deep"] and names(tmp_path / "deep") == ["out"]
     out = tmp_path / "deep" / "out"
     assert names(out) == FILES and json.loads((out / "summary.json").read_text()) == summary
@@ -64,31 +64,31 @@ def test_a_run_leaves_files_that_agree(tmp_path):
 def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
     words = ["-m", "sim", "run", "--duration", "1", "--seed", "7", "--no-video", "--out", tmp_path / "one"]
     assert python(*words, PYTHONHASHSEED="1").returncode == 0
-    run(Trial(load("forest", ["duration=1"]), DEFAULT_PLANNER, 7), tmp_path / "two", video=False)
+    run_mission(Trial(load("forest", ["duration=1"]), DEFAULT_PLANNER, 7), tmp_path / "two", video=False)
     first, second = ((tmp_path / name / "mission.npz").read_bytes() for name in ("one", "two"))
     assert first == second
 
 
 def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path, monkeypatch):
-    summary = run(trial(), tmp_path / "out", progress=interrupting(4))
+    summary = run_mission(trial(), tmp_path / "out", progress=interrupting(4))
     assert summary["interrupted"] and summary["duration_s"] == pytest.approx(0.6)
     assert names(tmp_path / "out") == FILES
     recording = load_recording(tmp_path / "out" / "mission.npz")
     assert recording.interrupted and len(recording.times) == 4
     assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 4)
     with pytest.raises(KeyboardInterrupt):
-        run(trial(), tmp_path / "new" / "out", progress=interrupting(4, 4))
+        run_mission(trial(), tmp_path / "new" / "out", progress=interrupting(4, 4))
     assert names(tmp_path) == ["out"]
     monkeypatch.setattr(module, "warm_up", lambda: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
-        run(trial(), tmp_path / "other")
+        run_mission(trial(), tmp_path / "other")
     assert names(tmp_path) == ["out"]
 
 
 def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch):
     made, find = [], events.unmatched_tracks
     monkeypatch.setattr(events, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
-    run(trial(duration=0.2), tmp_path / "out")
+    run_mission(trial(duration=0.2), tmp_path / "out")
     assert len(made) == 1
 
 
@@ -101,7 +101,7 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
 
     monkeypatch.setattr(module, "write_results", interrupted)
     before = signal.getsignal(signal.SIGINT)
-    assert not run(trial(duration=0.2), tmp_path / "out")["interrupted"] and names(tmp_path / "out") == FILES
+    assert not run_mission(trial(duration=0.2), tmp_path / "out")["interrupted"] and names(tmp_path / "out") == FILES
     assert signal.getsignal(signal.SIGINT) is before
 
 

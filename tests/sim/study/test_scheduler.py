@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -12,18 +11,17 @@ import msgspec
 import numpy as np
 import pytest
 from helpers.flights import mission_of
-from helpers.processes import ended
 from helpers.studies import Serial, plain, short
 
-from sim.study import backends, engine, trial
+from sim.study import backends, scheduler, trial_flight
 from sim.study.backends import Borrowed, Pool, connected
-from sim.study.engine import Options, complete, rows_of
+from sim.study.scheduler import Options, complete, rows_of
 from sim.study.store import Store, StoreError, read_rows
-from sim.study.trial import fly
+from sim.study.trial_flight import fly_trial
 
 # Planners that end their process, hang, take long or raise, always or but once (a file tells).
 AILING = """
-import os, subprocess, time
+import os, time
 from pathlib import Path
 from planning.baselines import Hover
 
@@ -40,20 +38,11 @@ class Dies:
 
 class Hangs(Dies):
     def fail(self):
-        self.mark.write_text(str(subprocess.Popen(["sleep", "3600"]).pid))
         time.sleep(3600)
 
 class Sleeps(Dies):
     def fail(self):
         time.sleep(0.75)
-
-class Stalls(Dies):
-    def fail(self):
-        time.sleep(3600)
-
-class Interrupts(Dies):
-    def fail(self):
-        raise KeyboardInterrupt
 """
 
 
@@ -70,18 +59,13 @@ def run(tmp_path, tasks, backend, *given, **named):
         return complete(tasks, store, backend, *given, **named)
 
 
-def test_trials_that_fail_or_are_interrupted_are_failed_rows_with_reasons(ailing, tmp_path):
-    (task,) = short([ailing("Interrupts", once=False)], "0")
-    row = backends._fly(task, keep=False, timeout=None).row
-    assert (row.status, row.error) == ("failed", "KeyboardInterrupt: raised by a plug-in")
-    with pytest.raises(KeyboardInterrupt):  # here it may be the user's
-        fly(task)
+def test_trials_that_fail_are_failed_rows_with_reasons(tmp_path):
     task = short(["hover"], "0", factors={"x": {"y": {"trees": {"density": 160}}}})[0]
-    row = fly(task).row
+    row = fly_trial(task).row
     assert row.status == "failed" and row.error.startswith("InputError: trees.density = 160")
     assert len(row.ospa) == len(row.times) == 0 and row.metrics == {}
     (task,) = short(["hover"], "0")
-    row = fly(msgspec.structs.replace(task, version="0.0.9")).row
+    row = fly_trial(msgspec.structs.replace(task, version="0.0.9")).row
     assert row.status == "failed" and "not 0.0.9" in row.error
     with ThreadPoolExecutor(1) as executor:
         (row,) = run(tmp_path, short(["hover"], "0"), Borrowed(executor), Options(timeout=1e-6))
@@ -90,7 +74,7 @@ def test_trials_that_fail_or_are_interrupted_are_failed_rows_with_reasons(ailing
 
 def test_a_row_holds_what_the_mission_came_to():
     (task,) = short(["greedy"], "4")
-    row = fly(task).row
+    row = fly_trial(task).row
     mission = mission_of(task.setting, "greedy", 4)
     snapshots = list(mission.fly())
     errors = [snapshot.error for snapshot in snapshots]
@@ -118,18 +102,18 @@ def test_trials_that_fail_once_are_tried_again_and_twice_are_recorded(tmp_path):
 
 
 def test_trials_that_hang_are_dropped_and_the_rest_flies_on(tmp_path, monkeypatch):
-    monkeypatch.setattr(engine, "_GRACE", 0.0)
-    monkeypatch.setattr(engine, "_TICK", 0.01)
+    monkeypatch.setattr(scheduler, "GRACE", 0.0)
+    monkeypatch.setattr(scheduler, "_TICK", 0.01)
     backend = Serial({"greedy": [..., ...]})
     rows = run(tmp_path, short(["hover", "greedy"], "0"), backend, Options(timeout=0.05))
     assert [row.status for row in rows] == ["done", "failed"]
-    assert rows[1].error == "TimeoutError: hung for longer than the timeout of 0.05 s"
-    assert len(backend.dropped) == 2
+    assert rows[1].error == "TimeoutError: took longer than the timeout of 0.05 s"
+    assert len(backend.flown) == 3
 
 
 def test_trials_that_wait_in_the_queue_of_a_process_pool_do_not_hang(ailing, tmp_path, monkeypatch):
     """Futures of Python's pool say that they run from when they are in its queue, before its process has started."""
-    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    monkeypatch.setattr(scheduler, "GRACE", 0.0)
     tasks = short([ailing("Sleeps", once=False)], "0-2")
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
         monkeypatch.setattr(executor, "submit", Mock(wraps=executor.submit))
@@ -158,24 +142,21 @@ def cluster():
 
 
 def test_trials_that_wait_for_a_worker_or_its_warm_up_do_not_hang(ailing, cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    monkeypatch.setattr(scheduler, "GRACE", 0.0)
     warm_up = Mock()
     warm_up.side_effect = lambda: time.sleep(4.0 if warm_up.call_count == 1 else 0.0)
-    monkeypatch.setattr(trial, "warm_up", warm_up)
+    monkeypatch.setattr(trial_flight, "warm_up", warm_up)
     tasks = short([ailing("Sleeps", once=False)], "0-2")
     with cluster("Worker") as backend:
         rows = run(tmp_path, tasks, backend, Options(timeout=3.0))
         assert backend.submit.call_count == len(tasks) and backend._names == backend._begun == {}
-        future = backend.submit(tasks[0], keep=False, timeout=None)
-        seen = [backend.overdue(0.3) for _ in iter(lambda: time.sleep(0.05) or future.done(), True)]
-        assert [future] in seen and backend.overdue(0.0) == []
     assert [row.error for row in rows] == [""] * len(tasks)
 
 
 @pytest.mark.slow
 def test_a_trial_that_hangs_in_a_worker_ends_with_it_and_is_flown_again(ailing, cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr(engine, "_GRACE", 0.0)
-    tasks = short([ailing("Stalls"), "hover"], "0")
+    monkeypatch.setattr(scheduler, "GRACE", 0.0)
+    tasks = short([ailing("Hangs"), "hover"], "0")
     with cluster("Nanny") as backend:
         rows = run(tmp_path, tasks, backend, Options(timeout=2.0))
         assert backend.submit.call_count == len(tasks) + 1 and backend._names == backend._begun == {}
@@ -183,16 +164,15 @@ def test_a_trial_that_hangs_in_a_worker_ends_with_it_and_is_flown_again(ailing, 
 
 
 def test_an_executor_that_takes_no_more_ends_the_study_and_keeps_what_there_is(tmp_path):
-    backend = Serial({"hover": [None, None, RuntimeError]})
-    backend.room = lambda: len(backend.flown) < 2 or bool(read_rows(tmp_path / "study"))
+    backend = Serial({"hover": [None, OSError("gone"), RuntimeError]})
     with pytest.raises(StoreError, match="no more trials can be flown: RuntimeError: shut down"):
-        run(tmp_path, short(["hover"], "0-2"), backend)
+        run(tmp_path, short(["hover"], "0-1"), backend)
     assert len(read_rows(tmp_path / "study")) == 1
 
 
 def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):
     tasks = short(["hover", "greedy"], "2,0")[::-1]
-    alone = [plain(fly(task).row) for task in tasks]
+    alone = [plain(fly_trial(task).row) for task in tasks]
     with ThreadPoolExecutor(3) as executor:
         assert list(map(plain, run(tmp_path, tasks, Borrowed(executor)))) == alone
         assert list(map(plain, rows_of(tasks, Borrowed(executor)))) == alone
@@ -200,50 +180,22 @@ def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):
     assert errors == ["ValueError: no" if task.planner == "hover" else "" for task in tasks]
 
 
-def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothing(tmp_path, ailing, monkeypatch):
-    monkeypatch.setattr(engine, "_GRACE", 0.2)
-    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Interrupts")], "0", repeats=2)
+def test_processes_that_die_or_hang_lose_no_trial_and_change_no_row(tmp_path, ailing, monkeypatch):
+    monkeypatch.setattr(backends, "GRACE", 0.2)
+    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Dies", once=False)], "0")
+    tasks[-1] = msgspec.structs.replace(tasks[-1], seed=1, key="always")  # with a mark of its own
     before = dict(os.environ)
     with Pool(2) as flying:
-        rows = run(tmp_path, tasks, flying, Options(timeout=2.0))
-        pids = [process.pid for lane in flying._lanes for process in lane._processes]
-    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
-    assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DHI]*s"))) == 3
-    assert dict(os.environ) == before and pids and ended(int((tmp_path / "Hangs").read_text()))
-    for pid in pids:
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
+        *rows, lost = run(tmp_path, tasks, flying, Options(timeout=2.0))
+    assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks[:-1]]
+    assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DH]*s"))) == 2
+    assert lost.error == "ProcessExpired: its process ended by itself, with exit code 3"
+    assert dict(os.environ) == before and multiprocessing.active_children() == []
 
 
 def test_a_pool_has_a_process_for_each_core_that_it_may_use(monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 64)
     monkeypatch.setattr("os.sched_getaffinity", lambda process: {3, 5}, raising=False)
-    assert len(Pool()._lanes) == 2
+    assert Pool().count == 2
     monkeypatch.delattr("os.sched_getaffinity")
-    assert len(Pool()._lanes) == 64
-
-
-def test_a_process_that_dies_between_two_trials_is_replaced():
-    first, second = short(["hover"], "0-1")
-    with Pool(1) as flying:
-        assert flying.submit(first, keep=False, timeout=None).result().row.status == "done"
-        (process,) = flying._lanes[0]._processes
-        process.kill()
-        give_up = time.monotonic() + 30.0
-        while not flying._lanes[0]._executor._broken and time.monotonic() < give_up:
-            time.sleep(0.01)
-        assert flying.submit(second, keep=False, timeout=None).result().row.status == "done"
-
-
-@pytest.mark.slow
-def test_trials_that_always_die_or_hang_are_recorded_with_their_error(tmp_path, ailing):
-    tasks = short([ailing("Dies", once=False), "hover", ailing("Hangs", once=False)], "0-1")
-    before = {thread.name for thread in threading.enumerate()}
-    start = time.monotonic()
-    with Pool(2) as flying:
-        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
-    assert [row.status for row in rows] == ["failed", "done", "failed"] * 2
-    assert "the process that flew it died" in rows[0].error
-    assert rows[2].error == "TimeoutError: hung for longer than the timeout of 3 s"
-    assert time.monotonic() - start < 120
-    assert {thread.name for thread in threading.enumerate()} - before == set()
+    assert Pool().count == 64

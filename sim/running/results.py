@@ -1,13 +1,16 @@
 """One mission and its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+from planning.loading import load_planner
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import save as save_figure
+from sim.evaluation.catalogue import metric
 from sim.evaluation.summary import marked, summarise
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
@@ -19,38 +22,68 @@ from sim.recording.atomic_files import new_folder
 from sim.recording.recorder import Recorder
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
-from sim.running.flight import flown, recording_of
-from sim.running.isolated_run import Results
+from sim.running.mission_flight import fly_mission, recording_of
 
 
-def run(
+class Stop(Protocol):
+    """A request to end a mission after the present scan, such as an event of threads or processes."""
+
+    def is_set(self) -> bool:
+        """True if the mission should end."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a mission leaves in its folder."""
+
+    folder: Path
+    final: Path  # name of the folder when it is complete
+    video: bool  # False: neither mission.mp4 nor mission.html
+    metrics: Sequence[str]  # import strings of plug-in metrics for the summary
+
+
+def run_mission(
     trial: Trial,
     out: Path,
     *,
     video: bool = True,
+    metrics: Sequence[str] = (),
     progress: Progress = lambda moment: None,
     say: Say = lambda text: None,
 ) -> dict[str, Any]:
-    """Fly a mission, leave its files in the new folder `out`, and return the summary.
+    """Fly a mission, leave its results in the new folder `out`, and return the summary.
 
-    `progress` is called at each scan, and `say` with messages about compilation.
+    video: False for neither film nor page. metrics: import strings of plug-in metrics for the summary. `progress` is
+    called at each scan, and `say` with messages about compilation.
 
     The folder appears when it is complete. Ctrl-C in flight ends the mission after the present scan; the scans flown so
     far are kept and marked as interrupted. A second Ctrl-C, or one before take-off, is a KeyboardInterrupt and leaves
     nothing. InputError if the input is wrong.
     """
     with new_folder(out) as folder:
-        return fly(trial, folder, Results(str(out), video), progress=progress, say=say)
+        results = Results(folder, out, video, metrics)
+        return fly_into(results, trial, stopping=stop_request, progress=progress, say=say)
 
 
-def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say: Say) -> dict[str, Any]:
-    """Fly a mission like `run`, into an existing folder."""
-    film = folder / "mission.mp4" if results.video else None
-    with ExitStack() as catching:  # catches Ctrl-C from take-off until all files are written
+def fly_into(
+    results: Results,
+    trial: Trial,
+    *,
+    stopping: Callable[[], AbstractContextManager[Stop]],
+    progress: Progress,
+    say: Say,
+) -> dict[str, Any]:
+    """Fly a mission like `run_mission`, into a folder that exists.
+
+    stopping: entered at take-off; its value tells when the mission should end. It is left when all files are written.
+    """
+    _check_plug_ins(trial, results.metrics)
+    film = results.folder / "mission.mp4" if results.video else None
+    with ExitStack() as from_take_off:
 
         @contextmanager
         def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
-            stop = catching.enter_context(stop_request())
+            stop = from_take_off.enter_context(stopping())
             with _film(trial, mission, film) as add:
 
                 def watch(snapshot: Snapshot) -> bool:
@@ -60,13 +93,23 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
 
                 yield watch
 
-        outcome = flown(trial, watching, announced(say)(warm_up))
+        outcome = fly_mission(trial, watching, announced(say)(warm_up))
         summary = summarise(outcome, results.metrics)
         flight = Flight(outcome.recording)
-        write_results(folder, flight, summary)
+        write_results(results.folder, flight, summary)
         if film:
-            write_page(flight, folder / "mission.html", video=film, place=results.place)
+            write_page(flight, results.folder / "mission.html", video=film, place=str(results.final))
     return summary
+
+
+def _check_plug_ins(trial: Trial, metrics: Sequence[str]) -> None:
+    """InputError if a plug-in cannot be imported or made, before anything is compiled."""
+    for registry, name in trial.scenario.plugins:
+        if name not in registry.built_in:
+            registry.find(name)
+    load_planner(trial.planner)
+    for name in metrics:
+        metric(name)
 
 
 @contextmanager

@@ -1,0 +1,91 @@
+"""A mission with a limit of wall time: it flies in a process of its own, which can be ended if its planner hangs."""
+
+import threading
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Event
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sim.mission.trial import Progress, Say, ScanProgress, Trial
+from sim.mission.warmup import announced, warm_up
+from sim.processes.signals import stop_request
+from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
+from sim.recording.atomic_files import new_folder
+from sim.running.results import Results, fly_into
+from tracking.errors import InputError
+from tracking.plugins.plugin_error import PluginError, plugin_call
+
+_TICK = 0.1  # s
+_NAME = "mission"  # of the worker's only task
+
+
+def run_with_timeout(
+    trial: Trial,
+    out: Path,
+    timeout: float,
+    *,
+    video: bool = True,
+    metrics: Sequence[str] = (),
+    progress: Progress = lambda moment: None,
+    say: Say = lambda text: None,
+) -> dict[str, Any]:
+    """Fly a mission like `run_mission`, but in another process, for at most `timeout` s without compilation.
+
+    PluginError if it takes longer, raises another exception or ends its process.
+    """
+    ours, theirs = CONTEXT.Pipe(duplex=False)
+    stop, asked = CONTEXT.Event(), threading.Event()
+    last: ScanProgress | None = None
+    with (
+        new_folder(out) as folder,
+        start_workers(1, _prepare, theirs, stop) as workers,
+        ExitStack() as in_flight,
+    ):
+        results = Results(folder.absolute(), out, video, tuple(metrics))
+        future = workers.submit(_NAME, timeout, _fly, trial, results)
+        while not future.done() or ours.poll():
+            if asked.is_set():
+                stop.set()
+            if not ours.poll(_TICK):
+                continue
+            message = ours.recv()
+            if not isinstance(message, ScanProgress):
+                say(message)
+                continue
+            if last is None:
+                asked = in_flight.enter_context(stop_request())
+            last = message
+            progress(message)
+        error = future.exception()
+        if error is None:
+            return future.result()
+        if isinstance(error, LOST):
+            when = f"at {last.time:.1f} s" if last else "before its first scan was complete"
+            raise PluginError(f"the mission ended {when}: {describe_end(error, timeout)}{workers.crash_place(_NAME)}")
+        raise error
+
+
+class _Parent(NamedTuple):
+    """What connects the flying process with the one that shows its progress."""
+
+    messages: Connection
+    stop: Event  # set there when the user asks to stop
+
+
+_parent: _Parent
+
+
+def _prepare(messages: Connection, stop: Event) -> None:
+    """Prepare the process that flies."""
+    global _parent
+    _parent = _Parent(messages, stop)
+    announced(messages.send)(warm_up)()
+
+
+def _fly(trial: Trial, results: Results) -> dict[str, Any]:
+    """Fly in the process; exceptions of plug-ins become PluginErrors, because not all exceptions can be pickled."""
+    tell = _parent.messages.send
+    with plugin_call(passing=(InputError,)):
+        return fly_into(results, trial, stopping=lambda: nullcontext(_parent.stop), progress=tell, say=tell)

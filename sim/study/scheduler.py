@@ -1,0 +1,137 @@
+"""Flies the trials of a study on a backend, keeps each result as it comes and repeats failed trials once."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Future, TimeoutError
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import NamedTuple
+
+from sim.processes.workers import describe_end
+from sim.recording.atomic_files import whole
+from sim.study.backends import GRACE, Backend
+from sim.study.store import Store, StoreError
+from sim.study.tasks import Row, Task
+from sim.study.trial_flight import TrialResult, make_failure
+
+ATTEMPTS = 2
+_TICK = 0.5  # s, interval of checks for trials that hang
+Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
+
+
+class _Attempt(NamedTuple):
+    """An attempt to fly a trial."""
+
+    task: Task
+    number: int
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a study: timeout, recordings and repetition."""
+
+    timeout: float | None = None  # s, wall time of a trial
+    recordings: Path | None = None  # folder for recordings; None means that they are not kept
+    redo: bool = False  # True if trials that are already in the store are flown again
+
+
+def complete(
+    tasks: Sequence[Task],
+    store: Store,
+    backend: Backend,
+    options: Options = Options(),
+    heard: Heard = lambda task, row, fresh: None,
+) -> list[Row]:
+    """Rows of all tasks, in order: from the store, or flown now and added to it.
+
+    Trials are flown again if they had failed, lack a metric that is asked for, or lack a recording that is to be kept.
+    StoreError if a result cannot be written; earlier results stay in the store.
+    """
+    asked, kept = {task.key: set(task.metrics) for task in tasks}, options.recordings
+    rows = {
+        key: row
+        for key, row in ({} if options.redo else store.done(tasks)).items()
+        if asked[key] <= row.metrics.keys() and (kept is None or (kept / f"{key}.npz").exists())
+    }
+    store.label(tasks)
+    for task in tasks:
+        if task.key in rows:
+            heard(task, rows[task.key], False)
+
+    def keep(task: Task, result: TrialResult) -> None:
+        if kept is not None and result.recording:
+            _write(kept / f"{task.key}.npz", result.recording)
+        store.add(task, result.row)
+        rows[task.key] = result.row
+        heard(task, result.row, True)
+
+    _fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
+    return [rows[task.key] for task in tasks]
+
+
+def rows_of(tasks: Sequence[Task], backend: Backend) -> list[Row]:
+    """Fly all tasks and return their rows, in order, without a store."""
+    rows: dict[str, Row] = {}
+    _fly_all(tasks, backend, lambda task, result: rows.update({task.key: result.row}))
+    return [rows[task.key] for task in tasks]
+
+
+def _fly_all(
+    tasks: Sequence[Task], backend: Backend, keep: Callable[[Task, TrialResult], None], options: Options = Options()
+) -> None:
+    """Fly tasks, and call `keep` for each one that is complete or has failed twice."""
+    flying: dict[Future[TrialResult], _Attempt] = {}
+    ended: SimpleQueue[Future[TrialResult]] = SimpleQueue()
+
+    def submit(attempt: _Attempt) -> None:
+        try:
+            future = backend.submit(attempt.task, keep=options.recordings is not None, timeout=options.timeout)
+        except Exception as error:  # the executor is broken, shut down or unreachable
+            raise StoreError(f"no more trials can be flown: {type(error).__name__}: {error}") from error
+        flying[future] = attempt
+        future.add_done_callback(ended.put)
+
+    try:
+        for task in tasks:
+            submit(_Attempt(task, 1))
+        while flying:
+            for future, error in _wait_for_ended(ended, backend, options.timeout):
+                if future not in flying:  # it was ended as it hung
+                    continue
+                task, number = flying.pop(future)
+                result = _describe(task, error, backend, options.timeout) if error else future.result()
+                if result.row.status == "failed" and number < ATTEMPTS:
+                    submit(_Attempt(task, number + 1))
+                else:
+                    keep(task, result)
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+def _wait_for_ended(
+    ended: SimpleQueue[Future[TrialResult]], backend: Backend, timeout: float | None
+) -> Iterator[tuple[Future[TrialResult], BaseException | None]]:
+    """The next trial that ends, if one does within `_TICK` s, and those that hang; each with its exception."""
+    with suppress(Empty):
+        future = ended.get(timeout=_TICK)
+        yield future, CancelledError() if future.cancelled() else future.exception()
+    if timeout is not None:
+        for future in backend.end_hanging(timeout + GRACE):
+            yield future, TimeoutError()
+
+
+def _describe(task: Task, error: BaseException, backend: Backend, timeout: float | None) -> TrialResult:
+    """The failure of a trial that ended with an exception."""
+    text = f"{type(error).__name__}: {describe_end(error, timeout)}{backend.crash_place(task)}"
+    return make_failure(task, text)
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(exist_ok=True)
+        with whole(path) as part:
+            part.write_bytes(content)
+    except OSError as error:
+        raise StoreError(f"{path}: {error.strerror}") from error

@@ -1,0 +1,96 @@
+"""A worker that dies or hangs ends only its own task, which tells how; Ctrl-C and the parent's death leave none."""
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import time
+
+import pytest
+from helpers.processes import python, started_with
+
+from sim.processes.workers import describe_end, start_workers
+
+
+def double(number):
+    return 2 * number
+
+
+def crash():
+    ctypes.string_at(0)
+
+
+def leave():
+    os._exit(3)
+
+
+def be_killed():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def hang():
+    while True:
+        time.sleep(600)
+
+
+def hang_in_c():
+    """Hold the interpreter's lock, so that no signal handler and no thread of Python runs."""
+    while True:
+        ctypes.PyDLL(None).usleep(900_000)
+
+
+def press_ctrl_c():
+    raise KeyboardInterrupt
+
+
+ENDS = {
+    crash: "its process was killed by SIGSEGV",
+    leave: "its process ended by itself, with exit code 3",
+    be_killed: "its process was killed by SIGKILL",
+    hang: "took longer than the timeout of 1 s",
+    hang_in_c: "took longer than the timeout of 1 s",
+    press_ctrl_c: "",
+}
+
+
+def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done():
+    with start_workers(2, time.sleep, 1.2) as workers:  # the start takes longer than tasks may
+        ill = {work: workers.submit(work.__name__, 1.0, work) for work in ENDS}
+        well = [workers.submit(f"well {number}", 1.0, double, number) for number in range(4)]
+        assert [describe_end(future.exception(), 1.0) for future in ill.values()] == list(ENDS.values())
+        assert [future.result() for future in well] == [0, 2, 4, 6]
+        places = {work: workers.crash_place(work.__name__) for work in ENDS}
+    for work in (crash, hang):
+        assert places[work].startswith(f" ({__file__}:") and places[work].endswith(f", in {work.__name__})")
+    assert places[leave] == places[be_killed] == places[press_ctrl_c] == ""
+    assert multiprocessing.active_children() == []
+
+
+PARENT = """
+import signal, sys, time
+from sim.processes.workers import start_workers
+
+if __name__ == "__main__":
+    with start_workers(2, time.sleep, 0.0) as workers:
+        for name in "ab":
+            workers.submit(name, None, time.sleep, 600)
+        print("started", flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("after", [0.2, 2.0], ids=["while workers start", "at work"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_worker_outlasts_its_parent_and_only_that_complains(tmp_path, number, after):
+    (tmp_path / "parent.py").write_text(PARENT)
+    parent = python(tmp_path / "parent.py", started=True, start_new_session=True, PARENT=str(tmp_path))
+    parent.stdout.readline()
+    time.sleep(after)
+    (os.killpg if number == signal.SIGINT else os.kill)(parent.pid, number)  # a terminal's Ctrl-C reaches all
+    parent.wait()
+    give_up = time.monotonic() + 30
+    while left := started_with("PARENT", tmp_path):
+        assert time.monotonic() < give_up, left
+        time.sleep(0.05)
+    if number == signal.SIGINT:
+        assert parent.stderr.read().count("Traceback") == 1
