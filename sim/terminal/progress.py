@@ -1,5 +1,7 @@
 """Progress bars for flights and drawings."""
 
+import pdb
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -54,9 +56,17 @@ def _shown_late(total: int, *columns: BarColumn | MofNCompleteColumn | TextColum
                 progress.start()
             progress.update(task, advance=1, description=description)
 
+        def debug(*_: object) -> None:
+            """Stop the bar until the next call, because it would be drawn over the debugger's prompt."""
+            status.stop()
+            progress.stop()
+            pdb.Pdb().set_trace(sys._getframe(1))
+
+        before, sys.breakpointhook = sys.breakpointhook, debug
         try:
             yield advance
         finally:
+            sys.breakpointhook = before
             if progress.live.is_started:  # otherwise an empty line would precede an error message
                 progress.stop()
 
