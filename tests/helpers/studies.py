@@ -83,7 +83,7 @@ class Serial:
         self._begun[future] = time.monotonic()
         fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
         if isinstance(fate, type):
-            raise fate("shut down")
+            raise fate
         if isinstance(fate, str):
             future.set_result(make_failure(task, fate))
         elif isinstance(fate, BaseException):

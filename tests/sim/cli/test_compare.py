@@ -93,17 +93,15 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     assert code == 1 and "4/4 trials" in out and "2 failed" in out
     assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
     assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
-    backend = Serial({"hover": [None, None, KeyboardInterrupt()]})
-    backend.room = lambda: len(backend.flown) == len(read_rows(tmp_path / "s"))
-    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s", backend=backend)
+    backend = Serial({"hover": [None, None, OSError("gone"), KeyboardInterrupt]})  # when the third is tried again
+    code, _, err = compare("--planner", "hover", "--seeds", "0-2", *FLAGS, "--out", "s", backend=backend)
     assert code == 1
     rest = "the same command flies the rest; for a table of them: python -m sim.report.wide_table s"
-    assert err == f"understory: interrupted; 2 of 10 trials are kept in s, {rest}\n"
+    assert err == f"understory: interrupted; 2 of 3 trials are kept in s, {rest}\n"
     assert len(read_rows(tmp_path / "s")) == 2
     wide_table(tmp_path / "s")
     assert capsys.readouterr().out.startswith("| hover |\n")
-    backend = Serial({"hover": [None, KeyboardInterrupt()]})
-    backend.room = lambda: len(backend.flown) < 2
+    backend = Serial({"hover": [None, OSError("gone"), KeyboardInterrupt]})
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
     rest = "in s 2 are there; without --redo, the same command flies what is missing; for a table of them:"
     told = f"understory: interrupted; 1 of 2 trials were flown now, {rest} python -m sim.report.wide_table s\n"

@@ -165,7 +165,7 @@ def test_a_trial_that_hangs_in_a_worker_ends_with_it_and_is_flown_again(ailing, 
 
 def test_an_executor_that_takes_no_more_ends_the_study_and_keeps_what_there_is(tmp_path):
     backend = Serial({"hover": [None, OSError("gone"), RuntimeError]})
-    with pytest.raises(StoreError, match="no more trials can be flown: RuntimeError: shut down"):
+    with pytest.raises(StoreError, match="no more trials can be flown: RuntimeError"):
         run(tmp_path, short(["hover"], "0-1"), backend)
     assert len(read_rows(tmp_path / "study")) == 1
 
