@@ -13,7 +13,7 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 LAYERS = {
     "tracking": (
         *("errors", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association"),
-        *("measurement_update", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
+        *("measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
     ),
     "planning": (
         *("planner", "returned_plans", "registry", "planner_text", "loading", "contract", "prediction"),

@@ -47,6 +47,7 @@ class ScanUpdate(NamedTuple):
     existence: Array  # (T,)
     missed: Array  # (T,), probability that none of the measurements is the person's
     gates: Indices  # (G, 2), pairs of a track and a measurement in its gate
+    weights: Array  # (G,), probability of each pair that the measurement is the person's
     explained: Flags  # (N,), measurements that tracks make likelier than clutter
 
 
@@ -91,13 +92,15 @@ def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     if count * len(z) <= _AT_ONCE:
         return _updated(before, z, R, lost, p.association)
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
-    explained, gates = np.zeros(len(z), np.bool_), []
+    explained, gates, weights = np.zeros(len(z), np.bool_), [], []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
         part = _updated(before.only(rows), z[columns], R[columns], lost[columns], p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
-    return ScanUpdate(means, covariances, existence, missed, np.concatenate(gates), explained)
+        weights.append(part.weights)
+    pairs = np.concatenate(gates), np.concatenate(weights)
+    return ScanUpdate(means, covariances, existence, missed, *pairs, explained)
 
 
 @compiled
@@ -129,12 +132,13 @@ def _updated(
 ) -> ScanUpdate:
     likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
-    gates, count, explained = np.empty((likelihood.size, 2), np.int64), 0, np.zeros(len(z), np.bool_)
+    gates, weights = np.empty((likelihood.size, 2), np.int64), np.empty(likelihood.size)
+    count, explained = 0, np.zeros(len(z), np.bool_)
     for t in range(len(likelihood)):
         first = count
         for j in range(len(z)):
             if likelihood[t, j] > 0.0:
-                gates[count, 0], gates[count, 1] = t, j
+                gates[count, 0], gates[count, 1], weights[count] = t, j, beta[t, j + 1]
                 count += 1
                 # A track explains only measurements that it makes likelier than clutter, so that a wide belief takes
                 # none of new people.
@@ -143,4 +147,5 @@ def _updated(
             means[t, a] = before.means[t, a]
             for b in range(4):
                 covariances[t, a, b] = before.covariances[t, a, b]
-    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), gates[:count].copy(), explained)
+    pairs = gates[:count].copy(), weights[:count].copy()
+    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), *pairs, explained)

@@ -15,6 +15,11 @@ from tracking.numerics.arrays import Array, Flags, Indices
 # Existence probability up to which a track is not reported. With existence probability r, squared error e and cut-off
 # c, a reported track costs GOSPA r e + (1 - r) c² / 2, and one that is left out r c² / 2.
 UNLIKELY = 0.5
+# Columns of `times`: the fleet's last detection, the last scan that had the person in view, the last sure detection,
+# and the last earlier frame that showed a part of the belief.
+DETECTED_AT, EXPECTED_AT, SURE_AT, FRAME_AT = range(4)
+# Columns of `views`: the scan's frame, with no samples if association has used it, and the frame before.
+THIS_FRAME, FRAME_BEFORE = range(2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +78,8 @@ class TrackTable:
     covariances: Array  # (T, 4, 4)
     existence: Array  # (T,) probabilities
     weights: Array  # (T,) of beliefs in the fleet's average
-    # (T, 4) s: the fleet's last detection, last scan with the person in view, last sure detection, and last earlier
-    # frame that showed a part of the belief
-    times: Array
-    views: Indices  # (T, 2) bits: samples of the belief in the scan's frame, if without detection; in the frame before
+    times: Array  # (T, 4) s, with the columns `DETECTED_AT`, `EXPECTED_AT`, `SURE_AT` and `FRAME_AT`
+    views: Indices  # (T, 2) bits: samples of the belief in view, with the columns `THIS_FRAME` and `FRAME_BEFORE`
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 

@@ -5,30 +5,42 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tracking.account import Association, Birth, End, Reacquisition, ScanAccount
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.checked_tracker import checked_tracks
-from tracking.fusion.exchange import NOTHING, SURE, UNSEEN, Link
-from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
+from tracking.fusion.exchange import NOTHING, SURE, UNSEEN, Messenger
 from tracking.fusion.message import Message
+from tracking.fusion.track_ids import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, is_new_id, new_id
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, shared_people, without_measurement
-from tracking.management.initiation import Tentative, initiated
+from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
-from tracking.management.validation import checked_scan
+from tracking.management.scan_check import check_scan
 from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.plugins.plugin_error import Unusable
-from tracking.track import Scan, Track, TrackTable, tracks_of
+from tracking.track import (
+    DETECTED_AT,
+    EXPECTED_AT,
+    FRAME_AT,
+    FRAME_BEFORE,
+    SURE_AT,
+    THIS_FRAME,
+    Scan,
+    Track,
+    TrackTable,
+    tracks_of,
+)
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 _VIEWED = 1e-4  # weight of a belief in view without a detection, which matters only if no UAV detected the person
 _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
-_MOST_NEW = LABELS_PER_SCAN // 2  # largest number of new tracks in a scan
+_MOST_NEW = IDS_PER_SCAN // 2  # largest number of new tracks in a scan
 _NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
 _BITS = np.arange(len(SAMPLES))  # bit of each sample of a belief in a number that says which are in view
 
@@ -36,7 +48,7 @@ _BITS = np.arange(len(SAMPLES))  # bit of each sample of a belief in a number th
 class Tracker:
     """Tracker of people from one UAV's scans. Each scan ends with `consensus.fuse`, alone or with other UAVs.
 
-    Tracks are Bernoulli components: a label, a probability of existence, and a belief; people without a track are a
+    Tracks are Bernoulli components: an id, a probability of existence, and a belief; people without a track are a
     Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
     `initial` tracks are of the time of the first scan, and have ids below one million.
 
@@ -56,12 +68,13 @@ class Tracker:
             except Unusable as error:
                 raise ValueError(f"initial track {track.id}: {error}") from error
         known = checked_tracks(initial)
-        if known and known[-1].id >= FIRST_LABEL:
-            raise ValueError(f"ids of initial tracks must be below {FIRST_LABEL}, are up to {known[-1].id}")
+        if known and known[-1].id >= FIRST_NEW_ID:
+            raise ValueError(f"ids of initial tracks must be below {FIRST_NEW_ID}, are up to {known[-1].id}")
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self.max_speed = parameters.max_speed
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
-        self._link = Link(uav, parameters)
+        self.account = ScanAccount()  # of the last scan
+        self._messenger = Messenger(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
@@ -80,37 +93,43 @@ class Tracker:
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
-        z, R = checked_scan(scan)
-        between, lens = (self._link.time, scan.time), self._camera.lens(scan.pose)
+        z, R = check_scan(scan)
+        between, lens = (self._messenger.time, scan.time), self._camera.lens(scan.pose)
         views = self._predict(scan.time, lens)
         table = self._table
         beliefs = table.means, table.covariances
-        likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
-        before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
+        likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, FRAME_AT], p.detection_probability)
+        before = scan_prediction(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         after = scan_update(before, z, R, turned, p)
+        self.account.association = Association(table.ids, before, z, R, after)
         self._predicted = beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= SEEN
         if p.management == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         now, visible = scan.time, before.visible
-        table.times[hits, 0] = table.times[visible >= EXPECTED, 1] = table.times[detected >= SURE, 2] = now
-        table.views[after.gates[:, 0], 0] = 0  # the association has already used this frame
+        table.times[hits, DETECTED_AT] = now
+        table.times[visible >= EXPECTED, EXPECTED_AT] = now
+        table.times[detected >= SURE, SURE_AT] = now
+        table.views[after.gates[:, 0], THIS_FRAME] = 0  # the association has already used this frame
         table.weights = np.maximum(detected, UNSEEN + _VIEWED * visible)
         table.means, table.covariances, table.existence = after[:3]
         self._initiate(lens, z[~after.explained], R[~after.explained])
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
-        elapsed, self._waited = self._waited, 0
-        view = self._forest, lens
-        new, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, view=view, p=self.parameters)
-        # Tracks for which there are no labels begin in the next scan.
+        time, elapsed, self._waited = self._messenger.time, self._waited, 0
+        new, self._tentative = initiate_tracks(
+            self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=self.parameters
+        )
+        # Tracks for which there are no ids begin in the next scan.
         new, self._tentative = new[:_MOST_NEW], new[_MOST_NEW:] + self._tentative
         if new:
-            begun = [Track(new_label(self._link.scans, self.uav, k), t.belief, t.existence) for k, t in enumerate(new)]
-            self._table += TrackTable.of(begun, 1.0, self._link.time)
+            ids = [new_id(self._messenger.scans, self.uav, k) for k in range(len(new))]
+            self.account.births = [Birth(id, t.origins) for id, t in zip(ids, new, strict=True)]
+            begun = [Track(id, t.belief, t.existence) for id, t in zip(ids, new, strict=True)]
+            self._table += TrackTable.of(begun, 1.0, time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
@@ -118,8 +137,9 @@ class Tracker:
 
     def _predict(self, time: float, frame: Lens | None) -> Flags:
         """Predict to a scan's time; returns `visible_samples` of its frame, if there is one, and of the one before."""
-        self._link.begin(time)
-        if self._link.scans == 1:  # initial tracks are of this time
+        self._messenger.begin(time)
+        self.account = ScanAccount()
+        if self._messenger.scans == 1:  # initial tracks are of this time
             self._first = time
             self._table.sightings[:, 2] = time
         # The number of steps since the first scan is rounded, not since the last one, so that no drift adds up.
@@ -133,53 +153,68 @@ class Tracker:
         views = visible_samples(self._forest, (table.means, table.covariances), frame, before)
         table.views = (views << _BITS).sum(axis=2)
         table.times = table.times.copy()  # a message may hold the former ones
-        table.times[:, 3] = np.where(views[:, 1].any(axis=1), last, -math.inf)
+        table.times[:, FRAME_AT] = np.where(views[:, FRAME_BEFORE].any(axis=1), last, -math.inf)
         self._last_frame = (time, frame) if frame else self._last_frame
         return views
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to `degree` neighbours."""
-        return self._link.message(degree, self._table, self._predicted)
+        return self._messenger.message(degree, self._table, self._predicted)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
-        p, now, scans = self.parameters, self._link.time, self._link.scans
+        p, now, scans = self.parameters, self._messenger.time, self._messenger.scans
         means, covariances = self._undetected(message)
         existence = message.existence() if p.management == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, now, p.delete[1])
-        gone = (
-            existence < p.deletion_threshold if p.management == "existence" else np.bitwise_count(misses) >= p.delete[0]
-        )
-        gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
+        if p.management == "existence":
+            unlikely = existence < p.deletion_threshold
+        else:
+            unlikely = np.bitwise_count(misses) >= p.delete[0]
+        variances = covariances[:, 0, 0] + covariances[:, 1, 1]
+        gone = unlikely | (variances > p.max_variance)
         # Tracks of hidden people may be close to each other without competing for a measurement.
-        recent = message.times[:, 0] > now - _SHARED_WITHIN
+        recent = message.times[:, DETECTED_AT] > now - _SHARED_WITHIN
         ids = message.ids.copy()
+        merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that ends
         for kept, other in shared_people((means, covariances), existence, ~gone & recent, p.match_gate):
-            existence[kept], gone[other] = min(existence[kept] + existence[other], 1.0), True
-            if ids[kept] >= new_label(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
+            existence[kept] = min(existence[kept] + existence[other], 1.0)
+            gone[other], merged[other] = True, kept
+            if ids[kept] >= new_id(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
-        self._link.accept(message)
+        self._messenger.accept(message)
         self._predicted = NOTHING
         rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
         table = TrackTable(ids, means, covariances, *rest)
         if gone.any():
-            self._link.delete(ids[gone].tolist())
+            self._messenger.delete(ids[gone].tolist())
+            for t in np.flatnonzero(gone).tolist():
+                into = int(ids[merged[t]]) if t in merged else None
+                self.account.ends.append(
+                    End(
+                        int(ids[t]),
+                        "merged" if t in merged else "unlikely" if unlikely[t] else "variance",
+                        float(existence[t]),
+                        float(variances[t]),
+                        into,
+                    )
+                )
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._with_reacquired(table)
         detected = self._table.sightings[:, 2] >= now
-        if detected.any():
+        if detected.any() and hasattr(self.motion, "observed"):  # a model need not learn
             self.motion = self.motion.observed(self._table.means[detected, 2:])
 
     def _undetected(self, message: Message) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
-        now, p = self._link.time, self.parameters
-        detected = message.times[:, 0] >= now
+        now, p = self._messenger.time, self.parameters
+        detected = message.times[:, DETECTED_AT] >= now
         if detected.all():
             return message.beliefs
         views = (message.views[..., None] >> _BITS) & 1 > 0
         views[detected] = False
-        missed = miss_likelihood(*message.beliefs, views, now - message.times[:, 3], p.detection_probability)
+        missed = miss_likelihood(*message.beliefs, views, now - message.times[:, FRAME_AT], p.detection_probability)
         return negative_information_update(message.beliefs, power_each(missed, p.negative_information))
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
@@ -188,13 +223,14 @@ class Tracker:
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        new = np.flatnonzero(is_new_label(table.ids, self._link.scans))
+        new = np.flatnonzero(is_new_id(table.ids, self._messenger.scans))
         if len(new) == 0:
             return table
-        lost = lost_tracks(table.sightings, self._link.time, p)
+        lost = lost_tracks(table.sightings, self._messenger.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
-        pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
+        pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._messenger.time, max_speed=p.max_speed)
         for n, k in pairs:
+            self.account.reacquisitions.append(Reacquisition(int(table.ids[lost[k]]), int(table.ids[new[n]])))
             table.ids[new[n]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(table.ids)), [lost[k] for _, k in pairs])
         return table[left[np.argsort(table.ids[left], kind="stable")]]

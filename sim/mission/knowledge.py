@@ -1,7 +1,6 @@
 """Knowledge of each UAV: its tracks, its intensity of undetected people, and what it knows about its teammates."""
 
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,12 +9,11 @@ import numpy as np
 from planning.planner import Exchange, Situation
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
-from sim.mission.tracker_setup import planned_motion, tracker_parameters
+from sim.mission.tracker_fleet import make_trackers, step_trackers
+from sim.mission.tracker_setup import planned_motion
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of, view_of
 from sim.sensing.sensors import Observation
-from tracking.fusion.consensus import fuse
-from tracking.fusion.member import tracker
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
@@ -47,10 +45,7 @@ class Knowledge:
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
         self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
-        self._trackers = [  # each gets its own parameters and tracks, because a plug-in may change them
-            tracker(settings.tracker, i, camera, forest, tracker_parameters(scenario), deepcopy(initial))
-            for i, camera in enumerate(self._cameras)
-        ]
+        self._trackers = make_trackers(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
@@ -63,16 +58,8 @@ class Knowledge:
         self, time: float, looks: Sequence[Observation], links: RadioLinks, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
-        for i in working:
-            if looks[i].taken:
-                self._trackers[i].step(looks[i].scan)
-            else:
-                self._trackers[i].coast(time)
-        sent = np.zeros(len(looks), dtype=np.int64)
-        if working:
-            members, lost = [self._trackers[i] for i in working], links.lost
-            lost = None if lost is None else lost[:, working][:, :, working]
-            sent[working] = fuse(members, links.up[np.ix_(working, working)], self._scenario.network.rounds, lost)
+        scans = {i: looks[i].scan for i in working if looks[i].taken}
+        sent = step_trackers(self._scenario, self._trackers, time, scans, links, working)
         return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)], sent
 
     def make_situations(

@@ -23,6 +23,11 @@ class RadioLinks(NamedTuple):
             return self.up
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
+    def among(self, uavs: Sequence[int]) -> "RadioLinks":
+        """Links between some of the UAVs."""
+        lost = None if self.lost is None else self.lost[:, uavs][:, :, uavs]
+        return RadioLinks(self.up[np.ix_(uavs, uavs)], lost)
+
 
 def find_links(network: Network, time: float, positions: Array) -> Flags:
     """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""

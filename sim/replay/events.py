@@ -9,11 +9,10 @@ import numpy as np
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import unmatched_tracks
-from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, ends, lasting
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
-from sim.scenario.random_streams import stream
+from sim.replay.recorded_fleet import links_of
 from sim.world.contacts import touched
 from tracking.numerics.arrays import Indices
 
@@ -153,17 +152,6 @@ def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, st
                 yield k, "identity switch", m, former, now, text
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m
-
-
-def links_of(recording: Recording) -> list[RadioLinks]:
-    """The links of each scan, computed again from places, scenario, seed and repeat, which alone determine them."""
-    network = recording.setting.network
-    rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
-    found = []
-    for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
-        up = find_links(network, time, poses[:, :3]) & working[:, None] & working
-        found.append(RadioLinks(np.asarray(up), draw_lost_messages(network, uavs, rng)))
-    return found
 
 
 _MOST_CAUSES = 3

@@ -12,7 +12,7 @@ from sim.scenario.csv_tables import Row, read_rows
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.validation import QUATERNION_TOLERANCE
+from tracking.management.scan_check import QUATERNION_TOLERANCE
 from tracking.numerics.distances import length
 from tracking.track import Scan
 

@@ -1,13 +1,14 @@
-"""The UAVs of a recording and the map of trees, approximately as planners knew them."""
+"""The UAVs of a recording, the links between them, and the map of trees."""
 
 from functools import lru_cache
-from itertools import pairwise
+
+import numpy as np
 
 from planning.planner import Vehicle
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.recording import Recording
+from sim.scenario.random_streams import stream
 from sim.sensing.cameras import vehicle_of
-from tracking.filter.motion import MotionModel
 from tracking.geometry.visibility import Forest
 
 
@@ -28,21 +29,12 @@ def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
     return [vehicle_of(i, body, velocity, setting) for i, (body, velocity) in enumerate(bodies)]
 
 
-def motion_at(recording: Recording, k: int, uav: int) -> MotionModel:
-    """Motion model of one UAV's tracker after scan k, with the speeds of people that it had learned until then."""
-    return _motions(recording)[k][uav]
-
-
-@lru_cache(maxsize=1)  # because callers ask about all scans of one mission
-def _motions(recording: Recording) -> list[list[MotionModel]]:
-    """Motion model of each UAV's tracker after each scan."""
-    uavs, (k, _) = recording.poses.shape[1], recording.cells(recording.track_offsets)
-    detected = recording.track_sightings[:, 2] >= recording.times[k]
-    motions = [[tracker_parameters(recording.setting).motion] * uavs]
-    for cell, (first, last) in enumerate(pairwise(recording.track_offsets.tolist())):
-        if cell % uavs == 0:
-            motions.append(motions[-1].copy())
-        velocities = recording.track_means[first:last, 2:][detected[first:last]]
-        if len(velocities):
-            motions[-1][cell % uavs] = motions[-1][cell % uavs].observed(velocities)
-    return motions[1:]
+def links_of(recording: Recording) -> list[RadioLinks]:
+    """The links of each scan, computed again from places, scenario, seed and repeat, which alone determine them."""
+    network = recording.setting.network
+    rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
+    found = []
+    for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
+        up = find_links(network, time, poses[:, :3]) & working[:, None] & working
+        found.append(RadioLinks(np.asarray(up), draw_lost_messages(network, uavs, rng)))
+    return found

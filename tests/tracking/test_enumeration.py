@@ -11,7 +11,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.visibility import Forest
-from tracking.management.initiation import Tentative, initiated
+from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
@@ -22,7 +22,7 @@ FILTER = {
     "max_variance": 1e9,
     "reacquire_after": math.inf,
 }
-IN_VIEW = Forest(()), Camera(ALL_ROUND, 128).lens(ABOVE)  # everything
+IN_VIEW = {"time": 0.0, "elapsed": 1, "forest": Forest(()), "lens": Camera(ALL_ROUND, 128).lens(ABOVE)}  # everything
 
 
 def normal(x, covariance):
@@ -192,7 +192,7 @@ def test_a_measurement_without_a_track_is_new_by_the_poisson_intensities(count):
     for j, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
         r = math.fsum(w for kinds, w in weights.items() if kinds[j]) / math.fsum(weights.values())
         people.append(Person(j, r, H.T @ z, H.T @ R @ H + spread))
-    _, born = initiated([], scan.measurements, scan.covariances, elapsed=1, view=IN_VIEW, p=p)
+    _, born = initiate_tracks([], scan.measurements, scan.covariances, **IN_VIEW, p=p)
     same(born, people)
 
 
@@ -203,12 +203,12 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
     for _ in range(15):
         people, settings = scene(rng)
         p = TrackerParameters(MOTION, **settings, **FILTER)
-        tentative = [Tentative(Gaussian(a.mean, a.covariance), a.r) for a in people]
+        tentative = [Tentative(Gaussian(a.mean, a.covariance), (), a.r) for a in people]
         for k in range(1, 4):
             people, scan = [a.predicted(settings["survival"] ** 0.2) for a in people], measured(rng, k, people, ABOVE)
             misses = [1 - p.detection_probability * p.gate_probability] * len(people)
             people, _ = after(people, scan, misses, p)
             measurements = scan.measurements, scan.covariances
-            _, tentative = initiated(tentative, *measurements, elapsed=1, view=IN_VIEW, p=p)
+            _, tentative = initiate_tracks(tentative, *measurements, **IN_VIEW, p=p)
             same(tentative[: len(people)], people)
             tentative = tentative[: len(people)]

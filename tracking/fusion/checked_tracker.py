@@ -126,7 +126,7 @@ def checked_message(given: object) -> Message:
         partition=_numbered("partition", [given.partition])[0],
         deleted=_numbered("deleted", given.deleted),
         ids=check_whole_numbers("ids", given.ids, (count,)),
-        names=check_whole_numbers("names", given.names, (count, 2)),
+        keys=check_whole_numbers("keys", given.keys, (count, 2)),
         shares=check_array("shares", given.shares, (count, INFORMATION + 2)),
         times=_instants("times", given.times, (count, 4)),
         views=check_whole_numbers("views", given.views, (count, 2)),

@@ -76,7 +76,7 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
         if len(set(partitions)) > 1:
             partitions = _joint_partitions(partitions, of)
     mixed = [
-        Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.names, q, t, v, n, s, m.deleted, added)
+        Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
         for m, partition, added, q, t, v, n, s in zip(messages, partitions, *tables, strict=False)
     ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))

@@ -1,4 +1,4 @@
-"""Exchange of tracks with the fleet: a UAV's link, and messages and ids for trackers that have only beliefs."""
+"""Exchange of tracks with the fleet: messages from tracks, and ids for trackers that have only beliefs."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from tracking.association.jpda import log_odds
-from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import Track, TrackTable, tracks_of
@@ -25,8 +25,8 @@ NOTHING: _Predicted = (np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, 2)),
 _UNSIGHTED = np.full(7, -np.inf)
 
 
-class Link:
-    """Link of one UAV to its fleet: the partition that it belongs to, deleted tracks, and the rule of fusion."""
+class Messenger:
+    """Maker of one UAV's messages; it counts scans, and remembers the UAV's partition and the tracks that ended."""
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
         self.uav, self.scans, self.time = uav, 0, -math.inf
@@ -54,12 +54,12 @@ class Link:
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
         partition = (self.uav, self.time) if leads else self._heard
-        names, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
-        names[:, 0], names[:, 1] = partition[0], table.ids
+        keys, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
+        keys[:, 0], keys[:, 1] = partition[0], table.ids
         shares = np.concatenate([w, w * averaged, w * log_odds(table.existence)[:, None]], axis=1)
         deleted = tuple(sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
-        return Message(self.uav, degree, self.scans, self.time, partition, table.ids, names, *rest)
+        return Message(self.uav, degree, self.scans, self.time, partition, table.ids, keys, *rest)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's partition and deletions."""
@@ -77,16 +77,16 @@ class TrackExchange:
 
     def __init__(self, uav: int, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """`initial` tracks are the same on all UAVs."""
-        self._link = Link(uav, parameters)
+        self._messenger = Messenger(uav, parameters)
         # Times and sighting, as in a message, of each track that the fleet knows or that is new.
         self._known = {t.id: _UNSIGHTED for t in initial}
         self._new: set[int] = set()  # ids of tracks that begin in this scan, which the fleet does not know yet
 
     def new_id(self) -> int:
         """An id for a track that begins in this scan."""
-        if len(self._new) == LABELS_PER_SCAN // 2:
+        if len(self._new) == IDS_PER_SCAN // 2:
             raise ValueError(f"at most {len(self._new)} tracks may begin in a scan")
-        id = new_label(self._link.scans + 1, self._link.uav, len(self._new))
+        id = new_id(self._messenger.scans + 1, self._messenger.uav, len(self._new))
         self._new.add(id)
         self._known[id] = _UNSIGHTED
         return id
@@ -101,8 +101,8 @@ class TrackExchange:
         held = sorted(tracks, key=lambda track: track.id)
         ids = [track.id for track in held]
         self._check(ids, detected)
-        self._link.begin(time)
-        self._link.delete(id for id in self._known if id not in ids and id not in self._new)
+        self._messenger.begin(time)
+        self._messenger.delete(id for id in self._known if id not in ids and id not in self._new)
         chances = np.array([detected.get(id, 0.0) for id in ids])
         marks = np.column_stack([chances >= SEEN] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
@@ -110,7 +110,7 @@ class TrackExchange:
         table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
         table.sightings[sighted], table.sightings[~sighted, 2] = history[sighted, 4:], time
-        return self._link.message(degree, table, NOTHING)
+        return self._messenger.message(degree, table, NOTHING)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, which replace this UAV's; ids may change, and tracks may begin or end."""
@@ -118,7 +118,7 @@ class TrackExchange:
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
         sightings = message.sighted()
-        self._link.accept(message)
+        self._messenger.accept(message)
         self._new = set()
         histories = np.concatenate([message.times, sightings], axis=1)
         self._known = dict(zip(message.ids.tolist(), histories, strict=True))

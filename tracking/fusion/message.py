@@ -16,11 +16,12 @@ from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import products
 from tracking.plugins.array_checks import check_array
 from tracking.plugins.plugin_error import Unusable
+from tracking.track import SURE_AT
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
-_COLUMNS = ("ids", "names", "shares", "times", "views", "misses", "sightings", "novel")
-_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and name, shares, and the rest
+_COLUMNS = ("ids", "keys", "shares", "times", "views", "misses", "sightings", "novel")
+_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and key, shares, and the rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,8 @@ class Message:
     The shares are, in this order, a weight w, w q, w Ω, and w times the log-odds of existence. Their sums over UAVs,
     divided by the sum of the weights, are weighted averages. Novel information consists of q and Ω, which add up, and
     in column `INFORMATION` + u the share of UAV u in them. With fusion by averages alone it has no columns.
-    The UAVs of one partition of the fleet, which hear of the same leader, agree on ids. The leader and the id at the
-    beginning of a scan name a track in all rounds of the scan, while ids may change.
+    The UAVs of one partition of the fleet, which hear of the same leader, agree on ids. Ids may change from round to
+    round. The key of a track, its leader and its id before the first round, stays the same in all rounds of a scan.
     """
 
     uav: int
@@ -40,7 +41,7 @@ class Message:
     time: float  # s, of this scan
     partition: tuple[int, float]  # leader, the smallest UAV heard of lately, and time [s] of the leader's last message
     ids: Indices  # (T,)
-    names: Indices  # (T, 2)
+    keys: Indices  # (T, 2)
     shares: Array  # (T, 22)
     times: Array  # (T, 4) s: as in `tracking.track.TrackTable`
     views: Indices  # (T, 2), as in `TrackTable`, of all UAVs heard
@@ -77,15 +78,15 @@ class Message:
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return replace(self, **columns)
 
-    def at(self, rows: Indices, ids: Indices, names: Indices) -> Message:
-        """The message with its tracks moved to `rows` of a table of these ids and names; other rows are empty."""
+    def at(self, rows: Indices, ids: Indices, keys: Indices) -> Message:
+        """The message with its tracks moved to `rows` of a table of these ids and keys; other rows are empty."""
         empty = {"times": -np.inf, "sightings": -np.inf, "misses": -1}  # -1 has all bits
         columns: dict[str, Any] = {}
         for name in _COLUMNS:
             column = getattr(self, name)
             columns[name] = np.full((len(ids), *column.shape[1:]), empty.get(name, 0), column.dtype)
             columns[name][rows] = column
-        return replace(self, **{**columns, "ids": ids, "names": names})
+        return replace(self, **{**columns, "ids": ids, "keys": keys})
 
 
 @compiled
@@ -104,7 +105,7 @@ def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
 def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
     latest = sightings.copy()
     for t in range(len(latest)):
-        if times[t, 2] >= now:
+        if times[t, SURE_AT] >= now:
             latest[t, 0], latest[t, 1], latest[t, 2] = means[t, 0], means[t, 1], now
     return latest
 
@@ -112,7 +113,7 @@ def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
 def alike(messages: Sequence[Message]) -> bool:
     """Test if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [
-        (m.partition[0], m.deleted, m.ids.tobytes(), m.names.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
+        (m.partition[0], m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
     ]
     return not same or same.count(same[0]) == len(same)
 

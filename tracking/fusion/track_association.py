@@ -7,16 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.labels import LABELS_PER_SCAN, is_new_label, new_label
 from tracking.fusion.message import Message, alike
+from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
 from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import log
+from tracking.track import DETECTED_AT
 
-_LABELLED = 1.5  # log-likelihood ratio of a common id, which partitions more likely give to one person than to two
+_SAME_ID = 1.5  # log-likelihood ratio of a common id, which partitions give more likely to one person than to two
 _UNKNOWN = 1e-5  # 1/m², density of people for which only one of two UAVs has a track
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
 
@@ -42,25 +43,25 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     # `dict` keeps the latest time of each id, because the last of equal keys counts.
     deleted = tuple(dict(sorted(deletion for m in messages for deletion in m.deleted)).items())
     messages = [_surviving(m, deleted) for m in messages]
-    names, rows = np.unique(np.concatenate([m.names for m in messages]), axis=0, return_inverse=True)
-    tracks = np.split(rows.reshape(-1), np.cumsum([len(m.names) for m in messages])[:-1])
+    keys, rows = np.unique(np.concatenate([m.keys for m in messages]), axis=0, return_inverse=True)
+    tracks = np.split(rows.reshape(-1), np.cumsum([len(m.keys) for m in messages])[:-1])
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
-    times = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
+    states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(keys))
+    times = _latest(tracks, [m.sightings[:, 2] for m in messages], len(keys))
     # If UAVs have different times of a person's last sighting, only tracks with the latest time count.
     valid = [m.sightings[:, 2] >= times[of] for m, of in zip(messages, tracks, strict=True)]
-    holders = np.array([np.isin(np.arange(len(names)), tracks[k][valid[k]]) for k in order]).T
-    labels = _labels(messages, tracks, len(names))
-    group, ends = _joined(states, labels, holders, is_new_label(names[:, 1], own.scan), max_speed)
-    ids = _ids(names, labels, group, ends, own.scan)
+    holders = np.array([np.isin(np.arange(len(keys)), tracks[k][valid[k]]) for k in order]).T
+    given = _given_ids(messages, tracks, len(keys))
+    group, ends = _join(states, given, holders, is_new_id(keys[:, 1], own.scan), max_speed)
+    ids = _choose_ids(keys, given, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
     seen = states.sightings[:, 2]
-    current = seen >= _latest([group], [seen], len(names))[group]
+    current = seen >= _latest([group], [seen], len(keys))[group]
     out = []
     for m, of, last in zip(messages, tracks, valid, strict=True):
         left = np.flatnonzero((ids[of] >= 0) & current[of] & last)
-        out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, names[first]))
+        out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, keys[first]))
     return out
 
 
@@ -119,32 +120,32 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
     return states
 
 
-def _labels(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
-    """Labels that messages give to each track."""
-    labels: list[set[int]] = [set() for _ in range(count)]
+def _given_ids(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
+    """Ids that messages give to each track."""
+    given: list[set[int]] = [set() for _ in range(count)]
     every = zip(np.concatenate(tracks).tolist(), np.concatenate([m.ids for m in messages]).tolist(), strict=True)
     for row, id in every:
-        labels[row].add(id)
-    return labels
+        given[row].add(id)
+    return given
 
 
-def _joined(
-    states: LatestTracks, labels: Sequence[set[int]], holders: Flags, begun: Flags, max_speed: float
+def _join(
+    states: LatestTracks, given: Sequence[set[int]], holders: Flags, begun: Flags, max_speed: float
 ) -> tuple[Indices, Flags]:
     """Group (G,) of each track, given by its first track, and flags (G,) of tracks that end.
 
-    labels: labels of each track; holders (G, N): flags of the UAVs that hold each track; begun (G,): flags of tracks
-    that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing groups.
+    given: ids that messages give to each track; holders (G, N): flags of the UAVs that hold each track; begun (G,):
+    flags of tracks that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing groups.
     New tracks come last, because a UAV's new track and its lost one may both be of a person that another UAV tracks.
     A group out of sight ends if its only id has another track that was seen later, within reach.
     """
-    common = np.array([[not one.isdisjoint(other) for other in labels] for one in labels], dtype=np.bool_)
-    common = common.reshape(len(labels), len(labels))
+    common = np.array([[not one.isdisjoint(other) for other in given] for one in given], dtype=np.bool_)
+    common = common.reshape(len(given), len(given))
     seen = states.sightings[:, 2]
     together = seen[:, None] == seen
-    ratios = likelihood_ratios(states, max_speed) + _LABELLED * (common & together)
-    every = np.arange(len(labels))
-    group, known = every.copy(), np.zeros(len(labels), dtype=np.bool_)
+    ratios = likelihood_ratios(states, max_speed) + _SAME_ID * (common & together)
+    every = np.arange(len(given))
+    group, known = every.copy(), np.zeros(len(given), dtype=np.bool_)
     for held in (*(holders & ~begun[:, None]).T, *(holders & begun[:, None]).T):
         new = np.flatnonzero(held & ~known)
         old = np.flatnonzero(known & (group == every)) if len(new) else new
@@ -157,13 +158,13 @@ def _joined(
             group[new[a]] = old[b]
         known[new] = True
     later = np.any(common & _reach(states, max_speed)[1] & (group[:, None] != group), axis=1)
-    ends = np.zeros(len(labels), dtype=np.bool_)
+    ends = np.zeros(len(given), dtype=np.bool_)
     for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group[later])]:
-        ends[rows] = later[rows].all() and len({id for k in rows for id in labels[k]}) == 1
+        ends[rows] = later[rows].all() and len({id for k in rows for id in given[k]}) == 1
     return group, ends
 
 
-def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
+def _choose_ids(keys: Indices, given: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
     """Id of each track, the same within a group; -1 for tracks that end.
 
     A group keeps its smallest id. If two people would have the same id, the partition of the smaller UAV keeps it. The
@@ -171,16 +172,16 @@ def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags
     """
     owners: dict[int, int] = {}  # the group of each id
     for k in np.flatnonzero(~ends).tolist():
-        for id in sorted(labels[k]):
+        for id in sorted(given[k]):
             owners.setdefault(id, int(group[k]))
     # The smallest id of each group, because the last of equal keys counts.
     least = {owner: id for id, owner in sorted(owners.items(), reverse=True)}
-    ids = np.full(len(names), -1)
+    ids = np.full(len(keys), -1)
     for g in np.unique(group[~ends]).tolist():
         if g not in least:
-            partition, id = names[np.flatnonzero(group == g)[0]].tolist()
-            rank = int(np.sum((names[:, 0] == partition) & (names[:, 1] < id)))
-            fresh = new_label(scan, partition, LABELS_PER_SCAN - 1 - rank % (LABELS_PER_SCAN // 2))
+            partition, id = keys[np.flatnonzero(group == g)[0]].tolist()
+            rank = int(np.sum((keys[:, 0] == partition) & (keys[:, 1] < id)))
+            fresh = new_id(scan, partition, IDS_PER_SCAN - 1 - rank % (IDS_PER_SCAN // 2))
             while fresh in owners:
                 fresh -= 1
             least[g], owners[fresh] = fresh, g
@@ -194,4 +195,4 @@ def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Mess
         return message
     deletions = dict(deleted)
     until = np.array([deletions.get(id, -np.inf) for id in message.ids.tolist()])
-    return replace(message.only(np.flatnonzero(message.times[:, 0] >= until)), deleted=deleted)
+    return replace(message.only(np.flatnonzero(message.times[:, DETECTED_AT] >= until)), deleted=deleted)

@@ -5,6 +5,7 @@ import numpy as np
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import squared_distance
+from tracking.track import DETECTED_AT, EXPECTED_AT
 
 # Sum of two tracks' probabilities, of existence or detection, below which both are of one person rather than of two.
 _ONE = 1.5
@@ -20,7 +21,7 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
     """
     counted = misses.copy()
     for t in range(len(misses)):
-        seen, expected = times[t, 0] >= now, times[t, 1] >= now
+        seen, expected = times[t, DETECTED_AT] >= now, times[t, EXPECTED_AT] >= now
         if seen or expected:
             counted[t] = ((misses[t] << 1) | (0 if seen else 1)) & ((1 << window) - 1)
     return counted

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tracking.account import Origin
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.measurement_update import ScanPrediction, scan_update
-from tracking.numerics.arrays import Array, Flags
+from tracking.measurement_update import ScanPrediction, ScanUpdate, scan_update
+from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 
@@ -17,21 +18,29 @@ PATIENCE = 1.0  # s without a measurement after which a tentative track ends; a 
 
 @dataclass(frozen=True, eq=False)
 class Tentative:
-    """Tentative track; its first measurement counts as a hit."""
+    """Tentative track."""
 
     belief: Gaussian
+    origins: tuple[Origin, ...]  # its measurements
     existence: float = 1.0  # probability
-    hits: int = 1
-    scans: int = 1
+    scans: int = 1  # since its first measurement, which counts
     unseen: int = 0  # steps of motion since its last measurement
 
 
-def initiated(
-    tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, view: tuple[Forest, Lens], p: TrackerParameters
+def initiate_tracks(
+    tentative: list[Tentative],
+    z: Array,
+    R: Array,
+    *,
+    time: float,
+    elapsed: int,
+    forest: Forest,
+    lens: Lens,
+    p: TrackerParameters,
 ) -> tuple[list[Tentative], list[Tentative]]:
-    """Confirmed and remaining tentative tracks after a scan, which is `elapsed` steps of motion later.
+    """Confirmed and remaining tentative tracks after a scan at `time` s, which is `elapsed` steps of motion later.
 
-    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; view: map of trees, and the camera of the scan.
+    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; lens: the camera at its pose in the scan.
     A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
     at `confirmation_threshold`, and ends below `deletion_threshold` times its start, or after `PATIENCE` s without a
     measurement. With m of n, it needs m measurements within its first n scans. A measurement counts if it is the
@@ -39,18 +48,30 @@ def initiated(
     """
     if not tentative and not len(z):
         return [], []
-    grown, known = _updated(tentative, z, R, (elapsed, view), p)
-    grown += [_started(z[j], R[j], p) for j in np.flatnonzero(~known).tolist()]
-    verdicts = [(t, _verdict(t, p)) for t in grown]
+    after = scan_update(_predict(tentative, elapsed, forest, lens, p), z, R, np.zeros(len(z)), p)
+    grown = []
+    for t, track in enumerate(tentative):
+        j = _likeliest(after, t)
+        grown.append(
+            Tentative(
+                Gaussian(after.means[t], after.covariances[t]),
+                track.origins if j is None else (*track.origins, Origin(time, z[j])),
+                float(after.existence[t]),
+                track.scans + 1,
+                track.unseen + elapsed if j is None else 0,
+            )
+        )
+    grown += [_begin(Origin(time, z[j]), R[j], p) for j in np.flatnonzero(~after.explained).tolist()]
+    verdicts = [(t, _decide(t, p)) for t in grown]
     return [t for t, confirmed in verdicts if confirmed], [t for t, confirmed in verdicts if confirmed is None]
 
 
-def _start(p: TrackerParameters) -> float:
+def _first_existence(p: TrackerParameters) -> float:
     return p.birth_density / (p.birth_density + p.clutter_density)
 
 
-def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
-    """Track at a measurement z (2,) m with covariance R (2, 2) m².
+def _begin(origin: Origin, R: Array, p: TrackerParameters) -> Tentative:
+    """Track of a single measurement with covariance R (2, 2) m².
 
     Its mean velocity is zero. The variance along each axis, `max_speed`² / 4, is that of velocities spread evenly over
     the disc of radius `max_speed` m/s.
@@ -58,40 +79,40 @@ def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = R
     covariance[2, 2] = covariance[3, 3] = p.max_speed * p.max_speed / 4
-    belief = Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
-    return Tentative(belief, 1.0 if p.management == "m_of_n" else _start(p))
+    belief = Gaussian(np.array([*origin.place, 0.0, 0.0]), covariance)
+    return Tentative(belief, (origin,), 1.0 if p.management == "m_of_n" else _first_existence(p))
 
 
-def _verdict(track: Tentative, p: TrackerParameters) -> bool | None:
+def _decide(track: Tentative, p: TrackerParameters) -> bool | None:
     """True if the track is confirmed, False if it ends, None if it stays tentative."""
     if p.management == "m_of_n":
         m, n = p.confirm
-        if track.hits >= m:
+        hits = len(track.origins)
+        if hits >= m:
             return True
-        return False if track.hits + n - track.scans < m else None
+        return False if hits + n - track.scans < m else None
     if track.existence >= p.confirmation_threshold:
         return True
     late = track.unseen > round(PATIENCE / p.motion.dt)
-    return False if late or track.existence < p.deletion_threshold * _start(p) else None
+    return False if late or track.existence < p.deletion_threshold * _first_existence(p) else None
 
 
-def _updated(
-    tentative: list[Tentative], z: Array, R: Array, step: tuple[int, tuple[Forest, Lens]], p: TrackerParameters
-) -> tuple[list[Tentative], Flags]:
-    """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
-    elapsed, (forest, lens) = step
+def _predict(
+    tentative: list[Tentative], elapsed: int, forest: Forest, lens: Lens, p: TrackerParameters
+) -> ScanPrediction:
+    """Prediction of tentative tracks to a scan."""
     means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
     covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
     for _ in range(elapsed):
         means, covariances = p.motion.predict_all(means, covariances)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
     detectable = visible_samples(forest, (means, covariances), lens)[:, 0].mean(axis=1)
-    before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
-    after = scan_update(before, z, R, np.zeros(len(z)), p)
-    seen = after.missed < 0.5
-    rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
-    grown = [
-        Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans + 1, 0 if hit else t.unseen + elapsed)
-        for t, mean, covariance, hit, r in rows
-    ]
-    return grown, after.explained
+    return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
+
+
+def _likeliest(after: ScanUpdate, t: int) -> int | None:
+    """The measurement that is the likeliest one of track t; None if the track has probably none."""
+    if after.missed[t] >= 0.5:
+        return None
+    own = after.gates[:, 0] == t
+    return int(after.gates[own, 1][after.weights[own].argmax()])

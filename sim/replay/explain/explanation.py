@@ -1,6 +1,7 @@
 """Explanations in words: of one person at one scan, and over a whole mission."""
 
 import math
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -10,11 +11,11 @@ from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
-from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from sim.replay.link_outages import link_outages_at
+from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import UNLIKELY
 
@@ -87,11 +88,15 @@ def _observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
     lines += _view(w, facts.flight.recording)
-    if w.found and w.association:
-        lines += _detection(w.found, w.association)
+    if w.found:
+        lines.append(_detection(w.found))
     elif w.sighting.looked and w.sighting.pixels:
         lines.append("not detected")
-    return lines + (_association(w, w.association, facts) if w.association and facts.holders else [])
+    if w.association:
+        numbers = facts.flight.recording.numbers_of(w.association.ids).tolist()
+        lines += _gates(w.found.measurement, w.association, numbers) if w.found else []
+        lines += _association(w, w.association, numbers, facts) if facts.holders else []
+    return lines
 
 
 def _view(w: PersonObservation, recording: Recording) -> list[str]:
@@ -106,29 +111,34 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
     return lines
 
 
-def _detection(found: PersonMeasurement, a: Association) -> list[str]:
-    """The detection of the person, and the tracks that may be associated with it, the likeliest first."""
+def _detection(found: PersonMeasurement) -> str:
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
-    lines = [f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
-    weights, sigmas = a.beta[:, 1 + found.measurement], np.sqrt(a.distances[:, found.measurement])
-    tracks = np.flatnonzero(a.gated[:, found.measurement])
-    for t in tracks[np.argsort(-weights[tracks], kind="stable")]:
-        weight = percent_text(float(weights[t]))
-        lines.append(f"in the gate of track {a.numbers[t]} at {sigmas[t]:.1f} σ, weight {weight}")
-    return lines if len(tracks) else [*lines, "in the gate of no track"]
+    return f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"
 
 
-def _association(w: PersonObservation, a: Association, facts: PersonFacts) -> list[str]:
+def _gates(measurement: int, a: Association, numbers: Sequence[int]) -> list[str]:
+    """The tracks that may be associated with a measurement, the likeliest first."""
+    weights, sigmas = a.weights()[:, measurement], np.sqrt(a.distances()[:, measurement])
+    tracks = np.flatnonzero(a.gated()[:, measurement])
+    lines = [
+        f"in the gate of track {numbers[t]} at {sigmas[t]:.1f} σ, weight {percent_text(float(weights[t]))}"
+        for t in tracks[np.argsort(-weights[tracks], kind="stable")]
+    ]
+    return lines or ["in the gate of no track"]
+
+
+def _association(w: PersonObservation, a: Association, numbers: Sequence[int], facts: PersonFacts) -> list[str]:
     """The scan that the person's track predicted, and other measurements that may be associated with the track."""
     lines, holder = [], facts.track_of(w.uav)
     if holder is None:
         other = facts.holders[0]
         return [f"holds person {other.elsewhere[w.uav]} as track {other.number}"]
-    for t in np.flatnonzero(a.numbers == holder.number):
+    if holder.number in numbers:
+        t = numbers.index(holder.number)
         lines.append(f"expected track {holder.number} in plain view with {percent_text(float(a.before.visible[t]))}")
-        weights = a.beta[t, 1:]
+        weights = a.weights()[t]
         for j in np.argsort(-weights, kind="stable"):
-            if a.gated[t, j] and weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
+            if weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
                 source, place = source_text(int(w.owners[j])), place_text(a.measurements[j])
                 gate = f"the gate of track {holder.number} too, weight {percent_text(float(weights[j]))}"
                 lines.append(f"the measurement {source} at {place} was in {gate}")

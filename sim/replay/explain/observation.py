@@ -2,22 +2,20 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from sim.replay.explain.association import Association
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
+from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
-from tracking.fusion.member import TRACKERS
+from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
-
-_NOTE = "does not tell its associations: weights, births, hits and misses are as the built-in tracker would count them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,20 +40,19 @@ class PersonObservation:
     whole: int | None  # number of pixels of the person in the frame without trees; None if it was not rendered
     found: PersonMeasurement | None
     owners: Indices  # (N,), person of each measurement; -1 for a false alarm
-    association: Association | None  # of all tracks and measurements; None if the camera took no frame
+    # of all tracks and measurements; None if the camera took no frame, or if the tracker cannot be run again
+    association: Association | None
 
 
 class Observer(ExitStack):
-    """Observations of people in a flight; rendered frames are rendered again."""
+    """Observations of people in a flight: frames are rendered again, and trackers run again."""
 
     def __init__(self, flight: Flight) -> None:
         super().__init__()
         self.flight, self.recording = flight, flight.recording
-        tracker = flight.scenario.tracking.tracker
-        self.note = "" if tracker in TRACKERS.built_in else f"{tracker} {_NOTE}"  # on facts that recordings lack
+        self.replay = replay_tracking(self.recording)
         self.again = self.enter_context(Rerenderer(self.recording))
         # Called with a scan k and a UAV; cached, because track stories ask for the same scans again.
-        self.association = lru_cache(1024)(partial(Association.of, self.recording))
         self.owners = lru_cache(1024)(self._owners)
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
@@ -72,7 +69,7 @@ class Observer(ExitStack):
             whole=self._whole(k, uav, sighting) if works else None,
             found=self._found(k, uav, person, owners),
             owners=owners,
-            association=self.association(k, uav),
+            association=self.replay.association(k, uav),
         )
 
     @cached_property

@@ -12,7 +12,8 @@ from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.flight import Flight
-from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
+from sim.replay.recorded_fleet import known_forest, vehicles_at
+from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -58,7 +59,7 @@ def planned_visibility(
     ahead[: len(known)] = _states(recording, uav, views, known)
     track = None
     if belief is not None:
-        scan = replace(planned_motion(scenario, motion_at(recording, k, uav)), dt=1 / rate, scans=1)
+        scan = replace(planned_motion(scenario, replay_tracking(recording).motion(k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
         track = _states(recording, uav, views, nominal[:, 0])
     return PlannedVisibility(float(recording.plan_times[plan]), times, path, ahead, track)
@@ -130,7 +131,7 @@ class PersonFacts:
     observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     flight: Flight
-    note: str  # on facts about the tracker that the recording lacks; empty if there are none
+    note: str  # on facts about the tracker that are unknown; empty if there are none
 
     @staticmethod
     def of(observer: Observer, k: int, person: int) -> "PersonFacts":
@@ -147,7 +148,7 @@ class PersonFacts:
             observations=tuple(observer.observe(k, i, person) for i in uavs),
             planned=tuple(planned_visibility(recording, k, i, person, beliefs[i]) for i in uavs),
             flight=observer.flight,
-            note=observer.note,
+            note=observer.replay.note,
         )
 
     def track_of(self, uav: int) -> HoldingTrack | None:

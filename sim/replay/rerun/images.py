@@ -10,10 +10,11 @@ from sim.drawing.labels import numbered_snapshot, track_name
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
-from sim.replay.explain.association import Association
-from sim.replay.frames.rerender import Rerenderer
+from sim.replay.frames.rerender import Rerenderer, frames_taken
 from sim.replay.rerun.scene import broken_at
+from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import camera_of
+from tracking.account import Association
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
@@ -30,6 +31,7 @@ class Cameras:
     def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
         self._recording, self._uavs = again.recording, again.recording.setting.uavs
+        self._replay, self._taken = replay_tracking(again.recording), frames_taken(again.recording)
 
     def log(self, k: int) -> None:
         """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""
@@ -37,8 +39,7 @@ class Cameras:
             self._log_breakdown(i)
         tracks = numbered_snapshot(self._recording, k).tracks
         for i, uav in enumerate(self._uavs):
-            association = Association.of(self._recording, k, i)
-            if association is None:
+            if not self._taken[k, i]:
                 continue
             root = f"world/camera/{i}"
             self._log_image(i, self._again.image(k, i))
@@ -48,9 +49,9 @@ class Cameras:
             frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
             self._stream.log(f"{root}/detections", frames)
             self._log_tracks(k, i, tracks[i])
-            expected = self._project(k, i, association.before.means)
-            self._log_weights(f"{root}/association", association, spots, expected)
-            self._stream.log(f"association/{i}", rr.TextDocument(table(association), media_type="text/markdown"))
+            association = self._replay.association(k, i)
+            if association:
+                self._log_association(k, i, association, spots)
 
     def _log_image(self, uav: int, image: Image) -> None:
         made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
@@ -90,26 +91,30 @@ class Cameras:
         )
         self._stream.log(f"world/camera/{uav}/tracks", points)
 
-    def _log_weights(self, path: str, association: Association, spots: Array, marks: Array) -> None:
-        """Log lines from predicted tracks to measurements, which are wider for larger association weights."""
-        beta = association.beta[:, 1:]
+    def _log_association(self, k: int, uav: int, association: Association, spots: Array) -> None:
+        """Log a table of weights, and lines from predicted tracks to measurements, which are wider for larger ones."""
+        weights, numbers = association.weights(), self._recording.numbers_of(association.ids).tolist()
+        marks = self._project(k, uav, association.before.means)
         ends = ~np.isnan(marks[:, :1]) & ~np.isnan(spots[:, 0])
-        pairs = np.argwhere((beta >= _SLIGHT) & ends).tolist()
+        pairs = np.argwhere((weights >= _SLIGHT) & ends).tolist()
         lines = rr.LineStrips2D(
             [np.array([marks[t], spots[n]]) for t, n in pairs],
-            colors=[on_dark(track_colour(int(association.numbers[t]))) for t, _ in pairs],
-            radii=rr.Radius.ui_points([0.5 + 1.5 * float(beta[t, n]) for t, n in pairs]),
-            labels=[f"{association.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
+            colors=[on_dark(track_colour(numbers[t])) for t, _ in pairs],
+            radii=rr.Radius.ui_points([0.5 + 1.5 * float(weights[t, n]) for t, n in pairs]),
+            labels=[f"{numbers[t]}: {weights[t, n]:.2f}" for t, n in pairs],
             show_labels=False,
         )
-        self._stream.log(path, lines)
+        self._stream.log(f"world/camera/{uav}/association", lines)
+        words = rr.TextDocument(association_table(association, numbers), media_type="text/markdown")
+        self._stream.log(f"association/{uav}", words)
 
 
-def table(association: Association) -> str:
-    """The association weights in Markdown, with a row for each track and a column for each measurement."""
+def association_table(association: Association, numbers: Sequence[int]) -> str:
+    """The association weights in Markdown: a row for each track, with these numbers, and a column per measurement."""
     heads = ["track", "none", *(f"detection {n}" for n in range(len(association.measurements)))]
     lines = [heads, ["---"] * len(heads)]
-    for number, gated, beta in zip(association.numbers.tolist(), association.gated, association.beta, strict=True):
-        cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
-        lines.append([str(number), f"{beta[0]:.2f}", *cells])
+    rows = zip(numbers, association.after.missed, association.gated(), association.weights(), strict=True)
+    for number, missed, gated, weights in rows:
+        cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(weights, gated, strict=True)]
+        lines.append([str(number), f"{missed:.2f}", *cells])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -9,7 +9,8 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import known_forest, motion_at, vehicles_at
+from sim.replay.recorded_fleet import known_forest, vehicles_at
+from sim.replay.tracking_replay import replay_tracking
 from tracking.numerics.arrays import Array
 
 
@@ -49,5 +50,5 @@ def situation_at(recording: Recording, k: int, uav: int) -> Situation:
         tracks=recording.tracks_at(k, uav),
         forest=known_forest(recording),
         area=(setting.area.width, setting.area.height),
-        motion=planned_motion(setting, motion_at(recording, k, uav)),
+        motion=planned_motion(setting, replay_tracking(recording).motion(k, uav)),
     )

@@ -10,7 +10,7 @@ from helpers.studies import invented, plain, short
 
 from sim.mission.world_setup import forest_and_people
 from sim.recording.archive import load as load_recording
-from sim.replay.events import links_of
+from sim.replay.recorded_fleet import links_of
 from sim.scenario.loading import load
 from sim.study.backends import Borrowed
 from sim.study.scheduler import complete

@@ -14,10 +14,11 @@ from sim.mission import mission
 from sim.mission.radio import RadioLinks
 from sim.replay import events
 from sim.replay.event import KINDS, when_text
-from sim.replay.events import events_of, links_of
+from sim.replay.events import events_of
 from sim.replay.explain.explanation import stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
+from sim.replay.recorded_fleet import links_of
 from sim.scenario.fleet import Cut, Network
 from sim.scenario.perception import Tracking
 from tracking.filter.kalman import Gaussian

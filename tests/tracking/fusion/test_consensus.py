@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from tracking.fusion.consensus import combine, fuse
-from tracking.fusion.labels import LABELS_PER_SCAN, is_new_label, new_label
 from tracking.fusion.message import Message
+from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
 
 
 def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +165,7 @@ def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Messag
         parts = [beliefs(rng, 1, centres[k]) for k in held]
         means = np.array([p[0][0] for p in parts]).reshape(-1, 4)
         covariances = np.array([p[1][0] for p in parts]).reshape(-1, 4, 4)
-        ids = [new_label(3, uav, c) for c in range(len(held))]
+        ids = [new_id(3, uav, c) for c in range(len(held))]
         out.append(message(uav, ids, means, covariances, degree=int(row.sum())))
     return out
 
@@ -221,7 +221,7 @@ def test_a_void_version_of_a_track_does_not_keep_it_from_a_new_one():
 
 def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
     """UAV 1's partition gave its other track, in a round before, the id that comes first for a track without one."""
-    taken = new_label(SCAN, 1, LABELS_PER_SCAN - 1)
+    taken = new_id(SCAN, 1, IDS_PER_SCAN - 1)
     far = np.array([[-20.0, 0, 0, 0], [20.0, 0, 0, 0]])
     pair = [
         message(0, [5], np.zeros(4), 0.1 * np.eye(4), degree=1),
@@ -233,16 +233,16 @@ def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
 
 
 def test_a_contested_track_among_hundreds_gets_no_label_of_a_new_one():
-    count = LABELS_PER_SCAN + 3  # a person each
+    count = IDS_PER_SCAN + 3  # a person each
     places = np.array([[20.0 * (k % 40), 20.0 * (k // 40), 0, 0] for k in range(count)])
-    for contested in (LABELS_PER_SCAN // 2 - 1, LABELS_PER_SCAN // 2, count - 1):
+    for contested in (IDS_PER_SCAN // 2 - 1, IDS_PER_SCAN // 2, count - 1):
         pair = [
             message(0, [contested], np.full(4, -50.0), 0.1 * np.eye(4), degree=1),
             message(1, range(count), places, [0.1 * np.eye(4)] * count, degree=1, partition=(1, 0.0)),
         ]
         ids = combine(pair[0], pair[1:], 3.0).ids
-        assert len(ids) == count + 1 and not is_new_label(ids, SCAN).any()
-        assert new_label(SCAN, 1, 0) < ids[-1] < new_label(SCAN, 2, 0)
+        assert len(ids) == count + 1 and not is_new_id(ids, SCAN).any()
+        assert new_id(SCAN, 1, 0) < ids[-1] < new_id(SCAN, 2, 0)
 
 
 def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
@@ -295,5 +295,5 @@ def test_detection_times_travel_one_hop_per_round():
 
 
 def test_labels_of_new_tracks_are_unique_and_ascend_with_time():
-    ids = [new_label(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
-    assert len(set(ids)) == len(ids) and new_label(2, 0, 0) > new_label(1, 999, 999) > 999_999
+    ids = [new_id(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
+    assert len(set(ids)) == len(ids) and new_id(2, 0, 0) > new_id(1, 999, 999) > 999_999

@@ -8,8 +8,8 @@ from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, track
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.fusion.exchange import TrackExchange
-from tracking.fusion.labels import new_label
 from tracking.fusion.member import tracker
+from tracking.fusion.track_ids import new_id
 from tracking.track import Scan, Track
 from tracking.tracker import Tracker, TrackerParameters
 
@@ -69,14 +69,14 @@ def test_tracks_that_two_uavs_begin_are_as_many_as_people():
     one.begins(1.0, 1.0, 0, 0)
     other.begins(1.2, 0.9, 0, 0)
     fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [0, new_label(1, 0, 0)]
+    assert one.ids == other.ids == [0, new_id(1, 0, 0)]
     fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [0, new_label(1, 0, 0)]
+    assert one.ids == other.ids == [0, new_id(1, 0, 0)]
     one, other = Scripted(0), Scripted(1)
     one.begins(1.0, 1.0, 0, 0)
     other.begins(8.0, 1.0, 0, 0)
     fuse([one, other], LINKED, 5)
-    assert one.ids == other.ids == [new_label(1, 0, 0), new_label(1, 1, 0)]
+    assert one.ids == other.ids == [new_id(1, 0, 0), new_id(1, 1, 0)]
 
 
 @pytest.mark.parametrize("detects", [False, True])
@@ -102,7 +102,7 @@ def test_halves_that_meet_again_join_their_tracks():
     for member in fleet:
         member.detected = dict.fromkeys(member.ids, 1.0)
     fuse(fleet, LINKED, 5)
-    assert fleet[0].ids == fleet[1].ids == [0, new_label(11, 0, 0)]
+    assert fleet[0].ids == fleet[1].ids == [0, new_id(11, 0, 0)]
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_each_scan_may_begin_500_tracks_and_only_the_fleets_tracks_are_deleted()
     lone.tracks = ()
     for k in range(3):
         born = [lone.exchange.new_id() for _ in range(500)]  # none of which lives until the message
-        assert born == [new_label(k + 1, 0, n) for n in range(500)]
+        assert born == [new_id(k + 1, 0, n) for n in range(500)]
         said = lone.message(0)
         assert said.deleted == ((0, 0.0),)
         lone.accept(said)

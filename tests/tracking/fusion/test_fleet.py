@@ -9,7 +9,7 @@ from helpers.graphs import graph
 from helpers.scenes import ABOVE, AWAY, check, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
-from tracking.fusion.labels import FIRST_LABEL
+from tracking.fusion.track_ids import FIRST_NEW_ID
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Tracker
@@ -124,4 +124,4 @@ def refound(*companions: tuple[float, float]) -> list[int]:
 def test_a_reacquired_person_stays_one_beside_a_new_one():
     assert refound() == [3]
     old, new = refound((7.0, 0.0))
-    assert old == 3 and new >= FIRST_LABEL
+    assert old == 3 and new >= FIRST_NEW_ID

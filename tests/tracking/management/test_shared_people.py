@@ -9,7 +9,7 @@ from helpers.scenes import AWAY, R, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
-from tracking.fusion.labels import new_label
+from tracking.fusion.track_ids import new_id
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import shared_people, without_measurement
 from tracking.measurement_update import _unresolved
@@ -39,7 +39,7 @@ def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(
     assert [t.id for t in subject.tracks] == [4] and np.trace(subject.tracks[0].belief.covariance) < 1.0
 
 
-@pytest.mark.parametrize(("last", "left"), [(5, [4, 5]), (new_label(1, 0, 0), [3, 4])])
+@pytest.mark.parametrize(("last", "left"), [(5, [4, 5]), (new_id(1, 0, 0), [3, 4])])
 def test_the_likelier_of_two_tracks_takes_the_older_id_only_if_it_is_new(last, left):
     one, other = (Gaussian(np.array([x, 0, 0, 0]), 0.05 * np.eye(4)) for x in (0.0, 9.0))
     subject = tracker(Track(3, one, 0.2), Track(4, other, 1.0), Track(5, one, 0.7))
@@ -51,7 +51,7 @@ def test_the_likelier_of_two_tracks_takes_the_older_id_only_if_it_is_new(last, l
     assert joint.belief.mean[0] == pytest.approx(0.0) and joint.existence == pytest.approx(0.9, abs=1e-3)
 
 
-@pytest.mark.parametrize(("begun", "left"), [(3, 3), (2, new_label(2, 0, 0))])
+@pytest.mark.parametrize(("begun", "left"), [(3, 3), (2, new_id(2, 0, 0))])
 def test_a_track_takes_an_older_id_up_to_a_second_after_its_first_scan(begun, left):
     place = Gaussian(np.zeros(4), 0.05 * np.eye(4))
     subject = tracker(Track(3, place, 0.2), Track(4, place, 0.7))
@@ -60,7 +60,7 @@ def test_a_track_takes_an_older_id_up_to_a_second_after_its_first_scan(begun, le
         fuse([subject], np.zeros((1, 1), bool), 5)
     subject.coast(0.2 * 7)  # the eighth scan
     said = subject.message(0)
-    subject.accept(replace(said, ids=np.array([3, new_label(begun, 0, 0)]), times=np.full((2, 4), said.time)))
+    subject.accept(replace(said, ids=np.array([3, new_id(begun, 0, 0)]), times=np.full((2, 4), said.time)))
     assert [t.id for t in subject.tracks] == [left]
 
 

@@ -13,10 +13,10 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.filter.motion import motion_model
 from tracking.fusion.consensus import fuse
-from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.initiation import initiated
+from tracking.management.initiation import initiate_tracks
 from tracking.parameters import TrackerParameters
 from tracking.tracker import Tracker
 
@@ -35,11 +35,11 @@ def test_a_person_that_turns_under_a_canopy_keeps_the_id(management):
 
 
 def test_of_more_births_than_labels_the_rest_begins_in_the_next_scan():
-    subject, half = tracker(management="m_of_n", confirm=(1, 1)), LABELS_PER_SCAN // 2
+    subject, half = tracker(management="m_of_n", confirm=(1, 1)), IDS_PER_SCAN // 2
     places = [(float(k % 25 - 12) * 0.8, float(k // 25 - 12) * 0.8) for k in range(half + 3)]
     first, second = play(subject, [scan(k, *places) for k in range(2)])
-    assert first == tuple(new_label(1, 0, k) for k in range(half))
-    assert second == (*first, *(new_label(2, 0, k) for k in range(3)))
+    assert first == tuple(new_id(1, 0, k) for k in range(half))
+    assert second == (*first, *(new_id(2, 0, k) for k in range(3)))
 
 
 @pytest.mark.parametrize(("apart", "confirmed"), [(6, True), (7, False)])
@@ -78,10 +78,10 @@ def test_a_person_with_a_track_gets_no_second_one():
 
 
 def test_a_measurement_of_a_tentative_track_starts_no_other():
-    p, z, view = TrackerParameters(MOTION, management="m_of_n", confirm=(3, 3)), np.zeros((1, 2)), CAMERA.lens(ABOVE)
-    tentative = []
+    p, z = TrackerParameters(MOTION, management="m_of_n", confirm=(3, 3)), np.zeros((1, 2))
+    view, tentative = {"forest": OPEN, "lens": CAMERA.lens(ABOVE)}, []
     for k in range(3):
-        confirmed, tentative = initiated(tentative, z, R[None], elapsed=k and 1, view=(OPEN, view), p=p)
+        confirmed, tentative = initiate_tracks(tentative, z, R[None], time=0.2 * k, elapsed=k and 1, **view, p=p)
         assert (len(confirmed), len(tentative)) == ((0, 1) if k < 2 else (1, 0))
 
 

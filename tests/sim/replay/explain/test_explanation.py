@@ -11,10 +11,10 @@ import pytest
 from helpers.flights import IDEAL, recorded
 from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
+from sim.replay.explain.association import Association
 
 from sim.drawing.lettering import width
 from sim.replay.explain import picture
-from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts, planned_visibility

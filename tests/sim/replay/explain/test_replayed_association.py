@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.flights import recorded
+from sim.replay.explain.association import Association
 
 import tracking.tracker
-from sim.replay.explain.association import Association
 from tracking.measurement_update import associate, scan_update
 
 CASES = {

@@ -8,10 +8,10 @@ from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
 from helpers.recordings import broken
 from msgspec import structs
+from sim.replay.explain.association import Association
 
 from sim.evaluation.score import held_by
 from sim.recording.archive import save
-from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts

@@ -11,8 +11,8 @@ rr = pytest.importorskip("rerun")
 from helpers.flights import recorded  # noqa: E402
 from helpers.rerun_files import tables  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
-
 from sim.replay.explain.association import Association  # noqa: E402
+
 from sim.replay.flight import Flight  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402

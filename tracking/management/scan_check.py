@@ -15,7 +15,7 @@ _ASYMMETRY = 1e-9
 QUATERNION_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
 
 
-def checked_scan(scan: Scan) -> tuple[Array, Array]:
+def check_scan(scan: Scan) -> tuple[Array, Array]:
     """Measurements (N, 2) and covariances (N, 2, 2) of a scan as contiguous floats, after its validation.
 
     Raises ValueError for invalid values, which would lead to tracks that are NaN.

@@ -1,0 +1,94 @@
+"""Accounts of a recorded mission's trackers: the same trackers take the recorded scans again."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from sim.mission.tracker_fleet import make_trackers, step_trackers
+from sim.mission.tracker_setup import initial_tracks
+from sim.recording.recording import Recording
+from sim.replay.recorded_fleet import known_forest, links_of
+from tracking.account import Association, ScanAccount
+from tracking.errors import InputError
+from tracking.filter.motion import MotionModel
+from tracking.fusion.member import TRACKERS
+from tracking.track import Track
+from tracking.tracker import Tracker
+
+
+@dataclass(frozen=True)
+class TrackerState:
+    """One UAV's tracker after a scan."""
+
+    account: ScanAccount
+    motion: MotionModel
+
+
+@dataclass(frozen=True)
+class TrackingReplay:
+    """States of the trackers of n UAVs up to the first scan that they did not repeat bit for bit."""
+
+    states: list[list[TrackerState | None]]  # by scan and UAV; None after a breakdown
+    note: str  # why there are no states from some scan on; empty if there are all
+
+    def at(self, k: int, uav: int) -> TrackerState | None:
+        """State of one UAV's tracker after scan k; None if it is unknown or the UAV had broken down."""
+        return self.states[k][uav] if k < len(self.states) else None
+
+    def accounts_at(self, k: int) -> list[tuple[int, ScanAccount]]:
+        """Accounts of scan k, each with its UAV; empty if they are unknown."""
+        return [(i, state.account) for i, state in enumerate(self.states[k]) if state] if k < len(self.states) else []
+
+    def association(self, k: int, uav: int) -> Association | None:
+        """Association of one UAV at scan k; None if it is unknown, or if its camera took no frame."""
+        state = self.at(k, uav)
+        return state.account.association if state else None
+
+    def motion(self, k: int, uav: int) -> MotionModel | None:
+        """Motion model that one UAV's tracker had learned by scan k; None if it is unknown."""
+        state = self.at(k, uav)
+        return state.motion if state else None
+
+
+@lru_cache(maxsize=1)  # because callers ask about all scans of one mission
+def replay_tracking(recording: Recording) -> TrackingReplay:
+    """Give the recorded scans to the trackers of the mission once more.
+
+    Without randomness of their own they make the recorded tracks, unless another version made the recording.
+    """
+    scenario, states = recording.setting, list[list[TrackerState | None]]()
+    name = scenario.tracking.tracker
+    if name not in TRACKERS.built_in:
+        return TrackingReplay(states, f"{name} gives no account of its scans: weights, births and reasons are unknown")
+    here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
+    try:
+        trackers = make_trackers(scenario, known_forest(recording), initial_tracks(scenario, here, there))
+        for k, links in enumerate(links_of(recording)):
+            time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
+            scans = {i: recording.scan_at(k, i) for i in working if scenario.has_frame(i, k)}
+            step_trackers(scenario, trackers, time, scans, links, working)
+            if not all(_are_equal(trackers[i].tracks, recording.tracks_at(k, i)) for i in working):
+                break
+            states.append([_state(trackers[i]) if i in working else None for i in range(len(trackers))])
+    except (InputError, ValueError) as error:
+        return TrackingReplay(states, f"the trackers cannot be run again: {error}")
+    if len(states) == len(recording.times):
+        return TrackingReplay(states, "")
+    since = (
+        f"from {recording.times[len(states)]:.1f} s on this version's tracker makes other tracks than the recorded ones"
+    )
+    return TrackingReplay(states, f"{since}: weights, births and reasons are unknown")
+
+
+def _state(tracker: object) -> TrackerState:
+    assert isinstance(tracker, Tracker)
+    return TrackerState(tracker.account, tracker.motion)
+
+
+def _are_equal(made: tuple[Track, ...], recorded: tuple[Track, ...]) -> bool:
+    return [_bits(track) for track in made] == [_bits(track) for track in recorded]
+
+
+def _bits(track: Track) -> tuple[int, bytes, bytes]:
+    return track.id, track.belief.mean.tobytes(), track.belief.covariance.tobytes()
