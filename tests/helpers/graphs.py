@@ -31,7 +31,7 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
     partition = others.pop("partition", (0, 0.0))
     said = {
         "partition": partition,
-        "names": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),
+        "keys": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),
         "times": np.column_stack([seen, seen, seen, seen]),
         "views": np.zeros((len(q), 2), np.int64),
         "misses": np.zeros(len(q), np.int64),

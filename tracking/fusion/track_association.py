@@ -135,9 +135,9 @@ def _join(
     """Group (G,) of each track, given by its first track, and flags (G,) of tracks that end.
 
     given: ids that messages give to each track; holders (G, N): flags of the UAVs that hold each track; begun (G,):
-    flags of tracks that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing groups.
-    New tracks come last, because a UAV's new track and its lost one may both be of a person that another UAV tracks.
-    A group out of sight ends if its only id has another track that was seen later, within reach.
+    flags of tracks that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to
+    existing groups. New tracks come last, because a UAV's new track and its lost one may both be of a person that
+    another UAV tracks. A group out of sight ends if its only id has another track that was seen later, within reach.
     """
     common = np.array([[not one.isdisjoint(other) for other in given] for one in given], dtype=np.bool_)
     common = common.reshape(len(given), len(given))

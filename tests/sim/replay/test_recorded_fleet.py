@@ -1,13 +1,12 @@
-"""UAVs as planners knew them, and their trackers' motion models, as a recording gives them back."""
+"""UAVs as planners knew them, as a recording gives them back."""
 
 import numpy as np
-from helpers.flights import IDEAL, fly, recorded, recording_of
+from helpers.flights import IDEAL, fly, recording_of
 from helpers.teams import Spy
 
 from sim.mission.mission import Mission
-from sim.replay.recorded_fleet import motion_at, vehicles_at
+from sim.replay.recorded_fleet import vehicles_at
 from sim.scenario.loading import load
-from tracking.filter.mean_reverting import MeanRevertingVelocity
 
 
 def wandering(situation):
@@ -49,21 +48,3 @@ def test_kinematic_uavs_have_the_velocity_of_their_last_command():
             np.testing.assert_array_equal(s.own.velocity, snapshots[5 * k].commands[s.own.id])
             recorded = vehicles_at(recording, 5 * k)[s.own.id]
             np.testing.assert_allclose(recorded.velocity, s.own.velocity, atol=1e-9)
-
-
-def test_each_scan_is_learned_from_once_however_often_models_are_asked_for(monkeypatch):
-    learned, observed = [], MeanRevertingVelocity.observed
-
-    def counted(self, velocities):
-        learned.append(len(velocities))
-        return observed(self, velocities)
-
-    recording = recorded(*IDEAL, duration=4)
-    monkeypatch.setattr(MeanRevertingVelocity, "observed", counted)
-    models = [motion_at(recording, k, i) for _ in range(2) for k in range(21) for i in range(3)]
-    assert 0 < len(learned) <= 21 * 3 and min(learned) > 0
-    assert models[:63] == models[63:]
-    seconds = models[62].learned_in - models[2].learned_in  # of people in view, by UAV 2 since its first scan
-    k, uav = recording.cells(recording.track_offsets)
-    later = (uav == 2) & (k > 0) & (recording.track_sightings[:, 2] >= recording.times[k])
-    np.testing.assert_allclose(seconds, np.count_nonzero(later) / 5)

@@ -92,7 +92,7 @@ def test_a_table_of_all_rounds_equals_the_updates_of_single_uavs(seed):
     assert len({m.times.tobytes() for m in expected}) > 1
     for ours, theirs in zip([m.left for m in members], expected, strict=True):
         assert (ours.partition, ours.deleted) == (theirs.partition, theirs.deleted)
-        for name in ("ids", "names", "shares", "times", "views", "misses", "sightings"):
+        for name in ("ids", "keys", "shares", "times", "views", "misses", "sightings"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
         width = theirs.novel.shape[1]  # columns of UAVs that it has not heard of are empty
         np.testing.assert_array_equal(ours.novel[:, :width], theirs.novel)

@@ -11,7 +11,6 @@ import pytest
 from helpers.flights import IDEAL, recorded
 from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
-from sim.replay.explain.association import Association
 
 from sim.drawing.lettering import width
 from sim.replay.explain import picture
@@ -25,6 +24,7 @@ from sim.replay.frames.annotation import TRACK, annotate
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
+from sim.replay.tracking_replay import replay_tracking
 
 
 @pytest.fixture(scope="module")
@@ -123,22 +123,22 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
         text = "\n".join(groups[heading])
         assert ("held by UAV" in text) == (history.held[facts.k, facts.person] > 0) != ("lost since" in text)
         for w in facts.observations:
-            made, text = Association.of(recording, facts.k, w.uav), "\n".join(groups[f"UAV {w.uav}"])
+            made, text = w.association, "\n".join(groups[f"UAV {w.uav}"])
+            numbers, weights, gated = recording.numbers_of(made.ids).tolist(), made.weights(), made.gated()
             trees = re.findall(r"^tree (\d+) stands", text, flags=re.M)
             assert [int(tree) for tree in trees] == list(w.sighting.hidden_by)
             assert ("detected at pixel" in text) == (w.found is not None)
             assert (f"shows {w.sighting.pixels} of {w.whole} pixels" in text) == bool(w.whole)
             seen |= {word for word in ("in the gate of track", "not detected", "too, weight") if word in text}
-            np.testing.assert_array_equal(w.association.beta, made.beta)
-            found, own = w.found.measurement if w.found else -1, made.numbers.tolist().index(facts.holders[0].number)
+            found, own = w.found.measurement if w.found else -1, numbers.index(facts.holders[0].number)
             told = re.findall(r"in the gate of track (\d+) at ([\d.]+) σ, weight (.+)", text)
-            assert len(told) == (np.count_nonzero(made.gated[:, found]) if w.found else 0)
+            assert len(told) == (np.count_nonzero(gated[:, found]) if w.found else 0)
             for number, sigmas, weight in told:
-                t = made.numbers.tolist().index(int(number))
-                assert weight == percent_text(made.beta[t, 1 + found])
-                assert float(sigmas) == pytest.approx(made.distances[t, found] ** 0.5, abs=0.051)
+                t = numbers.index(int(number))
+                assert weight == percent_text(weights[t, found])
+                assert float(sigmas) == pytest.approx(made.distances()[t, found] ** 0.5, abs=0.051)
             assert f"in plain view with {percent_text(made.before.visible[own])}" in text
-            others = made.gated[own] & (made.beta[own, 1:] >= 0.005) & (np.arange(len(made.measurements)) != found)
+            others = gated[own] & (weights[own] >= 0.005) & (np.arange(len(made.measurements)) != found)
             assert text.count("too, weight") == np.count_nonzero(others)
     assert seen == {"in the gate of track", "not detected", "too, weight"}
 
@@ -316,12 +316,17 @@ def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
 
 def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
     recording = recorded(*IDEAL, "network.range=1", "sensing.false_alarms=3", "tracking.clutter_density=1e-3")
+    replay = replay_tracking(recording)
     ids, others = recording.track_ids.copy(), recording.cells(recording.track_offsets)[1] > 0
     swapped = dict(zip(ids[others][:2].tolist(), ids[others][1::-1].tolist(), strict=True))
-    ids[others] = [swapped.get(id_, id_) for id_ in ids[others].tolist()]  # names of tracks that UAV 0 does not share
+    ids[others] = [swapped.get(id_, id_) for id_ in ids[others].tolist()]  # ids of tracks that UAV 0 does not share
     recording = replace(recording, track_ids=ids)
+    for account in [account for k in range(1, len(recording.times)) for i, account in replay.accounts_at(k) if i > 0]:
+        renamed = np.array([swapped.get(id_, id_) for id_ in account.association.ids.tolist()])
+        account.association = replace(account.association, ids=renamed)
     kinds = {"several": 0, "own": 0, "none": 0, "too": 0}
     with Observer(Flight(recording)) as observer:
+        observer.replay = replay
         tracks, numbers = observer.flight.history.tracks, recording.track_numbers
         held_at = np.argwhere((tracks >= 0).any(axis=1)).tolist()
         for k, m in ((k, m) for k, m in held_at if k > 0):  # tracks known at the start have their old ids
@@ -340,7 +345,7 @@ def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
             for i in range(3):
                 own = int(fleet[i]) if fleet[i] >= 0 else most
                 named = set(tracks[k, i].tolist()) - {-1}
-                a, lines = Association.of(recording, k, i), "\n".join(groups[f"UAV {i}"])
+                a, lines = replay.association(k, i), "\n".join(groups[f"UAV {i}"])
                 if fleet[i] < 0 and most in named:
                     other = tracks[k, i].tolist().index(most)
                     assert f"holds person {other} as track {numbers[most]}" in lines and "expected" not in lines

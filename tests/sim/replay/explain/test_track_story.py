@@ -1,5 +1,6 @@
-"""The story of a track: against the trackers' own tentative tracks, the association, and a mission made by hand."""
+"""The story of a track: against what its trackers tell, and for a mission made by hand."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,6 @@ from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
 from helpers.recordings import broken
 from msgspec import structs
-from sim.replay.explain.association import Association
 
 from sim.evaluation.score import held_by
 from sim.recording.archive import save
@@ -24,37 +24,29 @@ from tracking.parameters import EXPECTED, SEEN
 
 @pytest.fixture(scope="module")
 def mission():
-    """A recording in which false alarms become tracks, an observer, and tentative tracks in flight."""
-    tentative = []
-
-    def see(mission):
-        # Scans so far and place of each tentative track of each UAV.
-        fleet = mission._knowledge._trackers
-        tentative.append([[(t.scans, t.belief.mean[:2]) for t in tracker._tentative] for tracker in fleet])
-
+    """A recording in which false alarms become tracks, and an observer."""
     options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6", "tracking.max_variance=400")
-    recording = recorded(*IDEAL, *options, *paper, seed=3, duration=20, see=see)
+    recording = recorded(*IDEAL, *options, *paper, seed=3, duration=20)
     with Observer(Flight(recording)) as observer:
-        yield recording, observer, tentative
+        yield recording, observer
+
+
+def story(observer, number):
+    return dict(track_story(TrackFacts(observer, number)))
 
 
 def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
-    recording, observer, tentative = mission
+    recording, observer = mission
     false = 0
     for id_, number in recording.track_numbers.items():
         facts = TrackFacts(observer, number)
-        k, (uav,) = facts.scans[0], facts.makers
-        (track,) = (t for t in recording.tracks_at(k, uav) if t.id == id_)
-        scans, _ = min(tentative[k - 1][uav], key=lambda t: np.hypot(*(t[1] - track.belief.mean[:2])))
-        first, last = facts.origins[0], facts.origins[-1]
-        assert (first.k, last.k) == (k - scans, k)
-        for origin in facts.origins:
-            np.testing.assert_array_equal(
-                origin.place, recording.scan_at(origin.k, uav).measurements[origin.measurement]
-            )
-            assert observer.owners(origin.k, uav)[origin.measurement] == origin.person
-        false += first.person < 0
+        ((uav, measured),) = facts.births(facts.first, id_).items()
+        assert measured[-1].k == facts.first and facts.first - 5 <= measured[0].k < facts.first
+        for m in measured:
+            np.testing.assert_array_equal(m.place, recording.scan_at(m.k, uav).measurements[m.measurement])
+            assert observer.owners(m.k, uav)[m.measurement] == m.person
+        false += measured[0].person < 0
     assert len(recording.track_numbers) >= 6 and false >= 2
 
 
@@ -68,7 +60,7 @@ def test_errors_in_flight_are_those_of_reported_tracks(mission):
 
 
 def test_the_story_says_when_a_track_was_not_reported(mission):
-    recording, observer, _ = mission
+    recording, observer = mission
     id_ = recording.track_ids[~recording.reported][0]
     facts = TrackFacts(observer, recording.track_numbers[id_])
     scans, _ = recording.cells(recording.track_offsets)
@@ -79,12 +71,12 @@ def test_the_story_says_when_a_track_was_not_reported(mission):
 
 
 def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
-    recording, observer, _ = mission
+    recording, observer = mission
     id_ = next(iter(recording.track_numbers))
     facts, count = TrackFacts(observer, 0), 0
     for detection in facts.detections:
-        a = Association.of(recording, detection.k, detection.uav)
-        weights = a.beta[a.ids.tolist().index(id_), 1:]
+        a = observer.replay.association(detection.k, detection.uav)
+        weights = a.weights()[a.ids.tolist().index(id_)]
         assert detection.weight in weights[weights >= SEEN]
         assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
         count += detection.person >= 0
@@ -92,39 +84,51 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
 
 
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
-    recording, observer, _ = mission
+    recording, observer = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
-    facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
-    groups, begun = dict(track_story(facts)), facts.origins[0]
+    births = ((facts, *facts.births(facts.first, facts.id).items()) for facts in every)
+    facts, (_, (begun, *_)) = next(born for born in births if all(m.person < 0 for m in born[1][1]))
+    groups = dict(track_story(facts))
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
     place, time = f"({x:.1f}, {y:.1f}) m", f"{recording.times[begun.k]:.1f} s"
     assert groups["born"][0] == f"at {time} from a false alarm at {place}, measured by UAV {begun.uav}"
-    confirmed = f"{recording.times[facts.scans[0]]:.1f} s by UAV {begun.uav}"
+    confirmed = f"{recording.times[facts.first]:.1f} s by UAV {begun.uav}"
     assert groups["born"][-1] == f"confirmed at {confirmed}"
     assert "that should have shown it; existence " in groups["kept"][0]
 
 
-def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
-    recording, observer, _ = mission
-    events = Flight(recording).events
-    ended = [event for event in events if event.kind == "track deleted"]
+def test_the_end_of_a_track_has_the_reason_of_its_tracker(mission):
+    recording, observer = mission
+    ended = [event for event in Flight(recording).events if event.kind == "track deleted"]
     for event in ended:
-        facts = TrackFacts(observer, event.track)
-        lines = dict(track_story(facts))["ended"]
-        existence, variance = (float(line.split()[1]) for line in lines[1:3])
-        assert lines[0] == f"deleted at {event.time:.1f} s"
-        assert "a track is deleted below 0.001" in lines[1] and "a track is deleted beyond 400 m²" in lines[2]
-        assert existence < 0.1 or variance > 390.0
+        (line,) = [line for line in story(observer, event.track)["ended"] if line.startswith("deleted")]
+        told = re.fullmatch(rf"deleted at {event.time:.1f} s by UAVs 0, 1 and 2: existence (.+); a track is (.+)", line)
+        assert float(told[1]) < 0.001 and told[2] == "deleted below 0.001"
     assert len(ended) >= 2
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("tracking.max_variance=9",), r"variance (9\.\d|1\d\.\d) m²; a track is deleted beyond 9 m²"),
+        (("tracking.management=m_of_n",), "5 misses in 5 scans that should have shown its person"),
+        ((), r"it shared its person with track \d+, which goes on"),
+    ],
+)
+def test_tracks_end_for_each_reason(options, reason):
+    alarms = ("sensing.false_alarms=2", "trees.density=45", "tracking.initial_tracks=none")
+    recording = recorded(*IDEAL, *alarms, *options, seed=1, duration=10)
+    with Observer(Flight(recording)) as observer:
+        ends = [line for number in recording.track_numbers.values() for line in story(observer, number)["ended"]]
+    assert any(re.fullmatch(rf"deleted at [\d.]+ s by UAVs? [\d, and]+: {reason}", line) for line in ends)
 
 
 def test_a_track_whose_uavs_broke_down_was_not_deleted():
     recording = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
     with Observer(Flight(recording)) as observer:
-        story = dict(track_story(TrackFacts(observer, 0)))
-    assert story["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
+        assert story(observer, 0)["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
 
 
 def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
@@ -138,18 +142,17 @@ def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
     tables = {name: getattr(recording, name)[kept] for name in names}
     ended = broken(replace(recording, track_offsets=rows, **tables), 0, last + 1)
     with Observer(Flight(ended)) as observer:
-        story = dict(track_story(TrackFacts(observer, 0)))
-    assert story["ended"][0] == "deleted at 1.0 s"
+        assert story(observer, 0)["ended"][0] == "ended at 1.0 s"
 
 
 def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
-    recording, observer, _ = mission
+    recording, observer = mission
     counted = 0
     for event in (e for e in observer.flight.events if e.kind == "false track"):
         id_ = list(recording.track_numbers)[event.track]
-        found = [Association.of(recording, k, i) for k in range(event.first, event.last + 1) for i in range(3)]
+        found = [observer.replay.association(k, i) for k in range(event.first, event.last + 1) for i in range(3)]
         rows = [(a, a.ids.tolist().index(id_)) for a in found if id_ in a.ids]
-        without = [float(a.before.visible[t]) for a, t in rows if a.beta[t, 0] > 1.0 - SEEN]
+        without = [float(a.before.visible[t]) for a, t in rows if a.after.missed[t] > 1.0 - SEEN]
         missed = sum(visible >= EXPECTED for visible in without)
         (line,) = (n for n in dict(track_story(TrackFacts(observer, event.track)))["kept"] if n.startswith(event.when))
         assert f"missed in {missed} that should have shown it" in line
@@ -163,10 +166,10 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
     recording = replace(mission[0], scenario=resolved(outside))
     with Observer(Flight(recording)) as observer:
         for number in recording.track_numbers.values():
-            groups = dict(track_story(TrackFacts(observer, number)))
+            groups = story(observer, number)
             lines = [line for group in groups.values() for line in group]
-            assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
-            assert not any("a track ends" in line or "its gate" in line for line in lines)
+            assert groups["note"][0].startswith("soup:Jpda gives no account of its scans")
+            assert not any("a track is" in line or "its gate" in line or "no measurement" in line for line in lines)
         facts = PersonFacts.of(observer, 4, 0)
         assert dict(explanation(facts))["note"] == groups["note"]
 
@@ -175,7 +178,8 @@ def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused)
     recording = swapping()
     with Observer(Flight(recording)) as observer:
         false = TrackFacts(observer, 2)
-        assert (false.scans, false.known, false.makers) == (FALSE, False, (0, 1, 2))
+        assert (false.first, false.last, false.known) == (*FALSE, False)
+        assert story(observer, 2)["born"] == ["first held at 0.4 s by UAVs 0, 1 and 2"]
         assert TrackFacts(observer, 0).known
     save(recording, tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz", "--track", "0")

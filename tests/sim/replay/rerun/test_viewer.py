@@ -11,13 +11,13 @@ rr = pytest.importorskip("rerun")
 from helpers.flights import recorded  # noqa: E402
 from helpers.rerun_files import tables  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
-from sim.replay.explain.association import Association  # noqa: E402
 
 from sim.replay.flight import Flight  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
 from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
 from sim.replay.rerun.scene import gaps_at  # noqa: E402
+from sim.replay.tracking_replay import replay_tracking  # noqa: E402
 from tracking.plugins.registry import InputError  # noqa: E402
 
 BROKEN_AT = 8  # the scan, of UAV 2
@@ -91,12 +91,13 @@ def test_each_frame_taken_has_its_image_and_marks(recording, entities):
 def test_weights_are_those_of_the_association(recording, entities):
     lines = 0
     for k in range(BROKEN_AT):
-        told = Association.of(recording, k, 2)
+        told = replay_tracking(recording).association(k, 2)
+        numbers = recording.numbers_of(told.ids)
         (text,) = rows(entities, "/association/2", "text")[k]
-        for number, beta in zip(told.numbers, told.beta, strict=True):
-            assert f"| {number} | {beta[0]:.2f} |" in text
+        for number, missed in zip(numbers, told.after.missed, strict=True):
+            assert f"| {number} | {missed:.2f} |" in text
         labels = rows(entities, "/world/camera/2/association", "labels")[k]
-        assert all(any(label == f"{n}: {w:.2f}" for n, b in zip(told.numbers, told.beta, strict=True) for w in b[1:])
+        assert all(any(label == f"{n}: {w:.2f}" for n, b in zip(numbers, told.weights(), strict=True) for w in b)
                    for label in labels)  # fmt: skip
         lines += len(labels)
     assert lines > 5
