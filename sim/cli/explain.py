@@ -1,26 +1,30 @@
 """`understory explain`."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from sim.cli.recordings import check_new, folder_of
+from sim.drawing.lettering import Group
+from sim.drawing.plots import save
 from sim.recording.atomic_files import unused, whole
+from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, when_text
+from sim.replay.explain.explanation import explanation, stretches
+from sim.replay.explain.observation import Observer
+from sim.replay.explain.person import PersonFacts
+from sim.replay.explain.picture import draw_explanation
+from sim.replay.explain.track_story import TrackFacts, track_story
+from sim.replay.flight import Flight, load
+from sim.replay.frames.pages import png, scans_between
+from sim.replay.link_outages import link_outages
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console, show_place
 from tracking.errors import InputError
-
-if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
-    from sim.drawing.lettering import Group
-    from sim.replay.event import Event
-    from sim.replay.flight import Flight
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
@@ -45,49 +49,40 @@ def explain(
             if value is not None:
                 text = f"{str(value)!r} is not allowed with --track, which tells the whole story of a track"
                 raise InputError(f"{name}: {text}")
-    moment = None if time is None else _moment(time)
+    moment = None if time is None else _read_time(time)
     if moment is not None and target is None:
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
     if out is not None:
         check_new(out, ".png", "--out")
-    from sim.replay.flight import load
-    from sim.replay.frames.pages import scans_between
-
     flight = load(recorded)
     recording = flight.recording
     scan = None if moment is None else scans_between(recording, moment, None)[0]
     people = recording.people.shape[1]
-    person = None if target is None else _index(target, "--target", people, "no person walked in this mission")
+    person = None if target is None else _read_index(target, "--target", people, "no person walked in this mission")
     if track is not None:
-        _track_of(flight, _index(track, "--track", len(recording.track_numbers), "this mission had no track"))
+        _explain_track(flight, _read_index(track, "--track", len(recording.track_numbers), "this mission had no track"))
     elif scan is None or person is None:
-        _whole(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
+        _explain_mission(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
     else:
         name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-        _moment_of(flight, scan, person, out or unused(folder_of(recorded) / name, ".png"))
+        _explain_moment(flight, scan, person, out or unused(folder_of(recorded) / name, ".png"))
 
 
-def _moment(text: str) -> float:
+def _read_time(text: str) -> float:
     start, end = interval(text, "--time")
     if end is not None:
         raise InputError(f"--time: {text!r} is not allowed; expected one time such as 12.4")
     return start
 
 
-def _index(text: str, option: str, count: int, lacking: str) -> int:
+def _read_index(text: str, option: str, count: int, lacking: str) -> int:
     """The index below `count` that an option gives; InputError says `lacking` if the count is zero."""
     if not count:
         raise InputError(f"{option}: {text!r} is not allowed; {lacking}")
     return integer(text, option, least=0, most=count - 1)
 
 
-def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
-    from sim.replay.explain.explanation import explanation
-    from sim.replay.explain.observation import Observer
-    from sim.replay.explain.person import PersonFacts
-    from sim.replay.explain.picture import draw_explanation
-    from sim.replay.frames.pages import png
-
+def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
     with Observer(flight) as observer:
         facts = PersonFacts.of(observer, scan, person)
         groups = explanation(facts)
@@ -98,10 +93,7 @@ def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
     show_place("Picture", path)
 
 
-def _track_of(flight: Flight, number: int) -> None:
-    from sim.replay.explain.observation import Observer
-    from sim.replay.explain.track_story import TrackFacts, track_story
-
+def _explain_track(flight: Flight, number: int) -> None:
     with Observer(flight) as observer:
         _print(track_story(TrackFacts(observer, number)))
 
@@ -113,14 +105,11 @@ def _print(groups: list[Group]) -> None:
             console.print(f"  {escape(fact)}", soft_wrap=True)
 
 
-def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
+def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
     """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
-    from sim.drawing.plots import save
-    from sim.replay.event import UNHELD, UNMATCHED
-
     people = range(flight.recording.people.shape[1]) if person is None else [person]
     unheld = [event for event in flight.events if event.kind in UNHELD and event.person in people]
-    others = _others(flight) if person is None else []
+    others = _other_events(flight) if person is None else []
     if person is not None:
         _print_stretches(flight, person)
     elif not unheld:
@@ -144,20 +133,14 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
         show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
 
 
-def _others(flight: Flight) -> list[Event]:
+def _other_events(flight: Flight) -> list[Event]:
     """Events other than losses, by time; links that are lost again and again are told of in few."""
-    from sim.replay.event import IDENTITIES, INCIDENTS, UNMATCHED
-    from sim.replay.link_outages import link_outages
-
     found = [event for event in flight.events if event.kind in (*UNMATCHED, *IDENTITIES, *INCIDENTS)]
     found += link_outages(flight.events, flight.history.times)
     return sorted(found, key=lambda event: event.time)
 
 
 def _print_stretches(flight: Flight, person: int) -> None:
-    from sim.replay.event import when_text
-    from sim.replay.explain.explanation import stretches
-
     console.print(f"[bold]person {person}[/bold]")
     table = Table.grid(padding=(0, 2))
     for begin, end, held, seen in stretches(flight.history, person):
