@@ -254,7 +254,7 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     recording = mission[0]
     written = []
     monkeypatch.setattr(picture, "write", lambda image, text, at, style, align=0.0: written.append(text))
-    monkeypatch.setattr(picture, "annotated", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
+    monkeypatch.setattr(picture, "annotate", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
     monkeypatch.setattr(picture, "marks_of", lambda names: [(name, lambda image, at: None) for name in sorted(names)])
     gone = replace(recording, track_means=recording.track_means + 1000.0)
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
