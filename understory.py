@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from planning.conformance.checks import check as check_planner
     from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
+    from planning.planner_check import check_planner
     from sim.conformance.detector import check as check_detector
     from sim.conformance.tracker import check as check_tracker
     from sim.environments.observations import Observations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "check_detector": "sim.conformance.detector:check",
     "check_tracker": "sim.conformance.tracker:check",
-    "check_planner": "planning.conformance.checks:check",
+    "check_planner": "planning.planner_check",
     **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
     "Mission": "sim.mission.mission",
     "Recording": "sim.recording.recording",
@@ -132,7 +132,7 @@ def run(
     Raises:
         InputError: If scenario, settings, planner or folder cannot be used.
     """
-    from planning.contract import planner_of
+    from planning.planner_loading import resolve_planner
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.mission_flight import fly_mission
@@ -149,9 +149,8 @@ def run(
         run_mission(Trial(setting, planner, *numbers), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
-    return Flight(
-        fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording
-    )
+    made = resolve_planner(planner)
+    return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
 
 
 def mission(
@@ -174,14 +173,13 @@ def mission(
     Raises:
         InputError: If scenario, settings or planner cannot be used.
     """
-    from planning.contract import planner_of
-    from planning.loading import PlannerError
+    from planning.planner_loading import PlannerError, resolve_planner
     from sim.mission.mission import Mission
     from sim.mission.trial import naming
     from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
 
-    made = None if planner is None else planner_of(planner)
+    made = None if planner is None else resolve_planner(planner)
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
     with naming(place_of(scenario, settings), PlannerError):
         return Mission(setting, made, *numbers)

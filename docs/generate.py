@@ -20,7 +20,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 
-from planning.registry import DEFAULT_PLANNER, PLANNERS
+from planning.planners import DEFAULT_PLANNER, PLANNERS
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import toml

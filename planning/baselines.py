@@ -3,10 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import aim_point, view_quadrangle
 from planning.prediction.intent import base_control
@@ -61,12 +62,11 @@ class Lawnmower:
     A goal moves along the lines at the fraction `pace` of the UAV's top speed, and the UAV follows it.
     """
 
-    pace: float = 0.9
+    pace: Annotated[float, Range(0, 1, above=True)] = 0.9
     exchange = Exchange(0)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.pace <= 1.0:
-            raise ValueError(f"pace must be in (0, 1], is {self.pace}")
+        check_options(self)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One step along each UAV's lines."""

@@ -1,14 +1,13 @@
 """The oracle: a planner that knows true positions, present and future, as an upper bound."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from planning.composition import Composition
-from planning.contract import TruePositions
-from planning.pieces import Composed
+from planning.composed import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
+from planning.planner_loading import TruePositions
 from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
 from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
@@ -46,21 +45,22 @@ class Oracle(Composed):
 
     def knowing(self, people: TruePositions) -> Planner:
         """The planner to fly, which knows these positions."""
-        return _Knowing(replace(self.composition, propagation=_TruePaths(people)), people)
+        options = {field.name: getattr(self, field.name) for field in fields(self)}
+        return _Knowing(Composed(**options | {"propagation": _TruePaths(people)}), people)
 
 
 @dataclass(frozen=True)
 class _Knowing:
-    composition: Composition
+    planner: Composed
     people: TruePositions
 
     @property
     def exchange(self) -> Exchange:
-        return self.composition.exchange
+        return self.planner.exchange
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
-        known = [replace(s, tracks=true_tracks(s, self.people, self.composition.horizon)) for s in team]
-        return self.composition.plan(known, rng)
+        known = [replace(s, tracks=true_tracks(s, self.people, self.planner.horizon)) for s in team]
+        return self.planner.plan(known, rng)
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,10 @@ class _TruePaths:
             absent[step] = np.isnan(ahead[:, :1])
             last = np.where(np.isnan(ahead), last, ahead)
             points[step, :, :, :2] = last[:, None] + _ABOUT * FIVE_POINTS
-        return _hidden(predicted_belief(situation, points, covariances), absent.ravel())
+        return _hide(predicted_belief(situation, points, covariances), absent.ravel())
 
 
-def _hidden(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
+def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
     """The belief with a cylinder about each point marked in `rows` (H T K,), so that no camera sees the point."""
     places = belief.points.reshape(-1, 3)[rows]
     cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0], (len(places), 1))])

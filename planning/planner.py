@@ -1,6 +1,6 @@
 """The interface of planners: situation in, plan out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -12,6 +12,8 @@ from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.plugins.array_checks import check_numbers
+from tracking.plugins.plugin_error import Unusable
 from tracking.track import Track
 from tracking.undetected import Intensity
 
@@ -109,6 +111,39 @@ def limit_speed(controls: Array, max_speeds: Array | float) -> Array:
     return np.asarray(controls * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
 
 
+def check_count(plans: Iterable[object] | None, uavs: int) -> list[object]:
+    """List of the plans that a planner returned; `Unusable` if their number is not that of the UAVs."""
+    if plans is None:
+        raise Unusable(f"None in place of plans for {uavs} UAVs")
+    found = list(plans)
+    if found and not uavs:
+        raise Unusable("none are due between decisions")
+    if len(found) != uavs:
+        raise Unusable(f"{len(found)} plans for {uavs} UAVs")
+    return found
+
+
+def copy_plan(plan: object) -> Plan:
+    """A copy of a plan that a planner returned; `Unusable` if it is no plan of finite numbers."""
+    if not hasattr(plan, "controls"):
+        raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
+    others = getattr(plan, "others", {})
+    if not isinstance(others, Mapping):
+        raise Unusable("others is no mapping")
+    expected = {j: _copy_controls(f"others[{j!r}]", controls) for j, controls in others.items()}
+    return Plan(_copy_controls("controls", plan.controls), expected)
+
+
+def _copy_controls(name: str, given: object) -> Array:
+    """A copy of controls (H, 2) m/s; `Unusable` if they have another shape or are not finite."""
+    controls = check_numbers(name, given)
+    if controls.ndim != 2 or controls.shape[1] != 2 or not 1 <= len(controls) <= LONGEST_PLAN:
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H from 1 to {LONGEST_PLAN}")
+    if not np.all(np.isfinite(controls)):
+        raise Unusable(f"{name} are not finite")
+    return controls
+
+
 class Planner(Protocol):
     """Interface of planners: any object with this method is a planner.
 
@@ -120,7 +155,7 @@ class Planner(Protocol):
 
     Optional attributes: `exchange` is the exchange of plans at a decision, by default `Exchange()`.
     `decentralised = True` claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with
-    `team[i].receives(j)`; `planning.conformance` tests this claim and the other rules. A method `knowing` makes the
+    `team[i].receives(j)`; `planning.planner_check` tests this claim and the other rules. A method `knowing` makes the
     planner an oracle: it takes the truth and returns the planner to fly. Results mark oracles (`planning.oracle`).
     """
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from planning.conformance import situations
+from planning import made_up_teams
 from planning.planner import Situation
 
 Team = Callable[..., list[Situation]]
@@ -24,7 +24,7 @@ def pytest_collection_finish():
 @pytest.fixture
 def random_team() -> Team:
     """Situations of a team with the same beliefs in all its members, in a random forest."""
-    return situations.random_team
+    return made_up_teams.random_team
 
 
 @pytest.fixture

@@ -16,9 +16,8 @@ LAYERS = {
         *("measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
     ),
     "planning": (
-        *("planner", "returned_plans", "registry", "planner_text", "loading", "contract", "prediction"),
-        *("objective", "optimizers", "coordination"),
-        *("composition", "baselines", "rivals", "pieces", "oracle", "conformance"),
+        *("planner", "planners", "planner_loading", "options", "prediction", "objective", "optimizers"),
+        *("coordination", "composed", "baselines", "rivals", "oracle", "made_up_teams", "planner_check"),
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
@@ -144,7 +143,7 @@ CHANCE |= {"standard_t"}
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
-BESIDE = {"planning/conformance/calls.py", "planning/conformance/situations.py", "planning/conformance/checks.py"}
+BESIDE = {"planning/made_up_teams.py", "planning/planner_check.py"}
 
 
 def path_of_a_mission() -> list[Path]:

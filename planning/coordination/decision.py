@@ -1,11 +1,11 @@
-"""A decision on plans of some UAVs, which coordination schemes put in order."""
+"""The interfaces of coordination schemes and of the decisions that they put in order."""
 
 from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
-from planning.planner import Situation
+from planning.planner import Exchange, Plan, Situation
 from tracking.numerics.arrays import Array
 
 
@@ -20,6 +20,21 @@ class Decision(Protocol):
         """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles` if others fly `controls` (n, H, 2)."""
 
 
-def own_plan(situation: Situation, plans: Array, decision: Decision, rng: np.random.Generator) -> Array:
+class Coordination(Protocol):
+    """Makes a team's plans out of decisions."""
+
+    @property
+    def exchange(self) -> Exchange:
+        """Plans that the UAVs send at each decision."""
+
+    @property
+    def decentralised(self) -> bool:
+        """True if a UAV's plan depends only on its own situation and on plans that it receives."""
+
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """The plan of each UAV, in the team's order."""
+
+
+def decide_own_plan(situation: Situation, plans: Array, decision: Decision, rng: np.random.Generator) -> Array:
     """Plan (H, 2) m/s of the UAV itself, if others fly `plans` (n, H, 2) m/s."""
     return np.asarray(decision.decide(situation, plans, [situation.vehicles.index(situation.own)], rng)[0])

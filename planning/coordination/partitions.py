@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planning.coordination.decision import Decision, own_plan
+from planning.coordination.decision import Decision, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import expected_plans
 from tracking.numerics.arrays import Array
@@ -24,9 +24,10 @@ class Partitions:
 
     rounds: int = 0
     exchange = Exchange()
+    decentralised = True
 
-    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `composition.Coordination.plans`."""
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `planning.coordination.decision.Coordination.make_plans`."""
         drawn = rng.integers(self.rounds, size=len(team)) if self.rounds else np.arange(len(team))
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by receiver and sender
         made: dict[int, Array] = {}
@@ -35,7 +36,7 @@ class Partitions:
             for s in deciding:
                 heard = known[s.own.id]
                 among = replace(s, neighbours=tuple(v for v in s.neighbours if v.id in heard))
-                made[s.own.id] = own_plan(among, expected_plans(among, decision.horizon, heard), decision, rng)
+                made[s.own.id] = decide_own_plan(among, expected_plans(among, decision.horizon, heard), decision, rng)
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from planning.coordination.decision import Decision, own_plan
+from planning.coordination.decision import Decision, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import BASE_RANGE, expected_plans
 from tracking.numerics.arrays import Array
@@ -28,18 +28,23 @@ class Sequential:
 
     @property
     def exchange(self) -> Exchange:
-        """As `composition.Coordination.exchange`."""
+        """As `planning.coordination.decision.Coordination.exchange`."""
         return Exchange(self.sweeps)
 
-    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `composition.Coordination.plans`."""
+    @property
+    def decentralised(self) -> bool:
+        """False for the order "worst-first", which compares beliefs."""
+        return self.order != "worst-first"
+
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `planning.coordination.decision.Coordination.make_plans`."""
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by holder and author
         sequence = self._sequence(team, rng)
         for sweep in range(self.sweeps):
             for situation in sequence:
                 sender = situation.own.id
                 plans = expected_plans(situation, decision.horizon, known[sender])
-                plan = own_plan(situation, plans, decision, rng)
+                plan = decide_own_plan(situation, plans, decision, rng)
                 for s in team:
                     if s.own.id == sender or s.receives(sender, sweep):
                         known[s.own.id][sender] = plan
@@ -67,10 +72,11 @@ class Parallel:
     """All UAVs decide at once and then send their plans; each expects the others to follow their policy of intent."""
 
     exchange = Exchange()
+    decentralised = True
 
-    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `composition.Coordination.plans`."""
-        return [Plan(own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `planning.coordination.decision.Coordination.make_plans`."""
+        return [Plan(decide_own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
 
 
 @dataclass(frozen=True)
@@ -82,13 +88,14 @@ class Decentralised:
     """
 
     exchange = Exchange(0)
+    decentralised = True
 
-    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `composition.Coordination.plans`."""
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `planning.coordination.decision.Coordination.make_plans`."""
         seed = int(rng.integers(2**63))
         plans = []
         for s in team:
-            shares = _joint(s, decision, seed)
+            shares = _plan_jointly(s, decision, seed)
             plans.append(Plan(shares.pop(s.own.id), shares))
         return plans
 
@@ -98,19 +105,20 @@ class Centralised:
     """One optimisation of the joint plan of all UAVs, on the belief of the first; radio links do not matter."""
 
     exchange = Exchange(centre=True)
+    decentralised = False
 
-    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `composition.Coordination.plans`."""
+    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `planning.coordination.decision.Coordination.make_plans`."""
         if not team:
             return []
         first = team[0]
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)
-        plans = _joint(centre, decision, int(rng.integers(2**63)))
+        plans = _plan_jointly(centre, decision, int(rng.integers(2**63)))
         return [Plan(plans[s.own.id]) for s in team]
 
 
-def _joint(situation: Situation, decision: Decision, seed: int) -> dict[int, Array]:
+def _plan_jointly(situation: Situation, decision: Decision, seed: int) -> dict[int, Array]:
     """Joint plan of all UAVs in a situation: the share (H, 2) m/s of each, by id."""
     plans = expected_plans(situation, decision.horizon)
     found = decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))

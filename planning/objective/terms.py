@@ -33,8 +33,8 @@ class Separation:
 
     distance: float
 
-    def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
-        """As `planning.composition.Term.term`."""
+    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
+        """As `planning.objective.objective.Term.objective`."""
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         chosen = np.asarray(uavs, dtype=np.int64)
         others = np.delete(
@@ -106,8 +106,8 @@ class Search:
 
     weight: float
 
-    def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """As `planning.composition.Term.term`; None where no undetected people are expected."""
+    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
+        """As `planning.objective.objective.Term.objective`; None where no undetected people are expected."""
         undetected = situation.undetected
         if undetected is None or not np.any(undetected.people > _FEWEST):
             return None

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import camera_paths, policy_of_intent
 from planning.prediction.propagation import Nominal
@@ -14,9 +15,6 @@ from planning.rivals.gathered_information import information_from, prior_of
 from planning.rivals.moves import moves
 from planning.rivals.tree import grow, new_tree, promising
 from tracking.numerics.arrays import Array, Indices
-
-_RANGES = {"horizon": (1, 8), "directions": (1, 16), "evaluations": (1, 1_000_000), "rounds": (1, 100)}
-_RANGES |= {"sequences": (1, 10), "samples": (1, 1000), "updates": (1, 10_000)}
 
 
 @dataclass(frozen=True)
@@ -36,31 +34,27 @@ class DecMCTS:
     round, but the paper makes one step between two messages.
     """
 
-    horizon: int = 5  # steps of a plan
-    directions: int = 8  # directions of a control at top speed; hovering is one control more
-    evaluations: int = 500  # sequences that each tree tries
-    rounds: int = 5  # rounds in which UAVs send their distributions
-    sequences: int = 10  # sequences of a distribution
-    exploration: float = 0.3  # weight of the confidence bounds, as a share of the greatest reward found
-    discount: float = 0.995  # factor of earlier rewards for each later iteration
-    samples: int = 6  # draws of the others' sequences for a distribution
-    temperature: float = 0.1  # temperature of the first distribution, as a share of the greatest mean gain
-    cooling: float = 0.5  # factor of the temperature from round to round
-    updates: int = 100  # gradient steps of a distribution
+    horizon: Annotated[int, Range(1, 8)] = 5  # steps of a plan
+    directions: Annotated[int, Range(1, 16)] = 8  # directions of a control at top speed; hovering is one control more
+    evaluations: Annotated[int, Range(1, 1_000_000)] = 500  # sequences that each tree tries
+    rounds: Annotated[int, Range(1, 100)] = 5  # rounds in which UAVs send their distributions
+    sequences: Annotated[int, Range(1, 10)] = 10  # sequences of a distribution
+    # weight of the confidence bounds, as a share of the greatest reward found
+    exploration: Annotated[float, Range(0, 1e6)] = 0.3
+    # factor of earlier rewards for each later iteration
+    discount: Annotated[float, Range(0, 1, above=True)] = 0.995
+    samples: Annotated[int, Range(1, 1000)] = 6  # draws of the others' sequences for a distribution
+    # temperature of the first distribution, as a share of the greatest mean gain
+    temperature: Annotated[float, Range(0, 1, above=True)] = 0.1
+    # factor of the temperature from round to round
+    cooling: Annotated[float, Range(0, 1, above=True)] = 0.5
+    updates: Annotated[int, Range(1, 10_000)] = 100  # gradient steps of a distribution
     decentralised: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for name, (least, most) in _RANGES.items():
-            value = getattr(self, name)
-            if type(value) is not int or not least <= value <= most:
-                raise ValueError(f"{name} must be a whole number from {least} to {most}, is {value!r}")
-        if not 0.0 <= self.exploration <= 1e6:
-            raise ValueError(f"exploration must be from 0 to 1e+06, is {self.exploration!r}")
+        check_options(self)
         if self.evaluations < self.rounds:
             raise ValueError(f"evaluations must be at least the {self.rounds} rounds, is {self.evaluations!r}")
-        for name in ("discount", "cooling", "temperature"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} must be above 0, to 1, is {getattr(self, name)!r}")
 
     @property
     def exchange(self) -> Exchange:

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
+from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import deviations
@@ -39,16 +40,15 @@ class Thompson:
     people keep their velocities, whatever the motion model.
     """
 
-    horizon: int = 3  # steps after which a flight ends, whether or not it has arrived
-    cutoff: float = 10.0  # m: cost of a person without a track, and largest cost of a person with one
+    # steps after which a flight ends, whether or not it has arrived
+    horizon: Annotated[int, Range(1, 100)] = 3
+    # m: cost of a person without a track, and largest cost of a person with one
+    cutoff: Annotated[float, Range(0, 1e6, above=True)] = 10.0
     exchange = Exchange(0)
     decentralised: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if type(self.horizon) is not int or not 1 <= self.horizon <= 100:
-            raise ValueError(f"horizon must be a whole number from 1 to 100, is {self.horizon!r}")
-        if not 0.0 < self.cutoff <= 1e6:
-            raise ValueError(f"cutoff must be above 0, to 1e+06, is {self.cutoff!r}")
+        check_options(self)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """The rest of each UAV's flight, or a flight to the best place in a new world."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner_text import with_options
+from planning.planner_loading import with_options
 from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.differences import common_values
 from sim.analysis.groups import Group

@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
-from planning.planner_text import split_options, with_options
+from planning.planner_loading import split_options, with_options
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.study.cells import ENTERED, TRACKER, VIEW
 from sim.study.tasks import Row

@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import nnls
 
-from planning.loading import load_planner
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
+from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.quadrangle import radius_in_view
 from sim.mission.mission import Mission

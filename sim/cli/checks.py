@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from planning.loading import load_planner
+from planning import planner_check
+from planning.planner_loading import load_planner
 from sim.scenario.perception import DETECTORS
 from sim.terminal.console import console, say
 from sim.terminal.progress import START_UP
@@ -22,9 +23,7 @@ def check_planner(
 ) -> None:
     """Check a planner against the rules for planners, on test situations; exit code 1 if a check fails."""
     load_planner(planner)
-    from planning.conformance.checks import check
-
-    _show(check, planner)
+    _show(planner_check.check_planner, planner)
 
 
 def check_detector(

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from planning.loading import load_planner
-from planning.registry import COMPARED
+from planning.planner_loading import load_planner
+from planning.planners import COMPARED
 from sim.analysis.metric_choice import from_outside
 from sim.cli.study_flight import facts_of, fly_study, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from rich.markup import escape
 from rich.table import Table
 
-from planning.registry import catalogue
+from planning.planners import list_planners
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES, read
 from sim.terminal.console import console
@@ -13,7 +13,7 @@ from sim.terminal.console import console
 
 def planners() -> None:
     """List the planners with their meanings, packages and options."""
-    groups = catalogue()
+    groups = list_planners()
     width = max(len(name) for items in groups.values() for name in items)
     for heading, items in groups.items():
         console.print(f"{escape(heading)}:")

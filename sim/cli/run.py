@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.summary import results_table
 from sim.mission.trial import Trial
 from sim.recording.atomic_files import PlaceTaken, unused

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.contract import exchange_of, reset, with_truth
 from planning.planner import Plan, Planner, Situation
+from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
-from sim.mission.plan_check import checked_plans, handed, usable_plans
+from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.mission.snapshot import Snapshot, reported_positions
 from sim.mission.tracker_setup import initial_tracks
@@ -49,11 +49,11 @@ class Mission:
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
         self.forest, self.people = forest_and_people(scenario, seed)
         # An oracle gets access to the true positions here.
-        self.planner, self.sees_truth = with_truth(planner, partial(_places, self.people))
-        exchange = exchange_of(self.planner)
+        self.planner, self.sees_truth = give_truth(planner, partial(_places, self.people))
+        exchange = read_exchange(self.planner)
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, apart from the seed of its reset
-        reset(self.planner, int(chance("memory").integers(2**63)))
+        reset_planner(self.planner, int(chance("memory").integers(2**63)))
         starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
@@ -89,7 +89,7 @@ class Mission:
     @property
     def team(self) -> list[Situation]:
         """Copies of the situations of the working UAVs, which have to decide now; empty between decisions."""
-        return [handed(situation) for situation in self._situations]
+        return [copy_situation(situation) for situation in self._situations]
 
     def fly(self) -> Iterator[Snapshot]:
         """Fly the rest of the mission with its planner, and yield a snapshot per scan before flying on.
@@ -199,14 +199,14 @@ class Mission:
         team, count = self._situations, len(self.scenario.uavs)
         if not team:
             if given is not None:
-                usable_plans(given, team)  # an error unless empty
+                check_plans(given, team)  # an error unless empty
             self._command(None)
             return self.present
         with self.clock.planning():
             if given is not None:
-                made, faults = usable_plans(given, team)
+                made, faults = check_plans(given, team)
             elif self.planner is not None:
-                made, faults = checked_plans(self.planner, team, self._knowledge.teammates.own, self.rng)
+                made, faults = ask_planner(self.planner, team, self._knowledge.teammates.own, self.rng)
             else:
                 raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)} plans")
         plans = dict(zip(self._working, made, strict=True))

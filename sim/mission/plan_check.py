@@ -5,8 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from planning.planner import Plan, Planner, Situation, limit_speed
-from planning.returned_plans import proposed_plans, usable_plan
+from planning.planner import Plan, Planner, Situation, check_count, copy_plan, limit_speed
 from sim.sensing.fault import Fault
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
@@ -17,7 +16,7 @@ from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
 from tracking.track import Track
 
 
-def checked_plans(
+def ask_planner(
     planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
 ) -> tuple[list[Plan], list[Fault]]:
     """Call the planner with copies of the situations; return one valid plan per situation and the planner's faults.
@@ -28,23 +27,23 @@ def checked_plans(
     time = team[0].time
     try:
         with plugin_call(planner, "plan"):
-            proposed = proposed_plans(planner.plan([handed(situation) for situation in team], rng), len(team))
+            proposed = check_count(planner.plan([copy_situation(situation) for situation in team], rng), len(team))
     except PluginError as error:
-        return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
+        return [_shift(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
     plans, faults = [], []
     for situation, given in zip(team, proposed, strict=True):
         try:
             with plugin_call(planner, "plan"):
-                plan = usable_plan(given)
+                plan = copy_plan(given)
         except PluginError as error:
-            plans.append(_shifted(last.get(situation.own.id)))
+            plans.append(_shift(last.get(situation.own.id)))
             faults.append(Fault(time, situation.own.id, str(error), error.trace))
             continue
-        plans.append(_limited(plan, situation, faults))
+        plans.append(_limit(plan, situation, faults))
     return plans, faults
 
 
-def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tuple[list[Plan], list[Fault]]:
+def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tuple[list[Plan], list[Fault]]:
     """One valid plan per situation from a caller's plans or velocities (2,) m/s, and a fault for each excess speed.
 
     InputError names what cannot be used.
@@ -53,17 +52,17 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
     faults: list[Fault] = []
     try:
         with plugin_call():
-            proposed = proposed_plans(given, len(team))
+            proposed = check_count(given, len(team))
     except PluginError as error:
         expected = f"; expected a plan or a velocity (2,) for each of {len(team)} UAVs" if team else ""
         raise InputError(f"plans: {error}{expected}") from error
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = usable_plan(each if hasattr(each, "controls") else Plan(_velocity(each)))
+                plan = copy_plan(each if hasattr(each, "controls") else Plan(_velocity(each)))
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
-        plans.append(_limited(plan, situation, faults))
+        plans.append(_limit(plan, situation, faults))
     return plans, faults
 
 
@@ -75,7 +74,7 @@ def _velocity(given: object) -> Array:
     return velocity[None]
 
 
-def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
+def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
     """The plan, shortened to the UAV's speed limit; a speed above the limit adds a fault."""
     own, controls = situation.own, plan.controls
     with np.errstate(over="ignore"):  # squares of huge, though finite, speeds overflow
@@ -87,7 +86,7 @@ def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
     return limited
 
 
-def handed(situation: Situation) -> Situation:
+def copy_situation(situation: Situation) -> Situation:
     """A copy that a planner may change. Map, cameras and motion model are not copied: only planners use them."""
     cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
     copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion, *cameras)}
@@ -97,6 +96,7 @@ def handed(situation: Situation) -> Situation:
     return deepcopy(situation, copies)
 
 
-def _shifted(plan: Plan | None) -> Plan:
+def _shift(plan: Plan | None) -> Plan:
+    """The rest of a plan after its first control; a hovering step if nothing is left."""
     rest = np.zeros((0, 2)) if plan is None else plan.controls[1:]
     return Plan(rest if len(rest) else np.zeros((1, 2)))

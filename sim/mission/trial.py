@@ -14,7 +14,7 @@ class Trial:
     """Everything that determines a mission."""
 
     scenario: Scenario
-    planner: str  # in the form that `planning.loading.load_planner` takes
+    planner: str  # in the form that `planning.planner_loading.load_planner` takes
     seed: int
     repeat: int = 0  # decides, with the seed, the randomness of sensors, network, wind and planner
     place: str = ""  # beginning of errors about the scenario, from `place_of`

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numba.core import event
 
-from planning.loading import load_planner
-from planning.registry import DEFAULT_PLANNER
+from planning.planner_loading import load_planner
+from planning.planners import DEFAULT_PLANNER
 from sim.mission.mission import Mission
 from sim.mission.trial import Say
 from sim.scenario.environment import Trees, Wind

@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from planning.loading import PlannerError, load_planner, planner_target
 from planning.planner import Planner
+from planning.planner_loading import PlannerError, load_planner, planner_target
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import save as save_figure
 from sim.evaluation.catalogue import metric

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec import Struct
 
-from planning.planner_text import with_options
+from planning.planner_loading import with_options
 from sim.scenario.settings_text import flat, texts, toml
 from sim.study.study import Study
 from tracking.errors import InputError

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from planning.loading import canonical_text, load_planner, planner_target
+from planning.planner_loading import canonical_text, load_planner, planner_target
 from sim.installation import ROOT
 from sim.scenario.csv_tables import MOST_BYTES
 from sim.scenario.loading import load

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from tracking.undetected import Intensity
 
 EVALUATIONS = 12_288  # of every planner, for each plan or joint plan that it looks for

@@ -11,7 +11,7 @@ import pytest
 from helpers.nominal import nominal, plain_cost
 from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.objective.nbo import objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
@@ -98,7 +98,7 @@ def test_mission(benchmark, mode):
     scenario = Scenario(duration=5.0, trees=Trees(density=75.0), sensing=Sensing(mode=mode))
 
     def ready():
-        return (Mission(scenario, Composition(), 0),), {}
+        return (Mission(scenario, Composed(), 0),), {}
 
     snapshots = benchmark.pedantic(lambda mission: list(mission.fly()), setup=ready, rounds=5, warmup_rounds=1)
     assert len(snapshots) == 26

@@ -11,7 +11,7 @@ from itertools import islice, product
 import numpy as np
 import pytest
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
 from sim.scenario.fleet import Uav

@@ -5,12 +5,10 @@ import importlib.util
 import re
 import shlex
 import shutil
-from functools import partial
 
 import pytest
 from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 
-from planning.conformance import checks
 from sim.recording.archive import load
 from sim.study.study import read
 
@@ -35,14 +33,8 @@ def text_of(name):
     return (DOCS / name).read_text(encoding="utf-8")
 
 
-@pytest.fixture
-def alone(monkeypatch):
-    """Checks plan in this process only: the checks' own tests, and the page on wrapping, try another one."""
-    monkeypatch.setattr(checks, "check", partial(checks.check, other_process=False))
-
-
 @pytest.mark.docs
-def test_every_block_of_the_readme_runs(shell, tmp_path, alone):
+def test_every_block_of_the_readme_runs(shell, tmp_path):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert text.count("In `myplanner.py`:\n\n```python\n") == 1
     shell.execute(text.replace("py`:\n\n```python\n", "py`:\n\n```python\n# myplanner.py\n"), "README.md", README)
@@ -53,7 +45,7 @@ def test_every_block_of_the_readme_runs(shell, tmp_path, alone):
 
 @pytest.mark.docs
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_tutorials_notebook_runs(page, shell, alone):
+def test_a_tutorials_notebook_runs(page, shell):
     shell.execute(page.read_text(encoding="utf-8"), page.name)
 
 
@@ -88,7 +80,7 @@ def test_notebooks_run_in_a_kernel(tmp_path):
 
 
 @pytest.mark.docs
-def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch, alone):
+def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "seedling"))
     train = importlib.import_module("seedling.train")
     tiny = ["--missions", "2", "--duration", "2", "--epochs", "2", "--validations", "1", "--expert", "greedy"]

@@ -7,8 +7,8 @@ import pytest
 from helpers.pages import DOCS, blocks
 from helpers.studies import short, sql, store
 
-from planning.conformance.checks import CHECKS
 from planning.planner import Plan
+from planning.planner_check import CHECKS
 from sim.conformance.detector import check as check_detector
 from sim.conformance.tracker import check as check_tracker
 from sim.mission.mission import Mission

@@ -9,7 +9,7 @@ import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
 
 import understory
-from planning.registry import PLANNERS
+from planning.planners import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.loading import decode, load

@@ -10,7 +10,7 @@ from helpers.pages import DOCS
 from helpers.studies import invented
 from msgspec.structs import replace
 
-from planning.registry import PLANNERS
+from planning.planners import PLANNERS
 from sim.analysis.differences import differences
 from sim.analysis.metric_choice import metric_shown
 from sim.study.store import Store

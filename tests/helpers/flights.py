@@ -1,6 +1,6 @@
 """Short missions."""
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.recording.recorder import Recorder
 from sim.scenario.loading import load

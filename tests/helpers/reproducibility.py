@@ -50,8 +50,8 @@ SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 # Last come the images themselves, of a short mission with an appearance drawn at random.
 _FLY = """
 import hashlib, json, sys
-from planning.loading import load_planner
-from planning.registry import DEFAULT_PLANNER
+from planning.planner_loading import load_planner
+from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.study.tasks import Task, release

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from planning.loading import load_planner
 from planning.planner import Plan
+from planning.planner_loading import load_planner
 
 
 class Spy:

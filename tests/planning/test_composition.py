@@ -1,4 +1,4 @@
-"""A composed planner judges commands by mean velocities under lag, and refuses a cut-off at which all cost nothing."""
+"""A composed planner judges commands by mean velocities under lag."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.teams import planned, refitted
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.objective.nbo import objective
 from planning.planner import Plan
 from planning.prediction.intent import base_policy_plans, expected_plans
@@ -29,11 +29,15 @@ class Asking:
         return asked[0]
 
 
-class Told:
-    """A term without a cost that keeps the velocities at which it is told that all fly."""
+class Told(Composed):
+    """Has a term without a cost that keeps the velocities at which it is told that all fly."""
 
-    def term(self, situation, velocities, uavs):
-        self.velocities = velocities
+    @property
+    def terms(self):
+        return (self,)
+
+    def objective(self, situation, velocities, uavs):
+        object.__setattr__(self, "velocities", velocities)
 
 
 @pytest.mark.parametrize("actions", ["all", "first"])
@@ -47,8 +51,9 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     )
     intents = {i: Plan(rng.uniform(-2.5, 2.5, (4, 2))) for i in ids.values()}
     team = [dataclasses.replace(s, intents=intents) for s in team]
-    asking, told = Asking(), Told()
-    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5, terms=(told,)), team[:1])
+    asking = Asking()
+    told = Told(horizon=3, optimizer=asking, actions=actions, beta=0.5)
+    planned(told, team[:1])
     situation, uavs = team[0], [0]
     expected = expected_plans(situation, 3)
     belief = Nominal().predict(situation, 3, rng)
@@ -62,14 +67,3 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     np.testing.assert_allclose(asking.values, [of_tracks(flown), of_tracks(flown, EASE)], rtol=1e-12)
     assert np.any(asking.values[0] != asking.values[1])
     assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
-
-
-def test_a_learned_cost_to_go_without_a_cut_off_is_refused():
-    with pytest.raises(ValueError, match=r"^cost_to_go=0\.3 needs a finite cutoff, is inf$"):
-        Composition(cost_to_go=0.3)
-
-
-@pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan])
-def test_a_cut_off_that_leaves_no_cost_is_refused(cutoff):
-    with pytest.raises(ValueError, match=rf"^cutoff must be above 0 m, is {cutoff}; infinite: the trace$"):
-        Composition(cutoff=cutoff)

@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import nominal, team_cost
 from helpers.teams import knowing, planned
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.coordination.partitions import Partitions
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
 from planning.objective.nbo import objective
@@ -39,7 +39,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.random.default_rng(9),
         targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
     )
-    plans = planned(Composition(3, coordination), team, seed=9)
+    plans = planned(Composed(3, coordination), team, seed=9)
     np.testing.assert_array_equal(plans, alone)
 
 
@@ -50,7 +50,7 @@ def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, 
         team = random_team(seed)
         before = [team_cost(nominal(team[0], 5), expected_plans(team[0], 5), beta)]
         for sweeps in (1, 2, 3):
-            pieces = Composition(5, Sequential(order, sweeps), beta=beta, optimizer=CrossEntropy(256))
+            pieces = Composed(5, Sequential(order, sweeps), beta=beta, optimizer=CrossEntropy(256))
             plans = planned(pieces, team, seed)
             before.append(team_cost(nominal(team[0], 5), plans, beta))
         assert before[1] < before[0]
@@ -60,17 +60,17 @@ def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, 
 
 def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_team):
     team = random_team(3)
-    plans = planned(Composition(), team, 1)
+    plans = planned(Composed(), team, 1)
     rng = np.random.default_rng(1)
     joint = expected_plans(team[0], 5)
     for uav, situation in enumerate(team):
-        joint[uav] = Composition().decide(situation, joint, [uav], rng)[0]
+        joint[uav] = Composed().decide(situation, joint, [uav], rng)[0]
     np.testing.assert_array_equal(plans, joint)
     team = random_team(6)
-    plans = planned(Composition(coordination=Parallel()), team, 2)
+    plans = planned(Composed(coordination=Parallel()), team, 2)
     rng = np.random.default_rng(2)
     for uav, situation in enumerate(team):
-        single = Composition().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
+        single = Composed().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
         np.testing.assert_array_equal(plans[uav], single)
 
 
@@ -91,7 +91,7 @@ def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
 
 
 def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team):
-    apart, centre = Composition(coordination=Decentralised()), Composition(coordination=Centralised())
+    apart, centre = Composed(coordination=Decentralised()), Composed(coordination=Centralised())
     for seed in range(4):
         team = random_team(seed)
         shares = planned(apart, team, seed)
@@ -117,12 +117,12 @@ def test_the_centre_goes_on_from_each_uavs_own_last_plan(random_team):
     team = knowing(random_team(0), last)
     stale = {i: Plan(np.zeros((6, 2))) for i in range(3)}
     misled = [dataclasses.replace(s, intents=stale | {s.own.id: s.intents[s.own.id]}) for s in team]
-    np.testing.assert_array_equal(planned(Composition(coordination=Centralised(), optimizer=Lazy()), misled), last)
+    np.testing.assert_array_equal(planned(Composed(coordination=Centralised(), optimizer=Lazy()), misled), last)
 
 
 @pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), Partitions(2)])
 def test_without_uavs_there_are_no_plans(scheme):
-    assert Composition(coordination=scheme).plan([], np.random.default_rng(0)) == []
+    assert Composed(coordination=scheme).plan([], np.random.default_rng(0)) == []
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
@@ -130,7 +130,7 @@ def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_
     grid = GridSearch(6)
     for seed in range(5):
         team = knowing(random_team(seed, spread=10.0), np.zeros((3, 1, 2)))
-        plans = planned(Composition(1, Centralised(), beta=beta, optimizer=grid), team)
+        plans = planned(Composed(1, Centralised(), beta=beta, optimizer=grid), team)
         steps = grid.controls(5.0)
         view = nominal(team[0], 1)
         tried = [team_cost(view, np.array(joint)[:, None], beta) for joint in itertools.product(steps, repeat=3)]
@@ -157,17 +157,17 @@ def test_the_occlusion_model_is_the_planners_own(random_team):
     for seed in range(6):
         team = random_team(seed, trees=75, spread=15.0)
         discs = [dataclasses.replace(s, forest=Forest(s.forest.trees, "disc")) for s in team]
-        believed, usual = planned(Composition(occlusion="disc"), team), planned(Composition(), team)
-        np.testing.assert_array_equal(believed, planned(Composition(), discs))
-        np.testing.assert_array_equal(planned(Composition(occlusion="line_of_sight"), discs), usual)
+        believed, usual = planned(Composed(occlusion="disc"), team), planned(Composed(), team)
+        np.testing.assert_array_equal(believed, planned(Composed(), discs))
+        np.testing.assert_array_equal(planned(Composed(occlusion="line_of_sight"), discs), usual)
         differing += not np.array_equal(believed, usual)
     assert differing >= 2
 
 
 def test_the_last_plan_is_a_start_that_is_never_made_worse(random_team):
     team = random_team(2)
-    plans = planned(Composition(), team)
-    lazy = Composition(optimizer=CrossEntropy(1, elites=1, rounds=1))
+    plans = planned(Composed(), team)
+    lazy = Composed(optimizer=CrossEntropy(1, elites=1, rounds=1))
     view = nominal(team[0], 5)
     kept = planned(lazy, knowing(team, plans), 1)
     assert team_cost(view, kept, 0.5) <= team_cost(view, plans, 0.5) * (1 + 1e-9)

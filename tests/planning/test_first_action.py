@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import team_cost
 from helpers.teams import knowing, planned
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control, base_policy_plans, expected_plans
@@ -57,7 +57,7 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
     grid = GridSearch(16)
     for seed in range(6):
         team = knowing(random_team(seed, spread=15.0), np.zeros((3, horizon, 2)))
-        pieces = Composition(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
+        pieces = Composed(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
         plans = planned(pieces, team, seed)
         rng, joint = np.random.default_rng(seed), expected_plans(team[0], horizon)
         for uav, situation in enumerate(team):
@@ -95,9 +95,9 @@ def test_joint_first_actions_are_the_best_by_brute_force(random_team):
     grid = GridSearch(4)
     for seed in range(4):
         team = knowing(random_team(seed, uavs=2, spread=15.0), np.zeros((2, 3, 2)))
-        pieces = Composition(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
+        pieces = Composed(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
         plans = planned(pieces, team, seed)
-        view = pieces.propagation.predict(team[0], 3, np.random.default_rng(0))
+        view = pieces.propagator.predict(team[0], 3, np.random.default_rng(0))
         tried = [
             team_cost(view, np.array([rolled_out(team[0], i, [u], 3) for i, u in enumerate(firsts)]), 0.5)
             for firsts in itertools.product(grid.controls(5.0), repeat=2)
@@ -123,10 +123,10 @@ def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
     gains = []
     for seed in range(8):
         team = random_team(seed, uavs=1, targets=6)
-        view = Composition().propagation.predict(team[0], 5, np.random.default_rng(0))
+        view = Composed().propagator.predict(team[0], 5, np.random.default_rng(0))
         whole, first = (
             team_cost(view, planned(pieces, team, seed), 0.0)
-            for pieces in (Composition(beta=0.0), Composition(beta=0.0, actions="first"))
+            for pieces in (Composed(beta=0.0), Composed(beta=0.0, actions="first"))
         )
         gains.append(1.0 - whole / first)
     assert min(gains) >= -1e-9 and max(gains) > 0.01

@@ -11,11 +11,11 @@ from helpers.flights import mission_of
 from helpers.studies import task_of
 from helpers.teams import Spy
 
-from planning.loading import load_planner
 from planning.objective.nbo import objective
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
+from planning.planner_loading import load_planner
+from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
-from planning.registry import PLANNERS
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.summary import results_table
 from sim.mission.mission import Mission

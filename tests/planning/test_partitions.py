@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import information
 from helpers.teams import planned
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.coordination.partitions import Partitions
 from planning.optimizers.grid_search import GridSearch
 
@@ -27,7 +27,7 @@ GRID = Exhaustive(4)
 
 def in_rounds(team, seed, rounds):
     pieces = {"beta": 0.0, "optimizer": GRID, "uncertainty": "information"}
-    return planned(Composition(HORIZON, Partitions(rounds), **pieces), team, seed)
+    return planned(Composed(HORIZON, Partitions(rounds), **pieces), team, seed)
 
 
 def value(team, uavs, plans):

@@ -1,4 +1,4 @@
-"""Planners by name and their options; `conformance/test_checks.py` has what every planner must hold to."""
+"""Planners by name and their options; `test_planner_check.py` has what every planner must hold to."""
 
 import dataclasses
 import re
@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import kstest
 
 from planning.baselines import Lawnmower
-from planning.composition import Composition
-from planning.coordination.schemes import Sequential
-from planning.loading import load_planner
+from planning.composed import Composed
+from planning.coordination.schemes import Centralised, Sequential
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
-from planning.planner_text import split_options, with_options
+from planning.planner_loading import load_planner, split_options, with_options
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.errors import InputError
 from tracking.geometry.camera import Pose
@@ -27,12 +26,16 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 
 def test_options_choose_the_pieces_of_ours_and_of_anyones_class():
     assert load_planner("planning.baselines:Hover") == load_planner("hover")
-    pieces = load_planner("mcr(horizon=3, samples=7, optimizer=particle-swarm, occlusion=disc, beta=0.25)").composition
-    assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(evaluations=10_240), "disc")
-    pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
-    assert pieces == Composition(5, Sequential("worst-first", 2), Nominal(expected=True), 0.0, CrossEntropy(99), None)
-    pieces = load_planner("sma-nbo(optimizer=grid, evaluations=99, seconds=0.5)").composition
-    assert pieces.optimizer == GridSearch(evaluations=99, seconds=0.5)
+    planner = load_planner("mcr(horizon=3, samples=7, optimizer=particle-swarm, occlusion=disc, beta=0.25)")
+    assert (planner.horizon, planner.beta, planner.occlusion, planner.scheme) == (3, 0.25, "disc", Sequential())
+    assert (planner.propagator, planner.minimiser) == (MonteCarlo(7), ParticleSwarm(evaluations=10_240))
+    planner = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)")
+    assert (planner.horizon, planner.beta, planner.scheme) == (5, 0.0, Sequential("worst-first", 2))
+    assert (planner.propagator, planner.minimiser) == (Nominal(expected=True), CrossEntropy(99))
+    planner = load_planner("sma-nbo(optimizer=grid, evaluations=99, seconds=0.5)")
+    assert planner.minimiser == GridSearch(evaluations=99, seconds=0.5)
+    own = Centralised()
+    assert Composed(coordination=own).scheme is own
     assert load_planner("planning.baselines:Lawnmower(pace=0.5)") == Lawnmower(0.5)
 
 
@@ -42,10 +45,10 @@ WRONG = {
     "sma-nbo(horizon=2.5)": ["horizon must be a whole number from 1 to 100, is 2.5"],
     "sma-nbo(horizon=five)": ["option horizon of 'sma-nbo' must be a number, is 'five'"],
     "sma-nbo(existence=1)": ["option existence of 'sma-nbo' must be True or False, is 1"],
-    "sma-nbo(beta=-1)": ["beta must be a finite number from 0 to 1e+06, is -1"],
-    "sma-nbo(beta=1e999)": ["beta must be a finite number from 0 to 1e+06, is inf"],
-    "sma-nbo(search=-1)": ["search must be a finite number from 0 to 1e+06, is -1"],
-    "sma-nbo(separation=-1)": ["separation must be a finite number from 0 to 10000, is -1"],
+    "sma-nbo(beta=-1)": ["beta must be a number from 0 to 1e+06, is -1"],
+    "sma-nbo(beta=1e999)": ["beta must be a number from 0 to 1e+06, is inf"],
+    "sma-nbo(search=-1)": ["search must be a number from 0 to 1e+06, is -1"],
+    "sma-nbo(separation=-1)": ["separation must be a number from 0 to 10000, is -1"],
     "sma-nbo(separation=yes)": ["option separation of 'sma-nbo' must be a number, is 'yes'"],
     "sma-nbo(coordination=sequentail)": ["coordination 'sequentail' is unknown", "did you mean sequential?"],
     "sma-nbo(optimizer=cem)": ["'cem' is unknown; allowed are 'cross-entropy', 'particle-swarm', 'grid'"],
@@ -59,7 +62,7 @@ WRONG = {
     "hover(": ["'hover(' is not of the form name(option=value, ...)"],
     "sma-nbo(horizon=(3, 4)": ["is not of the form name(option=value, ...)"],
     "sma-nbo(occlusion='disc)": ["is not of the form name(option=value, ...)"],
-    "lawnmower(pace=2)": ["pace must be in (0, 1], is 2"],
+    "lawnmower(pace=2)": ["pace must be a number above 0, to 1, is 2"],
     "pma-nbo(order=random)": [
         "order=random has no effect with coordination 'parallel'; set order=fixed or coordination=sequential"
     ],
@@ -81,15 +84,15 @@ WRONG = {
     "dec-mcts(horizon=9)": ["horizon must be a whole number from 1 to 8, is 9"],
     "dec-mcts(directions=0)": ["directions must be a whole number from 1 to 16, is 0"],
     "dec-mcts(sequences=11)": ["sequences must be a whole number from 1 to 10, is 11"],
-    "dec-mcts(evaluations=1.5)": ["evaluations must be a whole number from 1 to 1000000, is 1.5"],
+    "dec-mcts(evaluations=1.5)": ["evaluations must be a whole number from 1 to 1e+06, is 1.5"],
     "dec-mcts(evaluations=4)": ["evaluations must be at least the 5 rounds, is 4"],
-    "dec-mcts(exploration=-1)": ["exploration must be from 0 to 1e+06, is -1"],
-    "dec-mcts(discount=0)": ["discount must be above 0, to 1, is 0"],
-    "dec-mcts(cooling=2)": ["cooling must be above 0, to 1, is 2"],
+    "dec-mcts(exploration=-1)": ["exploration must be a number from 0 to 1e+06, is -1"],
+    "dec-mcts(discount=0)": ["discount must be a number above 0, to 1, is 0"],
+    "dec-mcts(cooling=2)": ["cooling must be a number above 0, to 1, is 2"],
     "thompson(horizon=0)": ["horizon must be a whole number from 1 to 100, is 0"],
     "thompson(horizon=2.5)": ["horizon must be a whole number from 1 to 100, is 2.5"],
-    "thompson(cutoff=0)": ["cutoff must be above 0, to 1e+06, is 0"],
-    "thompson(cutoff=-1)": ["cutoff must be above 0, to 1e+06, is -1"],
+    "thompson(cutoff=0)": ["cutoff must be a number above 0, to 1e+06, is 0"],
+    "thompson(cutoff=-1)": ["cutoff must be a number above 0, to 1e+06, is -1"],
 }
 
 

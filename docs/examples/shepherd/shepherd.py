@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import pursuits
@@ -25,7 +25,7 @@ class Shepherd:
 
     horizon: int = 4  # steps of a plan
     far: float = 10.0  # m; the smaller, the more straying counts
-    decentralised: ClassVar[bool] = True  # a claim that the conformance check tests
+    decentralised: ClassVar[bool] = True  # a claim that `understory check-planner` tests
 
     def __post_init__(self) -> None:
         if not (isinstance(self.horizon, int) and self.horizon >= 1 and self.far > 0):
@@ -37,7 +37,7 @@ class Shepherd:
 
 
 @dataclass(frozen=True)
-class Herding(Composition):
+class Herding(Composed):
     """Belief propagation, the order in which UAVs decide and what they send are the testbed's; the decision is ours.
 
     To the objective over the horizon comes, for each track, the trace of its covariance now times the distance from
@@ -52,7 +52,7 @@ class Herding(Composition):
         nominal = nominal_positions(situation, self.horizon)  # (H, T, 2) m
         traces = np.array([t.belief.covariance[0, 0] + t.belief.covariance[1, 1] for t in situation.tracks])
         seen_from = np.array([v.position[:2] + aim_point(v) for v in vehicles])
-        belief, follows = self.propagation.predict(situation, self.horizon, rng), response(vehicles, step)
+        belief, follows = self.propagator.predict(situation, self.horizon, rng), response(vehicles, step)
 
         def values(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
             joint = np.repeat(controls[None], len(candidates), axis=0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost, weighted_trace_penalty
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.objective.nbo import Measure, objective
 from planning.prediction.predicted_belief import predicted_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
@@ -141,10 +141,10 @@ def test_the_weighted_objective_equals_a_plain_transcription(random_team, beta):
         situation = doubted(random_team(seed, spread=12.0 + seed)[0], rng.uniform(0.05, 1.0, 4))
         controls = rng.uniform(-3.5, 3.5, (3, 5, 2))
         optimizer = Kept(controls[None])
-        Composition(beta=beta, optimizer=optimizer).decide(situation, controls, [0, 1, 2], rng)
+        Composed(beta=beta, optimizer=optimizer).decide(situation, controls, [0, 1, 2], rng)
         expected = plain_cost(situation, controls, beta, weights=[t.existence for t in situation.tracks])[0]
         assert optimizer.values[0] == pytest.approx(expected, rel=1e-9)
-        Composition(beta=beta, optimizer=optimizer, existence=False).decide(situation, controls, [0, 1, 2], rng)
+        Composed(beta=beta, optimizer=optimizer, existence=False).decide(situation, controls, [0, 1, 2], rng)
         assert optimizer.values[0] == team_cost(nominal(situation, 5), controls, beta) != pytest.approx(expected)
 
 
@@ -152,7 +152,7 @@ def test_each_sample_of_a_target_counts_alike(random_team):
     situation = doubted(random_team(1)[0], [0.2, 1.0, 0.5, 0.7])
     controls = np.random.default_rng(0).uniform(-3, 3, (3, 5, 2))
     optimizer = Kept(controls[None])
-    pieces = Composition(propagation=MonteCarlo(3), optimizer=optimizer)
+    pieces = Composed(propagation=MonteCarlo(3), optimizer=optimizer)
     pieces.decide(situation, controls, [0, 1, 2], np.random.default_rng(0))
     drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
     samples = [np.ascontiguousarray(drawn.points[:, 4 * s : 4 * s + 4]) for s in range(3)]

@@ -9,8 +9,8 @@ from helpers.flights import fly
 from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
-from planning.loading import load_planner
 from planning.objective.terms import Search, Separation, _closest, _sight, _steps_off
+from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import camera_paths, expected_plans
 from planning.prediction.quadrangle import shortest_move
@@ -71,7 +71,7 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
         situation = unaware(random_team(seed, trees=75)[0], people)
         controls = expected_plans(situation, 3)
         candidates = rng.uniform(-3.5, 3.5, (3, len(uavs), 3, 2))
-        costs = Search(7.0).term(situation, controls, uavs)(candidates)
+        costs = Search(7.0).objective(situation, controls, uavs)(candidates)
         by_hand = [7.0 * transcribed(situation, controls, uavs, c) for c in candidates]
         np.testing.assert_allclose(costs, by_hand, rtol=1e-9)
 
@@ -81,8 +81,8 @@ def test_a_plan_costs_the_same_alone_and_after_many_others(random_team, uavs):
     rng = np.random.default_rng(0)
     situation = unaware(random_team(0, trees=75)[0], rng.random((20, 30)))
     controls, candidates = expected_plans(situation, 5), rng.uniform(-3.5, 3.5, (20_000, len(uavs), 5, 2))
-    costs, some = Search(7.0).term(situation, controls, uavs), candidates[::200]
-    alone = [Search(7.0).term(situation, controls, uavs)(plan[None])[0] for plan in some]
+    costs, some = Search(7.0).objective(situation, controls, uavs), candidates[::200]
+    alone = [Search(7.0).objective(situation, controls, uavs)(plan[None])[0] for plan in some]
     np.testing.assert_array_equal(costs(candidates)[::200], alone)
     np.testing.assert_array_equal(costs(some), alone)
 
@@ -104,7 +104,7 @@ def test_of_uavs_that_hover_the_cost_is_the_same_whichever_decide(random_team):
     people = np.zeros((20, 30))
     people[[0, 19], [0, 29]] = 1.0  # out of view
     situation, plans = unaware(random_team(0, targets=0)[0], people), np.zeros((3, 5, 2))
-    costs = [Search(1.0).term(situation, plans, uavs)(plans[None, uavs])[0] for uavs in ([0], [0, 1], [0, 1, 2])]
+    costs = [Search(1.0).objective(situation, plans, uavs)(plans[None, uavs])[0] for uavs in ([0], [0, 1], [0, 1, 2])]
     assert costs[0] > 10.0 and costs == pytest.approx([costs[0]] * 3)
 
 
@@ -181,8 +181,8 @@ def test_with_search_fewer_people_are_left_where_no_camera_looked():
 
 
 def test_options_choose_the_terms():
-    assert load_planner("sma-nbo(separation=3, search=25)").composition.terms == (Search(25), Separation(3))
-    assert load_planner("sma-nbo").composition.terms == ()
+    assert load_planner("sma-nbo(separation=3, search=25)").terms == (Search(25), Separation(3))
+    assert load_planner("sma-nbo").terms == ()
 
 
 def level(team, places):
@@ -229,6 +229,6 @@ def test_height_counts_as_distance(random_team):
 def test_where_uavs_are_too_near_the_plan_that_parts_them_soonest_costs_least(random_team):
     team = level(random_team(1, uavs=2), [(0.0, 0.0), (1.0, 0.0)])
     still, away, toward = np.zeros((1, 2, 2)), np.full((1, 2, 2), [-5.0, 0.0]), np.full((1, 2, 2), [0.5, 0.0])
-    cost = Separation(4.0).term(team[0], np.zeros((2, 2, 2)), [0])(np.array([still, away, toward]))
+    cost = Separation(4.0).objective(team[0], np.zeros((2, 2, 2)), [0])(np.array([still, away, toward]))
     # The first step starts 1 m off in any case; the second 1 m, 6 m and 0.5 m off.
     np.testing.assert_allclose(cost, [6e6, 3e6, 3.5e6 + 4e6], rtol=1e-9)

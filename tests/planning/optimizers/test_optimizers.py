@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal
 
-from planning.loading import load_planner
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import limit_speed
+from planning.planner_loading import load_planner
 from planning.prediction.intent import expected_plans
 from planning.prediction.propagation import nominal_positions
 from planning.prediction.targets_in_reach import NO_TARGETS
@@ -176,10 +176,11 @@ class Both:
 
 def excess(random_team, planner, seed, times, search=0):
     """By how much the first UAV's plan costs more than the swarm's: three UAVs, four to six targets, 75 trees, MWTP."""
-    situation, composition = random_team(seed, trees=75, targets=4 + seed % 3)[0], load_planner(planner).composition
-    both = Both(composition.optimizer, times)
-    composition = replace(composition, optimizer=both)
-    composition.decide(situation, expected_plans(situation, 5), [0], np.random.default_rng(seed + 50 * search))
+    situation, composed = random_team(seed, trees=75, targets=4 + seed % 3)[0], load_planner(planner)
+    both = Both(composed.minimiser, times)
+    replace(composed, optimizer=both).decide(
+        situation, expected_plans(situation, 5), [0], np.random.default_rng(seed + 50 * search)
+    )
     return both.excess
 
 

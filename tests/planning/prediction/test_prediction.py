@@ -7,7 +7,7 @@ import pytest
 from helpers.nominal import nominal, team_cost
 from helpers.teams import Spy, planned, refitted
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import planned_motion, tracker_parameters
@@ -105,4 +105,4 @@ def test_prediction_by_one_step_is_an_option(random_team):
         option = planned(f"{name}, prediction=step)", team)
         np.testing.assert_array_equal(option, planned(f"{name})", single))
         assert not np.array_equal(option, planned(f"{name})", team))
-    assert Composition().prediction == "scans"
+    assert Composed().prediction == "scans"

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from planning.conformance.situations import random_team
+from planning.made_up_teams import random_team
 from planning.prediction.response import Response, mean_velocities, response, vehicle_after
 
 

@@ -9,7 +9,7 @@ from helpers.nominal import nominal, plain_cost, squares, team_cost, weighted_tr
 from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import aim_point, points_shown, view_quadrangle, viewing_range
 from planning.prediction.intent import base_control
@@ -146,5 +146,5 @@ def test_a_plan_keeps_a_target_in_a_tilted_field_of_view(random_team, heading):
     ends = []
     for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):
         alone = dataclasses.replace(situation, own=own, tracks=(track,))
-        ends.append(target - planned(Composition(), [alone])[0].sum(axis=0))
+        ends.append(target - planned(Composed(), [alone])[0].sum(axis=0))
     assert seen(v, np.array(ends)).tolist() == [True, False]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from planning.loading import load_planner
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
+from planning.planner_loading import load_planner
 from sim.calibration.future_errors import CUTOFF, FUTURE_SECONDS, fit, fly_and_fit, states
 from sim.mission.mission import Mission
 from sim.scenario.loading import load

@@ -12,7 +12,7 @@ from helpers.studies import task_of
 from helpers.summaries import summary
 from helpers.teams import Spy
 
-from planning.registry import PLANNERS
+from planning.planners import PLANNERS
 from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of

@@ -8,8 +8,8 @@ from helpers.clients import open_clients
 from helpers.flights import IDEAL, fly, fly_ideal, mission_of
 from helpers.teams import Spy
 
-from planning.loading import load_planner
 from planning.planner import Plan
+from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial

@@ -12,7 +12,7 @@ from helpers.flights import mission_of, recording_of
 from msgspec.structs import replace
 from scipy.stats import poisson
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.score import HELD
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording

@@ -13,7 +13,7 @@ from helpers.pages import DOCS, ROOT, blocks
 from helpers.processes import python
 from helpers.studies import task_of
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.results import run_mission

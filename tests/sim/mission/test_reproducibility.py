@@ -9,7 +9,7 @@ import pytest
 from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 from helpers.studies import task_of
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.machine import machine
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load

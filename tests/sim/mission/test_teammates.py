@@ -8,12 +8,12 @@ import pytest
 from helpers.flights import IDEAL, fly_ideal
 from helpers.summaries import shown
 
-from planning.composition import Composition
+from planning.composed import Composed
 from planning.coordination.schemes import Decentralised, Parallel, Sequential
-from planning.loading import load_planner
 from planning.planner import Exchange, Plan
+from planning.planner_loading import load_planner
 from planning.prediction.intent import expected_plans, policy_of_intent
-from sim.mission.plan_check import checked_plans
+from sim.mission.plan_check import ask_planner
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
 from sim.mission.trial import Trial
@@ -21,6 +21,7 @@ from sim.running.results import run_mission
 from sim.scenario.fleet import Network
 from sim.scenario.loading import load
 from sim.scenario.random_streams import stream
+from tracking.errors import InputError
 
 FIVE_STEPS = 8 * (7 + 2 * 5)  # bytes: sender, time, x, y, z, velocity and five controls
 
@@ -139,9 +140,9 @@ def test_in_a_sequence_a_uav_expects_intents_where_plans_did_not_arrive(random_t
         # Receptions in the first sweep and in the second: the plan of 1 never gets to 2, that of 0 late.
         for s, heard in zip(team, [((), (1,)), ((0,), (0, 2)), ((), (0,))], strict=True)
     ]
-    plans = Composition(coordination=Sequential(sweeps=sweeps)).plan(team, np.random.default_rng(1))
+    plans = Composed(coordination=Sequential(sweeps=sweeps)).plan(team, np.random.default_rng(1))
     rng = np.random.default_rng(1)
-    decide_ = Composition().decide
+    decide_ = Composed().decide
     knows = [expected_plans(s, 5) for s in team]
     for sweep in range(sweeps):
         for i, s in enumerate(team):
@@ -151,7 +152,7 @@ def test_in_a_sequence_a_uav_expects_intents_where_plans_did_not_arrive(random_t
                     knows[j][i] = knows[i][i]
     for i, plan in enumerate(plans):
         np.testing.assert_array_equal(plan.controls, knows[i][i])
-    unheard = Composition(coordination=Parallel()).plan(team[:1], np.random.default_rng(1))[0]
+    unheard = Composed(coordination=Parallel()).plan(team[:1], np.random.default_rng(1))[0]
     if sweeps == 1:
         np.testing.assert_array_equal(plans[0].controls, unheard.controls)
 
@@ -210,8 +211,10 @@ def test_bytes_and_rounds_of_plans_are_those_counted_by_hand(planner, sent, roun
 def test_without_an_exchange_attribute_each_plan_is_sent_once():
     _, snapshots = fly_ideal("network.links=[[0, 1]]", "network.loss=1", planner=Drawn(steps=2), duration=1)
     assert snapshots[0].plan_bytes.tolist() == [88, 88, 0]  # lost ones count; the last has no neighbour
-    _, snapshots = fly_ideal(planner=Drawn(steps=2, exchange="of glances"), duration=1)
+    _, snapshots = fly_ideal(planner=Drawn(steps=2), duration=1)
     assert snapshots[0].plan_bytes.tolist() == [8 * 11] * 3 and snapshots[0].plan_rounds == 1
+    with pytest.raises(InputError, match=r"'Drawn' cannot say what it sends: exchange must be an Exchange, is 'of"):
+        fly_ideal(planner=Drawn(steps=2, exchange="of glances"), duration=1)
     planner = Drawn(steps=2, exchange=Exchange(3))
     _, snapshots = fly_ideal("network.links=[[0, 1], [1, 2]]", "uavs.0.fails_at=0.5", planner=planner, duration=1)
     assert snapshots[0].plan_bytes.tolist() == [3 * 88] * 3
@@ -242,7 +245,7 @@ def test_nonsense_about_others_is_a_fault(random_team, others):
         def plan(self, team, rng):
             return [Plan(np.ones((1, 2)), others) for _ in team]
 
-    plans, faults = checked_plans(Confused(), random_team(0), {}, np.random.default_rng(0))
+    plans, faults = ask_planner(Confused(), random_team(0), {}, np.random.default_rng(0))
     assert [f.uav for f in faults] == [0, 1, 2] and "others" in faults[0].message
     for plan in plans:
         np.testing.assert_array_equal(plan.controls, [[0.0, 0.0]])

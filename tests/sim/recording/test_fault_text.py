@@ -7,7 +7,7 @@ import pytest
 from helpers.flights import fly, recording_of
 from helpers.studies import task_of
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save

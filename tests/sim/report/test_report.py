@@ -13,7 +13,7 @@ from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.html_pages import Page
 from helpers.trials import failed, row, study
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.__main__ import COMMANDS
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, maps_needed, means, p_values

@@ -10,7 +10,7 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from planning.registry import DEFAULT_PLANNER
+from planning.planners import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import PlaceTaken, new_folder

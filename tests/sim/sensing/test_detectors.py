@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.views import CAMERA, SCENARIO
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
 from sim.scenario.fleet import Uav

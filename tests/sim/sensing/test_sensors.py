@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.views import CAMERA
 
-from planning.loading import load_planner
+from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
 from sim.scenario.fleet import DEFAULT_FLEET, Uav

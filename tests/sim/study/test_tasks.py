@@ -17,7 +17,7 @@ PLANNERS = {
     "a function of another module that makes a built-in one": "from plugged_parts import part as Made\n",
     "a partial": """
 from functools import partial
-from planning.pieces import Composed
+from planning.composed import Composed
 Made = partial(Composed, horizon=2)
 """,
 }

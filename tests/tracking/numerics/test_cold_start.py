@@ -92,8 +92,8 @@ def test_a_mission_compiles_nothing_in_flight():
     code = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from planning.loading import load_planner
-from planning.registry import DEFAULT_PLANNER
+from planning.planner_loading import load_planner
+from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.mission.warmup import warm_up

@@ -19,8 +19,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import understory
-from planning.loading import load_planner
 from planning.planner import Exchange, Plan, Planner, Situation
+from planning.planner_loading import load_planner
 from seedling.fitting import Example, example, fitted, loss
 from seedling.planner import Seedling, choices
 from seedling.weights import Weights, drawn, save

@@ -13,8 +13,8 @@ from seedling.train import TRAINED, VALIDATED, Learned, Lesson, Training, fly, m
 from seedling.weights import LEARNED, PAIR_FEATURES, PLACE_FEATURES, Weights, drawn, load, save
 from threadpoolctl import threadpool_limits
 
-from planning.conformance.checks import check
-from planning.conformance.situations import random_team
+from planning.made_up_teams import random_team
+from planning.planner_check import check_planner
 from tracking.numerics.arrays import Array
 
 # Greedy is the expert here, as it decides in no time.
@@ -34,7 +34,7 @@ def made_up(count: int, seed: int = 0, most: int = 3) -> list[Example]:
 
 def test_it_conforms() -> None:
     """As `understory check-planner seedling` says."""
-    for finding in check("seedling.planner:Seedling"):
+    for finding in check_planner("seedling.planner:Seedling"):
         assert finding.passed, finding
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 from shepherd import Shepherd
 
-from planning.conformance.checks import check
-from planning.conformance.situations import random_team
+from planning.made_up_teams import random_team
+from planning.planner_check import check_planner
 
 
 def test_it_conforms() -> None:
     """As `understory check-planner shepherd` says."""
-    for finding in check("shepherd:Shepherd"):
+    for finding in check_planner("shepherd:Shepherd"):
         assert finding.passed, finding
 
 

@@ -1,12 +1,10 @@
-"""Registry of planners by name, built-in ones and those of other packages, and a catalogue of them for display."""
+"""Planners by name, built-in ones and those of other packages, and a catalogue of them for display."""
 
-import ast
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
-from pathlib import Path
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from tracking.plugins.registry import import_plugin
@@ -24,7 +22,7 @@ class PlannerSpec:
 
 
 def _composed(summary: str, **options: object) -> PlannerSpec:
-    return PlannerSpec("planning.pieces:Composed", options, summary)
+    return PlannerSpec("planning.composed:Composed", options, summary)
 
 
 # Options of the rivals that maximise mutual information.
@@ -74,28 +72,17 @@ GROUP = "understory.planners"  # of entry points
 
 
 @cache
-def installed_planners() -> dict[str, PlannerSpec]:
-    """Planners by name: built-in ones, then those of other packages; the first of a name counts."""
+def find_planners() -> dict[str, PlannerSpec]:
+    """Planners by name: built-in ones, then those of installed packages; the first of a name counts."""
     found = dict(PLANNERS)
-    for point in _plugin_entry_points():
+    for point in _find_entry_points():
         found.setdefault(point.name, PlannerSpec(point.value, {}, source=_package_of(point)))
     return found
 
 
-def _plugin_entry_points() -> list[EntryPoint]:
+def _find_entry_points() -> list[EntryPoint]:
     """Entry points of planners of other packages, by name, usable or not."""
-    try:
-        points = list(entry_points(group=GROUP))
-    except Exception:  # the metadata of some package, of planners or not, cannot be read: take all the others
-        points = [point for distribution in distributions() for point in _points(distribution)]
-    return sorted(points, key=lambda point: (point.name, _package_of(point)))
-
-
-def _points(distribution: Distribution) -> list[EntryPoint]:
-    try:
-        return list(distribution.entry_points.select(group=GROUP))
-    except Exception:  # unreadable metadata may raise anything
-        return []
+    return sorted(entry_points(group=GROUP), key=lambda point: (point.name, _package_of(point)))
 
 
 def _package_of(point: EntryPoint) -> str:
@@ -103,68 +90,51 @@ def _package_of(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist else point.value.partition(":")[0]
 
 
-def catalogue() -> dict[str, dict[str, str]]:
+def list_planners() -> dict[str, dict[str, str]]:
     """Planners and their descriptions under a heading for each package, and their options under one more."""
     ours: dict[str, str] = {}
     groups = {"Built in": ours}
     for name, spec in PLANNERS.items():
         marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
         ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
-    options = _built_in_options()
-    for point in _plugin_entry_points():
+    options = _list_built_in_options()
+    for point in _find_entry_points():
         theirs = groups.setdefault(f"From {_package_of(point)}", {})
-        spec = installed_planners()[point.name]
+        spec = find_planners()[point.name]
         if spec.target != point.value or spec.source != _package_of(point):
-            theirs[point.name] = (
-                f"hidden: the name is that of a planner {f'of {spec.source}' * bool(spec.source) or 'built in'}"
-            )
+            owner = f"of {spec.source}" if spec.source else "built in"
+            theirs[point.name] = f"hidden: the name is that of a planner {owner}"
             continue
         try:
-            theirs[point.name], options[point.name] = _described(point.value)
+            made = import_plugin(point.value)
         except ImportError as error:
             theirs[point.name] = f"cannot be used: {error}"
+            continue
+        theirs[point.name] = (inspect.getdoc(made) or "").partition("\n")[0]
+        options[point.name] = _join(_read_defaults(made))
     shown = {name: text for name, text in options.items() if text}
     return groups | {"Options, each with what it is if not given": shown}
 
 
-def _built_in_options() -> dict[str, str]:
+def _list_built_in_options() -> dict[str, str]:
     """Options of the built-in planners; for a class that was listed before, only those that differ."""
     first: dict[str, str] = {}
     options: dict[str, dict[str, Any]] = {}
     found: dict[str, str] = {}
     for name, spec in PLANNERS.items():
         like = first.setdefault(spec.target, name)
-        options[name] = _options_in_source(spec.target) | dict(spec.options)
+        options[name] = _read_defaults(import_plugin(spec.target)) | dict(spec.options)
         if like == name:
-            found[name] = _text(options[name])
+            found[name] = _join(options[name])
         else:
             other = {option: value for option, value in options[name].items() if value != options[like][option]}
-            found[name] = f"those of {like}, with {_text(other)}" if other else f"those of {like}"
+            found[name] = f"those of {like}, with {_join(other)}" if other else f"those of {like}"
     return found
 
 
-def _options_in_source(target: str) -> dict[str, Any]:
-    """Options of a built-in class, read from its source, inherited ones first; importing it would take a second."""
-    module, _, name = target.partition(":")
-    path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
-    body = ast.parse(path.read_text(encoding="utf-8")).body
-    homes = {a.name: node.module or module for node in body if isinstance(node, ast.ImportFrom) for a in node.names}
-    (found,) = [node for node in body if isinstance(node, ast.ClassDef) and node.name == name]
-    options: dict[str, Any] = {}
-    for base in map(ast.unparse, found.bases):
-        options |= _options_in_source(f"{homes.get(base, module)}:{base}")
-    for node in found.body:
-        if isinstance(node, ast.AnnAssign) and node.value and "ClassVar" not in ast.unparse(node.annotation):
-            options[ast.unparse(node.target)] = ast.literal_eval(node.value)
-    return options
-
-
-def _described(target: str) -> tuple[str, str]:
-    """First line of the docstring of another package's class, and its options; ImportError if it cannot be imported."""
-    made = import_plugin(target)
-    text = inspect.getdoc(made) or ""
-    options = {p.name: p.default for p in (parameters_of(made) or {}).values() if p.default is not p.empty}
-    return text.partition("\n")[0], _text(options)
+def _read_defaults(make: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever a module holds
+    """Options of the class or function that makes a planner, with their defaults."""
+    return {p.name: p.default for p in (parameters_of(make) or {}).values() if p.default is not p.empty}
 
 
 def parameters_of(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - whatever a module holds
@@ -175,5 +145,5 @@ def parameters_of(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa:
         return None
 
 
-def _text(options: Mapping[str, Any]) -> str:
+def _join(options: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}={value if str(value) else repr(value)}" for name, value in options.items())

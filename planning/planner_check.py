@@ -1,0 +1,210 @@
+"""Check of a planner by the rules of `planning.planner.Planner`, in made-up situations, without a mission."""
+
+import math
+import pickle
+import random
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from functools import partial
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from planning.made_up_teams import cut_off, flying_team, keep_contact, lose_plans, slow_down
+from planning.planner import Plan, Planner, Situation, check_count, copy_plan
+from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
+from tracking.errors import InputError
+from tracking.geometry.visibility import Forest
+from tracking.plugins.findings import Finding, Unfit, Untried, find_change, finding
+from tracking.plugins.plugin_error import PluginError, plugin_call
+
+Maker = Callable[[], Planner]
+TEAM, OTHER = flying_team(), flying_team(1)
+_SEED = 5  # with which stateful planners are reset
+_DECISIONS = 5  # number of decisions that are timed
+_ROUNDING = 1e-9  # m/s; smaller differences of plans count as rounding
+
+
+def check_planner(planner: str | Maker) -> list[Finding]:
+    """Findings of all checks of a planner, which conforms if no finding has `passed` False.
+
+    planner: text for `planning.planner_loading.load_planner`, or a class or function that makes planners. A planner
+    object does not do, because the checks need several. InputError if there is no such planner.
+    """
+    if not isinstance(planner, str) and not callable(planner):
+        raise InputError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
+
+    def make() -> Planner:
+        """A new planner, reset with a seed if it is stateful."""
+        name = getattr(planner, "__qualname__", type(planner).__qualname__)
+        made = load_planner(planner) if isinstance(planner, str) else make_planner(planner, name, {})
+        reset_planner(made, _SEED)
+        return made
+
+    make()
+    findings: list[Finding] = []
+    for name, check in CHECKS.items():
+        failed = {one.check for one in findings if one.passed is False}
+        if "plans" in failed:
+            findings.append(Finding(name, None, "not tried: it does not plan"))
+        elif "same seed, same plan" in failed and check in _COMPARISONS:
+            findings.append(Finding(name, None, "not tried: its plans do not repeat anyway"))
+        else:
+            findings.append(finding(name, partial(check, make)))
+    return findings
+
+
+def _call(planner: Planner, team: list[Situation]) -> list[Plan]:
+    """A planner's plans for a team, always with the same random numbers; `Unfit` if they cannot be used."""
+    try:
+        with plugin_call(planner, "plan"):
+            plans = check_count(planner.plan(team, np.random.default_rng(0)), len(team))
+            return [copy_plan(plan) for plan in plans]
+    except PluginError as error:
+        raise Unfit(error.with_place) from error
+
+
+def _plan(planner: Planner, team: Sequence[Situation]) -> list[Plan]:
+    return _call(planner, deepcopy(list(team)))
+
+
+def _difference(one: Plan, other: Plan) -> float:
+    """Largest difference [m/s] of two plans and of what they expect of other UAVs; infinite if shapes differ."""
+    if one.others.keys() != other.others.keys():
+        return math.inf
+    pairs = [(one.controls, other.controls), *((one.others[j], other.others[j]) for j in one.others)]
+    return max(float(np.abs(a - b).max()) if a.shape == b.shape else math.inf for a, b in pairs)
+
+
+def _compare(before: Sequence[Plan], after: Sequence[Plan], when: str) -> None:
+    """Raise `Unfit` if plans differ."""
+    gap = max(map(_difference, before, after))
+    if gap > 0.0:
+        raise Unfit(f"{when}, plans differ by {gap:.3g} m/s")
+
+
+def _check_plans(make: Maker) -> str:
+    steps = {len(plan.controls) for plan in _plan(make(), TEAM)}
+    return f"one (H, 2) of finite numbers for each UAV, H = {' or '.join(map(str, sorted(steps)))}"
+
+
+def _check_speed(make: Maker) -> str:
+    for s, plan in zip(TEAM, _plan(make(), TEAM), strict=True):
+        fastest = float(np.linalg.norm(plan.controls, axis=1).max())
+        if fastest > s.own.max_speed * (1 + 1e-6):
+            limit = f"{s.own.max_speed:g} m/s is what it can"
+            raise Unfit(f"the plan of UAV {s.own.id} reaches {fastest:.3g} m/s; {limit}")
+    return f"top speeds of {', '.join(f'{s.own.max_speed:g}' for s in TEAM)} m/s are kept"
+
+
+def _check_inputs(make: Maker) -> str:
+    team = deepcopy(TEAM)
+    _call(make(), team)
+    if changed := find_change(TEAM, team, "team"):
+        raise Unfit(changed)
+    return "the situations are as they were"
+
+
+def _check_repetition(make: Maker) -> str:
+    before = pickle.dumps((random.getstate(), np.random.get_state()))  # noqa: NPY002 - planners must not use these
+    plans = _plan(make(), TEAM)
+    if pickle.dumps((random.getstate(), np.random.get_state())) != before:  # noqa: NPY002
+        raise Unfit("it uses global random numbers; only those of `rng` repeat")
+    _compare(plans, _plan(make(), TEAM), "of another instance")
+    return "equal bit for bit, on another instance"
+
+
+def _check_memory(make: Maker) -> str:
+    """Check that a planner has no memory or, if it is stateful, that `reset` clears its memory."""
+    planner, calls = make(), (TEAM, OTHER, TEAM)
+    before = [_plan(planner, team) for team in calls]
+    if not is_stateful(planner):
+        _compare(before[0], before[-1], "without stateful = True, but after another situation")
+        return "a situation, another one, the first again: equal"
+    reset_planner(planner, _SEED)
+    for k, team in enumerate(calls):
+        _compare(before[k], _plan(planner, team), f"in call {k + 1} after reset(seed) with the same seed and calls")
+    return "stateful: after reset(seed) the same calls give the same plans"
+
+
+def _check_pickling(make: Maker) -> str:
+    planner = make()
+    _plan(planner, TEAM)
+    try:
+        with plugin_call():
+            copied = pickle.loads(pickle.dumps(planner))
+    except PluginError as error:
+        raise Unfit(str(error)) from error
+    _compare(_plan(planner, TEAM), _plan(copied, TEAM), "of a pickled copy")
+    return "a copy plans the same"
+
+
+def _check_claim(make: Maker) -> str:
+    """Check that knowledge of a UAV reaches the others only through its plan, if the planner claims this."""
+    if not getattr(make(), "decentralised", False):
+        raise Untried("it does not claim to be decentralised")
+    rounds = max(read_exchange(make()).rounds, 1)
+    for s in TEAM:
+        uav, others = s.own.id, {v.id for v in s.neighbours}
+        for vary, changed, when in (
+            (partial(cut_off, uav=uav), others, f"UAV {uav} is out of contact, but what others know"),
+            (partial(slow_down, uav=uav), {uav}, f"UAV {uav} cannot move, but what it knows"),
+            (partial(lose_plans, uav=uav, rounds=rounds), {uav}, f"UAV {uav}'s plan is lost, but what it knows"),
+        ):
+            team, other = vary(TEAM), vary([replace(o, forest=s.forest) for o in OTHER])
+            mixed = [two if one.own.id in changed else one for one, two in zip(team, other, strict=True)]
+            try:
+                plans = zip(team, _plan_late(make(), team), _plan_late(make(), mixed), strict=True)
+            except Unfit as error:
+                raise Untried(f"without contact it does not plan: {error}") from error
+            for o, before, after in plans:
+                gap = _difference(before, after)
+                if o.own.id not in changed and gap > _ROUNDING:
+                    raise Unfit(f"{when} changes the plan of UAV {o.own.id} by {gap:.3g} m/s")
+    return "what a UAV knows reaches others through its plan alone"
+
+
+def _plan_late(planner: Planner, team: Sequence[Situation]) -> list[Plan]:
+    """Plans for a team, in the second decision if the planner is stateful."""
+    if is_stateful(planner):
+        _plan(planner, team)
+    return _plan(planner, team)
+
+
+def _check_situation(team: Sequence[Situation], make: Maker) -> str:
+    _plan(make(), team)
+    return "it plans"
+
+
+def _check_time(make: Maker) -> str:
+    planner, took = make(), []
+    for team in [deepcopy(TEAM) for _ in range(1 + _DECISIONS)]:
+        start = perf_counter()
+        _call(planner, team)
+        took.append(1e3 * (perf_counter() - start))
+    middle, step = median(took[1:]), TEAM[0].step
+    scene = f"{len(TEAM)} UAVs, {len(TEAM[0].tracks)} tracks, {len(TEAM[0].forest.trees)} trees"
+    late = "; longer than a step of its plan" if middle > 1e3 * step else ""
+    return f"{middle:.3g} ms a decision, at most {max(took[1:]):.3g} ms ({scene}){late}"
+
+
+_COMPARISONS = (_check_memory, _check_pickling, _check_claim)
+CHECKS: dict[str, Callable[[Maker], str]] = {
+    "plans": _check_plans,
+    "speed limit": _check_speed,
+    "inputs untouched": _check_inputs,
+    "same seed, same plan": _check_repetition,
+    "memory": _check_memory,
+    "pickling": _check_pickling,
+    "decentralised": _check_claim,
+    "one UAV": partial(_check_situation, [keep_contact(TEAM[0], {0})]),
+    "no tracks": partial(_check_situation, [replace(s, tracks=()) for s in TEAM]),
+    "no trees": partial(_check_situation, [replace(s, forest=Forest(())) for s in TEAM]),
+    "a UAV broken down": partial(_check_situation, [keep_contact(s, {0, 2}) for s in TEAM[::2]]),
+    "out of contact": partial(_check_situation, [keep_contact(s, {s.own.id}) for s in TEAM]),
+    "first decision": partial(_check_situation, [replace(s, time=0.0, intents={}) for s in TEAM]),
+    "fifty tracks": partial(_check_situation, flying_team(targets=50)),
+    "time": _check_time,
+}
