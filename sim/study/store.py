@@ -40,7 +40,7 @@ class _Kept(msgspec.Struct, frozen=True):
     factors: str
     settings: str
     planner: str
-    seed: int | str | float  # a rounded float if it has more than 63 bits and an earlier release wrote it
+    seed: int | str  # text if it has more than 63 bits
     repeat: int
     recording: str
     machine: str
@@ -201,10 +201,9 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
 
 
 def _name(connection: sqlite3.Connection, path: Path) -> str:
-    """Name of a store's study; InputError if there is none, or the tables are views, which may never end."""
-    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master WHERE name IN ('study', 'trials')"))
-    names = connection.execute("SELECT name FROM study LIMIT 2").fetchall() if kinds.get("study") == "table" else []
-    if kinds.get("trials") != "table" or len(names) != 1 or not isinstance(names[0][0], str):
+    """Name of a store's study; InputError if there is none."""
+    names = connection.execute("SELECT name FROM study LIMIT 2").fetchall()
+    if len(names) != 1 or not isinstance(names[0][0], str):
         raise InputError(f"{path}: is a damaged store: it names no study; name another folder")
     return str(names[0][0])
 
@@ -268,6 +267,6 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
             **{name: getattr(kept, name) for name in _SAME},
         )
-    except (ValueError, OverflowError, RecursionError) as error:  # errors of msgspec are ValueErrors
+    except (ValueError, RecursionError) as error:  # errors of msgspec are ValueErrors
         why = one_line(error)
         raise InputError(f"{path}: is a damaged store: a trial in it: {why}; name another folder") from error

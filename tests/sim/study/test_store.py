@@ -35,8 +35,6 @@ def test_seeds_of_any_size_are_read_as_they_were_in_order(tmp_path):
     seeds = [9, 10, 2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1, 10**20, 2**80]
     store(tmp_path, short(["hover"], ",".join(map(str, reversed(seeds)))))
     assert [row.seed for row in read_rows(tmp_path)] == frame(tmp_path)["seed"].tolist() == seeds
-    sql(tmp_path, f"UPDATE trials SET seed = '{2**64}'")  # as it was written before, which SQLite rounds
-    assert {row.seed for row in read_rows(tmp_path)} == {2**64}
 
 
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
@@ -181,14 +179,14 @@ def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
         ("INSERT INTO study VALUES ('another')", "it names no study"),
         ("UPDATE study SET name = x'ff'", "it names no study"),
         ("ALTER TABLE study RENAME COLUMN name TO title", "no such column: name"),
-        ("DROP TABLE trials", "it names no study"),
+        ("DROP TABLE trials", "no such table: trials"),
         ("UPDATE trials SET metrics = '[]'", "a trial in it: Expected `object`, got `array`"),
         ("UPDATE trials SET factors = 'x'", "a trial in it: JSON is malformed"),
         ("UPDATE trials SET ospa = x'ffffff'", "a trial in it: buffer size must be a multiple"),
         ("UPDATE trials SET ospa = 'text'", "a trial in it: Expected `bytes`, got `str`"),
         ("UPDATE trials SET scans_per_s = 0", "a trial in it: scans_per_s is 0"),
         ("UPDATE trials SET seed = 'x'", "a trial in it: invalid literal for int"),
-        ("UPDATE trials SET seed = 9e999", "a trial in it: cannot convert float infinity to integer"),
+        ("UPDATE trials SET seed = 9e999", "a trial in it: Expected `int | str`, got `float`"),
         ("UPDATE trials SET planner = x'ff'", "a trial in it: Expected `str`, got `bytes`"),
     ],
 )
@@ -200,11 +198,3 @@ def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, m
     assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
     with pytest.raises(InputError, match=message), Store.opened(folder, "short") as opened:
         opened.done(tasks)
-
-
-def test_a_view_in_place_of_a_table_is_refused_as_it_may_never_end(filled):
-    endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
-    for statement in ("DROP TABLE study", f"CREATE VIEW study AS {endless}"):
-        sql(filled[0], statement)
-    with pytest.raises(InputError, match="it names no study"):
-        read_rows(filled[0])
