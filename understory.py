@@ -175,13 +175,13 @@ def mission(
     """
     from planning.planner_loading import PlannerError, resolve_planner
     from sim.mission.mission import Mission
-    from sim.mission.trial import naming
+    from sim.mission.trial import prefix_errors
     from sim.scenario.loading import chosen, place_of
     from sim.scenario.quantities import seed_and_repeat
 
     made = None if planner is None else resolve_planner(planner)
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
-    with naming(place_of(scenario, settings), PlannerError):
+    with prefix_errors(place_of(scenario, settings), PlannerError):
         return Mission(setting, made, *numbers)
 
 

@@ -48,9 +48,9 @@ def check_tracker(
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
     """Print one line per check and a summary; exit with code 1 if a check failed."""
-    from sim.mission.warmup import announced
+    from sim.mission.warmup import announce_compilation
 
-    with console.status(START_UP), announced(say):
+    with console.status(START_UP), announce_compilation(say):
         findings = check(plugin)
     for one in findings:
         console.print(escape(str(one)), soft_wrap=True)

@@ -17,7 +17,7 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, inte
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.scheduler import Options
-from sim.study.study import STUDIES, Study, adapted, read
+from sim.study.study import STUDIES, Study, adapt_study, read
 from sim.study.tasks import tasks
 from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from tracking.errors import InputError, check_known
@@ -92,14 +92,14 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Compare planners or trackers on the same forests, people and seeds. Started again, it flies what is missing."""
-    changes = with_options(overrides, duration, _checked_mode(sensing))
+    changes = with_options(overrides, duration, _check_mode(sensing))
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, planner or (), tracker or (), scenario or ())
-    chosen = adapted(begun, seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
+    chosen = adapt_study(begun, seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = _workers(workers, dask)
     limit = None if timeout is None else seconds(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
-    kept = _kept(keep, folder)
+    kept = _recordings_folder(keep, folder)
     listed = tasks(chosen, from_outside(metric or ()))
     facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
@@ -112,10 +112,10 @@ def _study(name: str, planners: Sequence[str], trackers: Sequence[str], scenario
         load_planner(planner)
     for tracker in trackers:
         replace(TRACKERS, field="--tracker").find(tracker)
-    return adapted(with_trackers(_named(name), trackers), planners=planners, scenarios=scenarios)
+    return adapt_study(with_trackers(_find_study(name), trackers), planners=planners, scenarios=scenarios)
 
 
-def _named(name: str) -> Study:
+def _find_study(name: str) -> Study:
     is_file = name.endswith(".toml")
     if name in STUDIES or (is_file and _is_study(Path(name))):
         return read(name)
@@ -129,7 +129,7 @@ def _is_study(path: Path) -> bool:
     return bool({*STUDY_TABLES} & {*toml_file(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 
-def _kept(keep: str | None, folder: Path) -> Path | None:
+def _recordings_folder(keep: str | None, folder: Path) -> Path | None:
     """Folder of recordings, if they are kept."""
     if keep is None:
         return None
@@ -145,7 +145,7 @@ def _workers(workers: str | None, dask: str | None) -> int | None:
     return integer(workers, "--workers", least=1, most=WORKERS)
 
 
-def _checked_mode(sensing: str | None) -> str | None:
+def _check_mode(sensing: str | None) -> str | None:
     if sensing is not None:
         replace(SENSOR_MODES, field="--sensing").check(sensing)
     return sensing

@@ -14,7 +14,7 @@ from sim.analysis.normalised_score import ends_of
 from sim.analysis.planner_labels import baseline_of, entrant, labels_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import versions
-from sim.mission.trial import Trial, naming
+from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
@@ -22,7 +22,7 @@ from sim.running.mission_flight import is_built_in, make_mission
 from sim.scenario.loading import place_of
 from sim.scenario.random_streams import numbered
 from sim.scenario.remarks import remarks
-from sim.study.backends import Backend, Pool, connected
+from sim.study.backends import Backend, Pool, connect
 from sim.study.cells import ENTERED
 from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
@@ -56,22 +56,22 @@ def fly_study(
         new = not (folder / NAME).exists()
         if new:  # checked before any file is written
             _check_missions(study, listed)
-        with _backend(workers, dask) as backend, Store.opened(folder, study.name) as store:
+        with _backend(workers, dask) as backend, Store.open(folder, study.name) as store:
             if not new:
-                flown = {} if options.redo else store.done(listed)
+                flown = {} if options.redo else store.finished_rows(listed)
                 _check_missions(study, [task for task in listed if task.key not in flown])
-            remark(*_not_shown(store, listed))
+            remark(*_remarks_on_others(store, listed))
             with study_progress(len(listed)) as tell:
 
-                def heard(task: Task, row: Row, fresh: bool) -> None:
+                def on_row(task: Task, row: Row, fresh: bool) -> None:
                     nonlocal again
                     again += fresh
                     tell(row.status == "failed", fresh)
 
                 try:
-                    return complete(listed, store, backend, options, heard)
+                    return complete(listed, store, backend, options, on_row)
                 except (KeyboardInterrupt, StoreError):
-                    kept = len(store.done(listed))
+                    kept = len(store.finished_rows(listed))
                     raise
     except (KeyboardInterrupt, StoreError) as error:
         reason = str(error) or "interrupted"
@@ -100,7 +100,7 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
             continue
         tried |= parts
         if ours:
-            with naming(trial.place):
+            with prefix_errors(trial.place):
                 forest_and_people(trial.scenario, trial.seed)
         else:
             make_mission(trial).close()
@@ -115,10 +115,10 @@ def _place(study: Study, task: Task) -> str:
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
-    return Pool(workers) if dask is None else connected(dask)
+    return Pool(workers) if dask is None else connect(dask)
 
 
-def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
+def _remarks_on_others(store: Store, listed: Sequence[Task]) -> list[str]:
     """Remarks on results in the store of other package versions or other trials, which are not shown."""
     others = store.others(listed)
     rest = others.pop(listed[0].version, 0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, reward_of
 from sim.environments.rollout import Rollout
-from sim.mission.trial import naming
+from sim.mission.trial import prefix_errors
 from sim.replay.flight import Flight
 from sim.scenario.loading import chosen, place_of
 from sim.scenario.quantities import REPEATS
@@ -83,7 +83,7 @@ class Course:
                 repeat = int(value)
         self.close()
         drawn = int(rng.integers(_REPORTED, 2**63))
-        with naming(self._place):
+        with prefix_errors(self._place):
             self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
 
     def step(self, actions: Mapping[int, object]) -> None:

@@ -21,7 +21,7 @@ class Trial:
 
 
 @contextmanager
-def naming(place: str, *passing: type[InputError]) -> Iterator[None]:
+def prefix_errors(place: str, *passing: type[InputError]) -> Iterator[None]:
     """Prefix InputErrors raised in the block with a place, such as `Trial.place`, except those of types `passing`."""
     try:
         yield

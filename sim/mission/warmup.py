@@ -46,7 +46,7 @@ class _Watch(event.Listener):
 
 
 @contextmanager
-def announced(say: Say) -> Iterator[None]:
+def announce_compilation(say: Say) -> Iterator[None]:
     """Report compilation within the block: when it starts how long it may take, and at the end how long it took."""
     watch = _Watch(say)
     with event.install_listener("numba:compile", watch):

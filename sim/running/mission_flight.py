@@ -9,7 +9,7 @@ from planning.planner_loading import PlannerError, load_planner, planner_target
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
-from sim.mission.trial import Trial, naming
+from sim.mission.trial import Trial, prefix_errors
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.scenario.scenario import resolved
@@ -55,7 +55,7 @@ def make_mission(trial: Trial, planner: Planner | None = None) -> Mission:
     """The mission of a trial at its first scan; InputError if it cannot be built. planner: as in `fly_mission`."""
     if planner is None:
         planner = load_planner(trial.planner)
-    with naming(trial.place, PlannerError):
+    with prefix_errors(trial.place, PlannerError):
         return Mission(trial.scenario, planner, trial.seed, trial.repeat)
 
 

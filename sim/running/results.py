@@ -15,7 +15,7 @@ from sim.evaluation.summary import marked, summarise
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
-from sim.mission.warmup import announced, warm_up
+from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
@@ -93,7 +93,7 @@ def fly_into(
 
                 yield watch
 
-        outcome = fly_mission(trial, watching, announced(say)(warm_up))
+        outcome = fly_mission(trial, watching, announce_compilation(say)(warm_up))
         summary = summarise(outcome, results.metrics)
         flight = Flight(outcome.recording)
         write_results(results.folder, flight, summary)

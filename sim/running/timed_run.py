@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
-from sim.mission.warmup import announced, warm_up
+from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
 from sim.recording.atomic_files import new_folder
@@ -81,7 +81,7 @@ def _prepare(messages: Connection, stop: Event) -> None:
     """Prepare the process that flies."""
     global _parent
     _parent = _Parent(messages, stop)
-    announced(messages.send)(warm_up)()
+    announce_compilation(messages.send)(warm_up)()
 
 
 def _fly(trial: Trial, results: Results) -> dict[str, Any]:

@@ -110,7 +110,7 @@ def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcemen
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Cluster]:
+def connect(address: str) -> Iterator[Cluster]:
     """Connect to the cluster at an address; InputError if it does not answer or dask is not installed."""
     try:
         from distributed import Client

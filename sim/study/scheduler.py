@@ -17,7 +17,7 @@ from sim.study.trial_flight import TrialResult, make_failure
 
 ATTEMPTS = 2
 _TICK = 0.5  # s, interval of checks for trials that hang
-Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
+OnRow = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
 
 
 class _Attempt(NamedTuple):
@@ -41,7 +41,7 @@ def complete(
     store: Store,
     backend: Backend,
     options: Options = Options(),
-    heard: Heard = lambda task, row, fresh: None,
+    on_row: OnRow = lambda task, row, fresh: None,
 ) -> list[Row]:
     """Rows of all tasks, in order: from the store, or flown now and added to it.
 
@@ -51,20 +51,20 @@ def complete(
     asked, kept = {task.key: set(task.metrics) for task in tasks}, options.recordings
     rows = {
         key: row
-        for key, row in ({} if options.redo else store.done(tasks)).items()
+        for key, row in ({} if options.redo else store.finished_rows(tasks)).items()
         if asked[key] <= row.metrics.keys() and (kept is None or (kept / f"{key}.npz").exists())
     }
     store.label(tasks)
     for task in tasks:
         if task.key in rows:
-            heard(task, rows[task.key], False)
+            on_row(task, rows[task.key], False)
 
     def keep(task: Task, result: TrialResult) -> None:
         if kept is not None and result.recording:
             _write(kept / f"{task.key}.npz", result.recording)
         store.add(task, result.row)
         rows[task.key] = result.row
-        heard(task, result.row, True)
+        on_row(task, result.row, True)
 
     _fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
     return [rows[task.key] for task in tasks]

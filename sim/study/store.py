@@ -76,7 +76,7 @@ class Store:
 
     @staticmethod
     @contextmanager
-    def opened(folder: Path, study: str) -> Iterator["Store"]:
+    def open(folder: Path, study: str) -> Iterator["Store"]:
         """The store in a folder, created if missing; InputError if it is another study's, too new, or no store."""
         path = folder / NAME
         try:
@@ -89,11 +89,11 @@ class Store:
             raise InputError(f"--out: {folder} is not a folder; allowed is a new folder, or that of a study") from error
         except OSError as error:
             raise _unusable(path, error, "--out: ") from error
-        with _connected(path) as connection:
+        with _connect(path) as connection:
             _prepare(connection, path, study)
             yield Store(connection, path, study)
 
-    def done(self, tasks: Sequence[Task]) -> dict[str, Row]:
+    def finished_rows(self, tasks: Sequence[Task]) -> dict[str, Row]:
         """Rows of the trials that did not fail, by key, with the scenario, factors and planner of the given tasks."""
         wanted = {task.key: task for task in tasks}
         rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'").fetchall()
@@ -145,7 +145,7 @@ def read_rows(path: str | Path) -> list[Row]:
     file = path / NAME if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"{file}: there is no store of a study")
-    with _connected(file) as connection:
+    with _connect(file) as connection:
         if _version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
         study = _name(connection, path)
@@ -177,7 +177,7 @@ def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
 
 
 @contextmanager
-def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+def _connect(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection; errors of SQLite in the block become InputErrors or, if the disk is full, StoreErrors."""
     try:
         with closing(sqlite3.connect(path, timeout=60.0, isolation_level=None)) as connection:

@@ -114,7 +114,7 @@ def _check_excluded(study: Study) -> None:
                 check_known(f"{where}{key}", name, known[key])
 
 
-def adapted(
+def adapt_study(
     study: Study,
     *,
     planners: Sequence[str] = (),
@@ -153,7 +153,7 @@ def study_of(
     """A study of one or several planners in one or several scenarios; InputError says what is wrong."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
-    return adapted(
+    return adapt_study(
         Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
         seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # the parser refuses one more than allowed
         repeats=integer(repeats, "repeats", least=1, most=REPEATS),

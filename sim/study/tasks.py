@@ -87,9 +87,9 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     found, number = [], release()
     for cell in listed:
         try:
-            found.append((cell, cell.settings, *_loaded(cell)))
+            found.append((cell, cell.settings, *_load_cell(cell)))
         except InputError as error:
-            raise InputError(_placed(study, cell, error)) from error
+            raise InputError(_locate_error(study, cell, error)) from error
     made = [
         Task(
             key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
@@ -125,26 +125,26 @@ def release() -> str:
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 
-def _loaded(cell: Cell) -> tuple[Scenario, str]:
+def _load_cell(cell: Cell) -> tuple[Scenario, str]:
     """Scenario of a cell, and digest of all that decides a trial besides seed and repeat; InputError if it is wrong."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    parts = [resolved(setting), canonical_text(cell.spec), release(), *_contents(setting, cell.spec)]
+    parts = [resolved(setting), canonical_text(cell.spec), release(), *_digests_of_files(setting, cell.spec)]
     return setting, hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
-def _placed(study: Study, cell: Cell, error: InputError) -> str:
+def _locate_error(study: Study, cell: Cell, error: InputError) -> str:
     """The error of a cell, with the study's file and the first of its tables that causes the error."""
     for count, table in enumerate(cell.tables, start=1):
         try:
-            _loaded(msgspec.structs.replace(cell, tables=cell.tables[:count]))
+            _load_cell(msgspec.structs.replace(cell, tables=cell.tables[:count]))
         except InputError as first:
             if not study.file or not table.name:
                 return str(first)
-            return study.at(f"{table.name}: {first}" if count > 1 else _placed_in_head(study, cell, first))
+            return study.at(f"{table.name}: {first}" if count > 1 else _locate_in_head(study, cell, first))
     return str(error)  # a plug-in failed only the first time
 
 
-def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
+def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
     """The error of a cell's scenario or planner, with the key of the study's file that names it."""
     try:
         load(cell.scenario)
@@ -155,7 +155,7 @@ def _placed_in_head(study: Study, cell: Cell, error: InputError) -> str:
     return f"{key}: {str(error).removeprefix('planner: ')}"
 
 
-def _contents(setting: Scenario, planner: str) -> list[str]:
+def _digests_of_files(setting: Scenario, planner: str) -> list[str]:
     """Digests of files outside of the package on which a trial depends: plug-ins and trajectories of people."""
     made, target = load_planner(planner), planner_target(planner)
     plugins = [(target, import_plugin(target)), (target, type(made))]

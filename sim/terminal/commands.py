@@ -47,7 +47,7 @@ class Command(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Arguments and options."""
-        return _untyped(super().get_params(ctx))
+        return _hide_types(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - as above
         """Parse the arguments; InputError if an option that may be given once is repeated."""
@@ -65,7 +65,7 @@ class _Group(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
         """Options of the group."""
-        return _untyped(super().get_params(ctx))
+        return _hide_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:  # noqa: ANN401 - as above
         """Name, command and remaining arguments of a call."""
@@ -92,7 +92,7 @@ def command_group(start: Callable[..., None], commands: Mapping[str, tuple[str, 
     return group
 
 
-def _untyped(params: list[Any]) -> list[Any]:
+def _hide_types(params: list[Any]) -> list[Any]:
     """The parameters, without the names of Python types in place of missing names of values."""
     for param in params:
         if param.param_type_name == "argument" or getattr(param, "is_flag", False):
@@ -157,12 +157,12 @@ def conclude(app: Callable[..., Any]) -> None:
 
 def _take_signals() -> None:
     """Turn Ctrl-C, and SIGTERM as sent by schedulers, into KeyboardInterrupts without further output."""
-    signal.signal(signal.SIGTERM, _interrupted)
+    signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # otherwise the caller ignores or handles it
-        signal.signal(signal.SIGINT, _interrupted)
+        signal.signal(signal.SIGINT, _interrupt)
 
 
-def _interrupted(number: int, frame: FrameType | None) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
     # Half-made objects, such as those of a compiler, would print errors when they are deleted.
     sys.unraisablehook = lambda _: None
     raise KeyboardInterrupt

@@ -22,7 +22,7 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
     last = scenario.scan_times[-1]
     total, count = 0.0, 0  # sum and number of the distances so far
     columns = (BarColumn(bar_width=20), TextColumn("{task.description}"))
-    with _shown_late(len(scenario.scan_times), *columns) as advance:
+    with _bar(len(scenario.scan_times), *columns) as advance:
 
         def show(moment: ScanProgress) -> None:
             nonlocal total, count
@@ -36,12 +36,12 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
 @contextmanager
 def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
     """A bar with the number of frames or scans done."""
-    with _shown_late(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
+    with _bar(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
         yield lambda outcome: advance("")
 
 
 @contextmanager
-def _shown_late(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
+def _bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
     """Yield a function that advances a bar and describes what is done.
 
     The bar is shown from its first call on, so that none precedes an error of the start.

@@ -32,12 +32,12 @@ def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged)
     found = short(["hover"], f"0-{count - 1}")
     full = dict.fromkeys((f"metric.{i}" for i in range(45)), 0.123456789)
     row = msgspec.structs.replace(invented(found[0]), ospa=np.ones(201, dtype=np.float32), times=np.arange(201) / 5)
-    with Store.opened(tmp_path, "short") as store:
+    with Store.open(tmp_path, "short") as store:
         store._connection.execute("PRAGMA synchronous = OFF")  # what is measured is reading
         for task in found:
             store.add(task, msgspec.structs.replace(row, seed=task.seed, metrics={**full, "ospa.mean_m": task.seed}))
     start = time.perf_counter()
-    with Store.opened(tmp_path, "short") as store:
+    with Store.open(tmp_path, "short") as store:
         rows = complete(found, store, Serial())
     listed = time.perf_counter() - start
     start = time.perf_counter()
@@ -61,7 +61,7 @@ def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path,
     found = tasks(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
     walls, overheads = {1: [], 2: []}, []
     for turn, workers in enumerate((1, 2, 1, 2)):
-        with Pool(workers) as pool, Store.opened(tmp_path / str(turn), "short") as store:
+        with Pool(workers) as pool, Store.open(tmp_path / str(turn), "short") as store:
             complete(short(["hover"], "100-103"), store, pool)  # which starts the processes
             start = time.perf_counter()
             rows = complete(found, store, pool)

@@ -15,7 +15,7 @@ from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
 from sim.study.cells import cells
-from sim.study.study import STUDIES, adapted, read
+from sim.study.study import STUDIES, adapt_study, read
 from sim.study.tasks import tasks
 from sim.study.trial_flight import fly_trial
 from tracking.fusion.rule import LocalBeliefs
@@ -130,7 +130,7 @@ def test_the_python_on_studies_runs(tmp_path, monkeypatch, capsys):
 
 def test_the_page_on_studies_counts_the_packaged_ones_and_names_metrics():
     rows = re.findall(r"^\| `([\w-]+)` \| .* \| (\d+) \|$", STUDIES_PAGE, flags=re.M)
-    counts = {name: len(tasks(adapted(read(name), seeds="0-49"))) for name in STUDIES}
+    counts = {name: len(tasks(adapt_study(read(name), seeds="0-49"))) for name in STUDIES}
     assert {name: int(count) for name, count in rows} == counts
     (task,) = short(["hover"], "0")
     for name in fly_trial(task).row.metrics:

@@ -45,7 +45,7 @@ def invented(task):
 def store(folder, tasks):
     """Fill the store in a folder with invented rows of tasks of one study; these rows."""
     rows = [invented(task) for task in tasks]
-    with Store.opened(folder, tasks[0].study) as opened:
+    with Store.open(folder, tasks[0].study) as opened:
         for task, row in zip(tasks, rows, strict=True):
             opened.add(task, row)
     return rows

@@ -15,7 +15,7 @@ from sim.scenario.loading import load
 from sim.study.backends import Borrowed
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_rows
-from sim.study.study import adapted, read
+from sim.study.study import adapt_study, read
 from sim.study.tasks import tasks
 from sim.world.appearance import sample_appearance
 
@@ -82,14 +82,14 @@ def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
     order = [(t.repeat, t.seed, t.planner) for t in tasks(study)]
     assert order == [(r, s, p) for r in (0, 1) for s in (4, 2) for p in ("hover", "greedy")]
     assert len({t.key for t in tasks(study)}) == 8
-    assert {t.repeat for t in tasks(adapted(study, repeats=1))} == {0}
-    once = tasks(adapted(study, repeats=1))
+    assert {t.repeat for t in tasks(adapt_study(study, repeats=1))} == {0}
+    once = tasks(adapt_study(study, repeats=1))
     assert [t.key for t in once] == [t.key for t in tasks(study)[:4]]
 
 
 def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
     made = short(["hover"], "0-1", repeats=3)
-    with Store.opened(tmp_path, "short") as store:
+    with Store.open(tmp_path, "short") as store:
         for task in made[:2]:
             store.add(task, invented(task))
         with ThreadPoolExecutor(1) as executor:

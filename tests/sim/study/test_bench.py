@@ -13,7 +13,7 @@ from sim.scenario.remarks import remarks
 from sim.scenario.scenario import resolved
 from sim.study.cells import VIEW, cells
 from sim.study.scheduler import rows_of
-from sim.study.study import adapted, read
+from sim.study.study import adapt_study, read
 from sim.study.tasks import tasks
 
 BENCH = read("bench-1")
@@ -40,12 +40,12 @@ def test_each_world_flies_with_the_people_and_uavs_that_it_promises(world):
 
 
 def test_floor_and_bound_are_flown_whatever_planners_are_compared():
-    found = cells(adapted(BENCH, planners=["mine:Mine"]))
+    found = cells(adapt_study(BENCH, planners=["mine:Mine"]))
     kinds = {(cell.planner, dict(cell.factors).get(VIEW)) for cell in found}
     assert kinds == {("mine:Mine", None), ("hover", None), ("sma-nbo-mwtp", "unlimited")} and len(found) == 30
-    some = adapted(BENCH, planners=["mine:Mine"], scenarios=["dense", "search", "dense"])
+    some = adapt_study(BENCH, planners=["mine:Mine"], scenarios=["dense", "search", "dense"])
     assert [cell for cell in found if cell.scenario in ("dense", "search")] == sorted(cells(some), key=found.index)
-    listed = tasks(adapted(BENCH, planners=["hover"], seeds="0"))
+    listed = tasks(adapt_study(BENCH, planners=["hover"], seeds="0"))
     assert len(listed) == 20 and len({task.key for task in listed}) == 20
     for task in listed:
         unlimited = VIEW in dict(task.factors)

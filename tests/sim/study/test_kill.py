@@ -11,7 +11,7 @@ import pytest
 from helpers.processes import python, started_with
 from helpers.studies import SHORT, Serial, plain, short
 
-from sim.study.backends import connected
+from sim.study.backends import connect
 from sim.study.scheduler import complete
 from sim.study.store import NAME, Store, read_rows
 from sim.study.study import read
@@ -33,7 +33,7 @@ from sim.study.store import Store
 from sim.study.study import read
 from sim.study.tasks import tasks
 found = tasks(read(sys.argv[1]))
-with Store.opened(Path(sys.argv[2]), "killed") as store, ThreadPoolExecutor(1) as executor:
+with Store.open(Path(sys.argv[2]), "killed") as store, ThreadPoolExecutor(1) as executor:
     complete(found, store, Borrowed(executor))
 """
 PROCESSES = "import sys; from sim.__main__ import main; main()"
@@ -58,7 +58,7 @@ def killed(tmp_path):
             assert {key: now[key] for key in kept} == kept  # complete ones are not flown again
             kept = now
         every = tasks(read(str(file)))
-        with Store.opened(folder, "killed") as store:
+        with Store.open(folder, "killed") as store:
             rows = complete(every, store, Serial())
         assert {key: value for key, value in stored(folder).items() if key in kept} == kept
         assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in every]
@@ -160,7 +160,7 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
     scheduler = {"cls": distributed.Scheduler, "options": {"dashboard_address": None}}
     with (
         distributed.SpecCluster(workers, scheduler, silence_logs=50) as local,
-        connected(local.scheduler_address) as cluster,
+        connect(local.scheduler_address) as cluster,
     ):
 
         def kill(task, row, fresh):
@@ -170,8 +170,8 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
                 killed.extend(cluster._client.processing()[nanny.worker_address])  # trials that it has been given
                 os.kill(nanny.pid, signal.SIGKILL)
 
-        with Store.opened(tmp_path, "short") as store:
-            rows = complete(tasks, store, cluster, heard=kill)
+        with Store.open(tmp_path, "short") as store:
+            rows = complete(tasks, store, cluster, on_row=kill)
     assert killed and list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert len(read_rows(tmp_path)) == len(tasks)
 
@@ -181,7 +181,7 @@ def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
     monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)
     start = time.monotonic()
     for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x", "127.0.0.1:notaport"):
-        with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connected(address):
+        with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connect(address):
             pass
         assert "\n" not in str(raised.value)
     gc.collect()

@@ -14,7 +14,7 @@ from helpers.flights import mission_of
 from helpers.studies import Serial, plain, short
 
 from sim.study import backends, scheduler, trial_flight
-from sim.study.backends import Borrowed, Pool, connected
+from sim.study.backends import Borrowed, Pool, connect
 from sim.study.scheduler import Options, complete, rows_of
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial_flight import fly_trial
@@ -55,7 +55,7 @@ def ailing(tmp_path, monkeypatch):
 
 
 def run(tmp_path, tasks, backend, *given, **named):
-    with Store.opened(tmp_path / "study", "short") as store:
+    with Store.open(tmp_path / "study", "short") as store:
         return complete(tasks, store, backend, *given, **named)
 
 
@@ -93,7 +93,7 @@ def test_trials_that_fail_once_are_tried_again_and_twice_are_recorded(tmp_path):
     tasks = short(["hover", "greedy", "lawnmower"], "0-1")
     backend = Serial({"greedy": ["ValueError: one"], "lawnmower": [OSError("gone"), "ValueError: two", "x", "y"]})
     heard = []
-    rows = run(tmp_path, tasks, backend, heard=lambda task, row, fresh: heard.append((task.key, row.status, fresh)))
+    rows = run(tmp_path, tasks, backend, on_row=lambda task, row, fresh: heard.append((task.key, row.status, fresh)))
     assert [row.status for row in rows] == ["done", "done", "failed"] * 2
     assert [rows[2].error, rows[5].error] == ["x", "y"]  # seconds tries come after all first ones
     assert len(backend.flown) == 6 + 1 + 2
@@ -133,7 +133,7 @@ def cluster():
         scheduler = {"cls": distributed.Scheduler, "options": {"dashboard_address": None}}
         with (
             distributed.SpecCluster(workers, scheduler, silence_logs=50) as local,
-            connected(local.scheduler_address) as backend,
+            connect(local.scheduler_address) as backend,
         ):
             backend.submit = Mock(wraps=backend.submit)
             yield backend

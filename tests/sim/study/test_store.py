@@ -23,8 +23,8 @@ def filled(tmp_path):
 
 def test_rows_come_back_as_they_were(filled):
     folder, tasks, rows = filled
-    with Store.opened(folder, "short") as opened:
-        found = opened.done(tasks)
+    with Store.open(folder, "short") as opened:
+        found = opened.finished_rows(tasks)
         assert opened.others([]) == {tasks[0].version: len(tasks)}
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
@@ -40,11 +40,11 @@ def test_seeds_of_any_size_are_read_as_they_were_in_order(tmp_path):
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
     folder, tasks, rows = filled
     sql(folder, "UPDATE trials SET seed = 3, planner = 'other'")
-    with Store.opened(folder, "short") as opened:
-        found = opened.done(tasks)
+    with Store.open(folder, "short") as opened:
+        found = opened.finished_rows(tasks)
         assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
         opened.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
-        assert opened.done(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
+        assert opened.finished_rows(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
     assert len(read_rows(folder)) == len(tasks)
 
 
@@ -74,7 +74,7 @@ def test_versions_of_one_trial_are_read_in_the_order_in_which_they_were_written(
 
 def test_another_version_is_kept_apart(tmp_path):
     store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
-    with Store.opened(tmp_path, "short") as opened:
+    with Store.open(tmp_path, "short") as opened:
         rows = complete(short(["hover"]), opened, Serial({"hover": [None, None]}))
         assert opened.others([]) == {"0.0.9": 2, rows[0].version: 2}
     assert {row.version for row in rows} == {short()[0].version}
@@ -83,7 +83,7 @@ def test_another_version_is_kept_apart(tmp_path):
 def test_levels_may_be_renamed(filled):
     folder, *_ = filled
     renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
-    with Store.opened(folder, "short") as opened:
+    with Store.open(folder, "short") as opened:
         backend = Serial()
         rows = complete(renamed, opened, backend)
     assert backend.flown == [] and {row.factors for row in rows} == {(("density", "few"),)}
@@ -93,14 +93,14 @@ def test_levels_may_be_renamed(filled):
 
 def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_path):
     tasks = short(["hover"], "0-39")
-    with Store.opened(tmp_path, "short") as opened:
+    with Store.open(tmp_path, "short") as opened:
         (pages,) = opened._connection.execute("PRAGMA page_count").fetchone()
         opened._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
         with pytest.raises(StoreError, match=r"study\.sqlite: database or disk is full"):
             complete(tasks, opened, Serial({"hover": [None] * 40}))
     kept = len(read_rows(tmp_path))
     assert 0 < kept < 40
-    with Store.opened(tmp_path, "short") as opened:
+    with Store.open(tmp_path, "short") as opened:
         backend = Serial({"hover": [None] * 40})
         rows = complete(tasks, opened, backend)
     assert len(backend.flown) == 40 - kept
@@ -129,7 +129,7 @@ def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, make, message)
     path = tmp_path / NAME
     make(path)
     before = path.read_bytes() if path.is_file() else None
-    with pytest.raises(InputError, match=message) as raised, Store.opened(tmp_path, "short"):
+    with pytest.raises(InputError, match=message) as raised, Store.open(tmp_path, "short"):
         pass
     assert "\n" not in str(raised.value) and str(path) in str(raised.value)
     assert before is None or path.read_bytes() == before
@@ -143,24 +143,24 @@ def test_a_damaged_store_is_one_line(filled):
     malformed = "cannot be used: database disk image is malformed"
     with pytest.raises(InputError, match=malformed):
         read_rows(folder)
-    with pytest.raises(InputError, match=malformed), Store.opened(folder, "short") as opened:
-        opened.done(tasks)
+    with pytest.raises(InputError, match=malformed), Store.open(folder, "short") as opened:
+        opened.finished_rows(tasks)
 
 
 def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, tmp_path):
     folder, tasks, _ = filled
-    with pytest.raises(InputError, match="holds study 'short', not 'long'"), Store.opened(folder, "long"):
+    with pytest.raises(InputError, match="holds study 'short', not 'long'"), Store.open(folder, "long"):
         pass
     assert len(read_rows(folder)) == len(tasks)
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file" / "study", "/proc/study", "/proc/full"):
-        with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
+        with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.open(tmp_path / folder, "short"):
             pass
 
 
 def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
     tasks = short(["hover", "greedy"])
-    with Store.opened(tmp_path, "short") as opened:
+    with Store.open(tmp_path, "short") as opened:
         first = complete(tasks, opened, Serial({"greedy": ["x", "x", "x", "x"]}))
         assert [row.status for row in first] == ["done", "failed"] * 2
         again = Serial({"hover": [None] * 9})
@@ -196,5 +196,5 @@ def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, m
     with pytest.raises(InputError, match=message) as raised:
         read_rows(folder)
     assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
-    with pytest.raises(InputError, match=message), Store.opened(folder, "short") as opened:
-        opened.done(tasks)
+    with pytest.raises(InputError, match=message), Store.open(folder, "short") as opened:
+        opened.finished_rows(tasks)

@@ -16,7 +16,7 @@ from sim.scenario.overrides import _value
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import flat, toml
 from sim.study.cells import cells, with_trackers
-from sim.study.study import STUDIES, Study, adapted, read
+from sim.study.study import STUDIES, Study, adapt_study, read
 from sim.study.tasks import tasks
 from tracking.errors import InputError
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -42,8 +42,8 @@ sensing.mode = "ideal"
 planner = "dec-pomdp"
 H = ["1"]
 """
-WALK = adapted(read("paper-to-default"), seeds="0")
-ORIGINAL = adapted(read("paper-original"), seeds="0")
+WALK = adapt_study(read("paper-to-default"), seeds="0")
+ORIGINAL = adapt_study(read("paper-original"), seeds="0")
 STEPS = (
     "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
     "6-tracker", "7-process-noise", "8-optimizer", "9-planner", "10-hcmci", "11-cut-off",
@@ -81,7 +81,7 @@ def test_trials_are_the_product_of_levels_planners_and_seeds_less_what_is_exclud
 
 def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_said(written):
     def key(content, **changes):
-        return tasks(adapted(read(written(content)), **changes))[0].key
+        return tasks(adapt_study(read(written(content)), **changes))[0].key
 
     base = '[study]\nplanners = ["hover"]\nseeds = "1"\n'
     first = key(base)
@@ -137,7 +137,7 @@ def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
     assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
     for name in STUDIES:
         assert read(name).name == name and read(name).description
-    paper = tasks(adapted(read("paper-planners"), seeds="0"))
+    paper = tasks(adapt_study(read("paper-planners"), seeds="0"))
     assert {task.setting.trees.canopy_radius for task in paper} == {5.0}
     assert {task.setting.sensing.mode for task in paper} == {"camera"}
     dec = Counter((dict(t.factors)["lambda"], dict(t.factors)["H"]) for t in paper if t.planner.startswith("dec"))
@@ -215,7 +215,7 @@ def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
     assert load("forest", [f"network.cuts={toml(cuts)}"]).network.cuts[0].start == 3.5
     assert flat({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
     for name in STUDIES:
-        for task in tasks(adapted(read(name), seeds="0")):
+        for task in tasks(adapt_study(read(name), seeds="0")):
             words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
             assert load(task.scenario, shlex.split(shlex.join(words))[1::2]) == task.setting
 
@@ -361,17 +361,17 @@ def test_errors_name_the_file_of_a_scenario_and_blame_no_study_for_flags(written
         with pytest.raises(InputError, match=f"mine.toml: study.scenarios: .*grove.toml: {key}: unknown key"):
             tasks(read(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
     with pytest.raises(InputError, match=r"^trees.densty: unknown key"):
-        tasks(adapted(read("faults"), overrides=["trees.densty=3"]))
+        tasks(adapt_study(read("faults"), overrides=["trees.densty=3"]))
 
 
 def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
     with pytest.raises(InputError, match=r"sensing\.mode is what factor 'sensing' of study pixels-vs-ideal varies"):
-        adapted(read("pixels-vs-ideal"), overrides=["sensing.mode=ideal"])
+        adapt_study(read("pixels-vs-ideal"), overrides=["sensing.mode=ideal"])
     with pytest.raises(InputError, match="network is what factor 'fault'"):
-        adapted(read("faults"), overrides=["network={}"])
+        adapt_study(read("faults"), overrides=["network={}"])
     with pytest.raises(InputError, match="key=value"):
-        adapted(read("faults"), overrides=["network"])
-    study = adapted(read("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
+        adapt_study(read("faults"), overrides=["network"])
+    study = adapt_study(read("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
     assert (study.planners, study.seeds, study.given) == (("hover",), "7", {"duration": "1"})
     assert {cell.settings["duration"] for cell in cells(study)} == {"1"}
 

@@ -9,7 +9,7 @@ import pytest
 from helpers.processes import python
 from numba.core import event
 
-from sim.mission.warmup import announced
+from sim.mission.warmup import announce_compilation
 from tracking.numerics import compiled as subject
 from tracking.numerics import normal
 
@@ -28,11 +28,11 @@ twice_compiled = numba.njit(twice)
 def test_compiling_is_announced_and_timed_once_however_functions_call_each_other():
     said = []
     function = numba.njit(thrice)
-    with announced(said.append):
+    with announce_compilation(said.append):
         assert said == [] and function(7) == 42 and function(7.0) == 42.0
     assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
-    with announced(said.append):
+    with announce_compilation(said.append):
         function(8)
     assert len(said) == 2
 
@@ -76,7 +76,7 @@ def nowhere(monkeypatch):
 
 def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
     said = []
-    with announced(said.append):
+    with announce_compilation(said.append):
         assert subject.compiled(twice)(21) == 42
     assert subject.not_kept == ["twice"]
     assert re.fullmatch(r"Compiled in \d+ s; no folder .* compiled anew each time; NUMBA_CACHE_DIR may .*", said[1])
