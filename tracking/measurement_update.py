@@ -29,7 +29,7 @@ class ScanPrediction(NamedTuple):
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), `visible`, but less if frames before showed no person there or if another person is near
 
-    def only(self, rows: Indices) -> ScanPrediction:
+    def select(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
         means, covariances = self.undetected
         rest = self.existence[rows], self.visible[rows], self.detectable[rows]
@@ -51,7 +51,7 @@ class ScanUpdate(NamedTuple):
     explained: Flags  # (N,), measurements that tracks make likelier than clutter
 
 
-def scan_prediction(
+def predict_scan(
     beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, p: TrackerParameters
 ) -> ScanPrediction:
     """Prediction from beliefs at a scan's time, means (T, 4) and covariances (T, 4, 4).
@@ -62,12 +62,12 @@ def scan_prediction(
     undetected = negative_information_update(beliefs, power_each(missed, p.negative_information))
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.management == "existence":
-        detectable *= 1.0 - _unresolved(beliefs[0], existence)
+        detectable *= 1.0 - _unresolved_probability(beliefs[0], existence)
     return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
 
 
 @compiled
-def _unresolved(means: Array, existence: Array) -> Array:
+def _unresolved_probability(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
     Without it, one of two people that pass each other would be taken for a false track. Source: [Koch97], nearest only.
@@ -83,7 +83,7 @@ def _unresolved(means: Array, existence: Array) -> Array:
     return _UNRESOLVED * nearest
 
 
-def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
+def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
     """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost (N,) as in `associate`.
 
     Large scenes are updated by independent gating clusters. The result is the same, up to the rounding of existence.
@@ -94,7 +94,7 @@ def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates, weights = np.zeros(len(z), np.bool_), [], []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _updated(before.only(rows), z[columns], R[columns], lost[columns], p.association)
+        part = _updated(before.select(rows), z[columns], R[columns], lost[columns], p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))

@@ -8,17 +8,17 @@ import numpy as np
 from tracking.account import Association, Birth, End, Reacquisition, ScanAccount
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.checked_tracker import checked_tracks
-from tracking.fusion.exchange import NOTHING, SURE, UNSEEN, Messenger
+from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
 from tracking.fusion.message import Message
 from tracking.fusion.track_ids import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, is_new_id, new_id
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
-from tracking.management.deletion import counted_misses, shared_people, without_measurement
+from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted
 from tracking.management.initiation import Tentative, initiate_tracks
-from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
+from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
 from tracking.management.scan_check import check_scan
-from tracking.measurement_update import scan_prediction, scan_update
+from tracking.measurement_update import predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
@@ -78,7 +78,7 @@ class Tracker:
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
-        self._predicted = NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
+        self._evidence = NO_EVIDENCE  # of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
 
@@ -99,15 +99,15 @@ class Tracker:
         table = self._table
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, FRAME_AT], p.detection_probability)
-        before = scan_prediction(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
+        before = predict_scan(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
-        after = scan_update(before, z, R, turned, p)
+        after = update_scan(before, z, R, turned, p)
         self.account.association = Association(table.ids, before, z, R, after)
-        self._predicted = beliefs, z, after.gates
+        self._evidence = ScanEvidence(beliefs, z, after.gates)
         detected = 1.0 - after.missed
         hits = detected >= SEEN
         if p.management == "m_of_n":
-            hits &= ~without_measurement(after.gates, detected)
+            hits &= ~find_outcompeted(after.gates, detected)
         now, visible = scan.time, before.visible
         table.times[hits, DETECTED_AT] = now
         table.times[visible >= EXPECTED, EXPECTED_AT] = now
@@ -159,14 +159,14 @@ class Tracker:
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to `degree` neighbours."""
-        return self._messenger.message(degree, self._table, self._predicted)
+        return self._messenger.message(degree, self._table, self._evidence)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p, now, scans = self.parameters, self._messenger.time, self._messenger.scans
-        means, covariances = self._undetected(message)
+        means, covariances = self._apply_negative_information(message)
         existence = message.existence() if p.management == "existence" else np.ones(len(means))
-        misses = counted_misses(message.misses, message.times, now, p.delete[1])
+        misses = count_misses(message.misses, message.times, now, p.delete[1])
         if p.management == "existence":
             unlikely = existence < p.deletion_threshold
         else:
@@ -177,14 +177,14 @@ class Tracker:
         recent = message.times[:, DETECTED_AT] > now - _SHARED_WITHIN
         ids = message.ids.copy()
         merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that ends
-        for kept, other in shared_people((means, covariances), existence, ~gone & recent, p.match_gate):
+        for kept, other in find_duplicates((means, covariances), existence, ~gone & recent, p.match_gate):
             existence[kept] = min(existence[kept] + existence[other], 1.0)
             gone[other], merged[other] = True, kept
             if ids[kept] >= new_id(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._messenger.accept(message)
-        self._predicted = NOTHING
-        rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
+        self._evidence = NO_EVIDENCE
+        rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.latest_sightings()
         table = TrackTable(ids, means, covariances, *rest)
         if gone.any():
             self._messenger.delete(ids[gone].tolist())
@@ -201,12 +201,12 @@ class Tracker:
                 )
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
-        self._table = self._with_reacquired(table)
+        self._table = self._reacquire(table)
         detected = self._table.sightings[:, 2] >= now
         if detected.any() and hasattr(self.motion, "observed"):  # a model need not learn
             self.motion = self.motion.observed(self._table.means[detected, 2:])
 
-    def _undetected(self, message: Message) -> tuple[Array, Array]:
+    def _apply_negative_information(self, message: Message) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
         now, p = self._messenger.time, self.parameters
         detected = message.times[:, DETECTED_AT] >= now
@@ -217,7 +217,7 @@ class Tracker:
         missed = miss_likelihood(*message.beliefs, views, now - message.times[:, FRAME_AT], p.detection_probability)
         return negative_information_update(message.beliefs, power_each(missed, p.negative_information))
 
-    def _with_reacquired(self, table: TrackTable) -> TrackTable:
+    def _reacquire(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
 
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
@@ -226,9 +226,11 @@ class Tracker:
         new = np.flatnonzero(is_new_id(table.ids, self._messenger.scans))
         if len(new) == 0:
             return table
-        lost = lost_tracks(table.sightings, self._messenger.time, p)
+        lost = find_lost_tracks(table.sightings, self._messenger.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
-        pairs = reacquisitions(of_new, of_lost, table.sightings[lost], now=self._messenger.time, max_speed=p.max_speed)
+        pairs = match_lost_tracks(
+            of_new, of_lost, table.sightings[lost], now=self._messenger.time, max_speed=p.max_speed
+        )
         for n, k in pairs:
             self.account.reacquisitions.append(Reacquisition(int(table.ids[lost[k]]), int(table.ids[new[n]])))
             table.ids[new[n]] = table.ids[lost[k]]

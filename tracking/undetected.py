@@ -68,15 +68,15 @@ class UndetectedIntensity:
         if elapsed > 0.0 and people.any():
             sigma = self._pace * math.sqrt(elapsed)
             width, height = self.belief.cell
-            people = np.ascontiguousarray(_blurred(people, sigma / height).T)
-            people = _blurred(people, sigma / width).T  # reflection keeps all people in the area
-        people = people + self._recycled(tracks)
+            people = np.ascontiguousarray(_blur(people, sigma / height).T)
+            people = _blur(people, sigma / width).T  # reflection keeps all people in the area
+        people = people + self._recycle(tracks)
         for camera, pose in frames if people.any() else ():
-            people = self._thinned(people, camera, pose, forest)
+            people = self._thin(people, camera, pose, forest)
         self.belief = Intensity(people, self.belief.low, self.belief.cell)
         self._tracks = {track.id: track.belief for track in tracks}
 
-    def _thinned(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
+    def _thin(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
         """Expected people (rows, columns) after a frame that shows no undetected person."""
         window, cell = self._window(camera, pose), np.array(self.belief.cell)
         if people[window].any():
@@ -99,7 +99,7 @@ class UndetectedIntensity:
         last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
         return slice(first[1], last[1]), slice(first[0], last[0])
 
-    def _recycled(self, tracks: Sequence[Track]) -> Array | float:
+    def _recycle(self, tracks: Sequence[Track]) -> Array | float:
         """Expected people (rows, columns) of tracks that have ended since the last step."""
         held = {track.id for track in tracks}
         places = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
@@ -124,7 +124,7 @@ class UndetectedIntensity:
 
 
 @compiled
-def _blurred(rows: Array, sigma: float) -> Array:
+def _blur(rows: Array, sigma: float) -> Array:
     """A raster (N, M) convolved along its first axis with a Gaussian of `sigma` rows, reflected at its edges."""
     if not sigma > 0.0:
         return rows.copy()

@@ -4,7 +4,7 @@ import numpy as np
 
 from helpers.information import information_form
 from tracking.fusion.consensus import combine
-from tracking.fusion.message import Message
+from tracking.fusion.message import Message, Partition
 
 SCAN = 40  # number of the scan in which messages are exchanged
 NOW = 7.0  # s, of partitions that meet
@@ -28,7 +28,7 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
     columns = np.ones((len(q), 1)), q, omega.reshape(-1, 16), np.full((len(q), 1), 20.0)
     shares = np.concatenate(columns, axis=1) * np.broadcast_to(weight, len(q))[:, None]
     seen = np.broadcast_to(np.asarray(seen, dtype=float), len(q))
-    partition = others.pop("partition", (0, 0.0))
+    partition = Partition(*others.pop("partition", (0, 0.0)))
     said = {
         "partition": partition,
         "keys": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),

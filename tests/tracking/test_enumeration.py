@@ -12,7 +12,7 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.visibility import Forest
 from tracking.management.initiation import Tentative, initiate_tracks
-from tracking.measurement_update import associate, scan_prediction
+from tracking.measurement_update import associate, predict_scan
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
@@ -148,7 +148,7 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         beliefs = np.array([a.mean for a in people]), np.array([a.covariance for a in people])
         seen = np.full((len(people), 36), bool(visible))
         empty = 1 - p.detection_probability * seen
-        before = scan_prediction(beliefs, np.array([a.r for a in people]), seen, empty, p)
+        before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
         _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p.association)
         people, expected = after(people, scan, missed(people, visible, p), p, lost)

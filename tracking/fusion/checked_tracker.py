@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tracking.fusion.member import TRACKERS
-from tracking.fusion.message import INFORMATION, Message, checked_novel
+from tracking.fusion.message import INFORMATION, Message, Partition, check_novel
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.array_checks import check_array, check_numbers, check_positive_definite, check_whole_numbers
 from tracking.plugins.plugin_error import Unusable
@@ -123,7 +123,7 @@ def checked_message(given: object) -> Message:
     _instants("time", given.time, ())
     sent = replace(
         given,
-        partition=_numbered("partition", [given.partition])[0],
+        partition=Partition(*_numbered("partition", [given.partition])[0]),
         deleted=_numbered("deleted", given.deleted),
         ids=check_whole_numbers("ids", given.ids, (count,)),
         keys=check_whole_numbers("keys", given.keys, (count, 2)),
@@ -132,7 +132,7 @@ def checked_message(given: object) -> Message:
         views=check_whole_numbers("views", given.views, (count, 2)),
         misses=check_whole_numbers("misses", given.misses, (count,)),
         sightings=_instants("sightings", given.sightings, (count, 3)),
-        novel=checked_novel("novel", given.novel, count),
+        novel=check_novel("novel", given.novel, count),
     )
     if np.any(np.diff(sent.ids) <= 0):
         raise Unusable("ids are not ascending")

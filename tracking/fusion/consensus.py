@@ -1,16 +1,24 @@
 """Consensus by messages between neighbours: weighted averages of beliefs, and sums of novel information."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import Message, alike, novel_numbers
+from tracking.fusion.message import Message, Partition, are_alike, count_novel_numbers
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
-_History = tuple[Array, Indices, Indices, Array]  # times, views, misses and sightings, as columns of messages
+
+class _History(NamedTuple):
+    """Columns of N messages that are not averaged."""
+
+    times: Array  # (N, T, 4)
+    views: Indices  # (N, T, 2)
+    misses: Indices  # (N, T)
+    sightings: Array  # (N, T, 3)
 
 
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
@@ -34,7 +42,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     sent = np.zeros(len(members), dtype=np.int64)
     heard = np.repeat(linked[None], rounds, axis=0) if lost is None else np.ascontiguousarray(linked & ~lost)
     sends, k = linked.any(axis=1), 0
-    while k < rounds and not alike(messages):
+    while k < rounds and not are_alike(messages):
         sent += sends * np.array([message.size for message in messages])
         messages = [
             combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.max_speed)
@@ -42,7 +50,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
         ]
         k += 1
     if k < rounds and sends.any():  # one table serves all UAVs and rounds
-        messages, sizes = _mixed(messages, heard[k:])
+        messages, sizes = _mix(messages, heard[k:])
         sent += sends * sizes
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
@@ -54,10 +62,10 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     if not received:
         return own
     same = associate_tracks(own, received, max_speed)
-    return _mixed(same, np.arange(len(same))[None, None] > 0)[0][0]
+    return _mix(same, np.arange(len(same))[None, None] > 0)[0][0]
 
 
-def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
+def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
     """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (M,).
 
     heard (R, M, N): flags of the UAVs that each of the first M UAVs heard in each round. If M is less than N, there is
@@ -68,16 +76,16 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
     for row, m in zip(novel, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
-    names = "shares", "times", "views", "misses", "sightings"
-    shares, times, views, misses, sightings = (np.array([getattr(m, name) for m in messages]) for name in names)
-    *tables, numbers = _after_rounds(novel, shares, (times, views, misses, sightings), degrees, heard)
+    shares = np.array([m.shares for m in messages])
+    history = _History(*(np.array([getattr(m, name) for m in messages]) for name in _History._fields))
+    novel, shares, history, numbers = _after_rounds(novel, shares, history, degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
             partitions = _joint_partitions(partitions, of)
     mixed = [
         Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
-        for m, partition, added, q, t, v, n, s in zip(messages, partitions, *tables, strict=False)
+        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *history, strict=False)
     ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
@@ -85,26 +93,26 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
 @compiled
 def _after_rounds(
     novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
-) -> tuple[Array, Array, Array, Indices, Indices, Array, Indices]:
+) -> tuple[Array, Array, _History, Indices]:
     """Columns of M messages after rounds `heard` (R, M, N), and count (M,) of the numbers of novel information sent."""
     numbers = np.zeros(heard.shape[1], np.int64)
     for k in range(len(heard)):
         for i in range(len(numbers)):
-            numbers[i] += novel_numbers(novel[i])
-        shares = _averaged(shares, degrees, heard[k])
-        novel = _averaged(novel, degrees, heard[k])
-        history = _latest(history, heard[k])
-    return novel[: len(numbers)], shares, *history, numbers
+            numbers[i] += count_novel_numbers(novel[i])
+        shares = _average(shares, degrees, heard[k])
+        novel = _average(novel, degrees, heard[k])
+        history = _take_latest(history, heard[k])
+    return novel[: len(numbers)], shares, history, numbers
 
 
-def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
+def _joint_partitions(partitions: Sequence[Partition], heard: Flags) -> list[Partition]:
     """Partition of each UAV: the smallest leader that it has or hears of, and the time of the leader's last message."""
     known = [[partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(heard)]
-    return [min(each, key=lambda partition: (partition[0], -partition[1])) for each in known]
+    return [min(each, key=lambda partition: (partition.leader, -partition.time)) for each in known]
 
 
 @compiled
-def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
+def _average(tables: Array, degrees: Array, heard: Flags) -> Array:
     """Tables (M, T, W) after one round: each UAV heard hands over its share of the difference of tables (N, T, W)."""
     count, tracks, width = tables.shape
     rows = tables.reshape(count, tracks * width)  # plain rows, so that the innermost loop is vectorised
@@ -119,12 +127,8 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 
 @compiled
-def _latest(history: _History, heard: Flags) -> _History:
-    """History after one round of all messages heard.
-
-    It consists of the latest times (M, T, 4), all views (M, T, 2), common misses (M, T) and the latest sightings
-    (M, T, 3).
-    """
+def _take_latest(history: _History, heard: Flags) -> _History:
+    """History of M messages after one round: the latest times and sightings, all views, and the common misses."""
     times, views, misses, sightings = history
     last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
     common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()
@@ -139,7 +143,7 @@ def _latest(history: _History, heard: Flags) -> _History:
                     common[i, t] &= misses[j, t]
                     for c in range(3 if sightings[j, t, 2] > places[i, t, 2] else 0):
                         places[i, t, c] = sightings[j, t, c]
-    return last, seen, common, places
+    return _History(last, seen, common, places)
 
 
 def _check(messages: Sequence[Message]) -> None:

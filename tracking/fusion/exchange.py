@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from tracking.association.jpda import log_odds
-from tracking.fusion.message import Message
+from tracking.fusion.message import Message, Partition
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
@@ -19,10 +20,19 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters 
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # least existence probability that counts as 1, because messages keep log-odds finite
-_Predicted = tuple[tuple[Array, Array], Array, Indices]  # prior beliefs, measurements and gates of `LocalBeliefs`
-NOTHING: _Predicted = (np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 # Times and sighting of a track that is new or known at the start; it counts as sighted in its first scan.
 _UNSIGHTED = np.full(7, -np.inf)
+
+
+class ScanEvidence(NamedTuple):
+    """What a scan that is not yet fused was compared with, as in `LocalBeliefs`."""
+
+    prior: tuple[Array, Array]
+    measurements: Array
+    gates: Indices
+
+
+NO_EVIDENCE = ScanEvidence((np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64))
 
 
 class Messenger:
@@ -31,7 +41,7 @@ class Messenger:
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
         self.uav, self.scans, self.time = uav, 0, -math.inf
         self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
-        self._heard = (0, -math.inf)  # leader of the partition, and time [s] of the leader's last message
+        self._partition = Partition(0, -math.inf)  # as last heard
         self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
 
     def begin(self, time: float) -> None:
@@ -39,23 +49,24 @@ class Messenger:
         if not time > self.time:
             raise ValueError(f"scan at {time} s is not after the last one at {self.time} s")
         if self.scans == 0:
-            self._heard = (0, time)  # at the start the fleet is one partition, and knows where people are
+            self._partition = Partition(0, time)  # at the start the fleet is one, and knows where people are
         self.scans, self.time = self.scans + 1, time
 
     def delete(self, ids: Iterable[int]) -> None:
         """Record tracks that end in this scan."""
         self._deleted.update(dict.fromkeys(ids, self.time))
 
-    def message(self, degree: int, table: TrackTable, predicted: _Predicted) -> Message:
-        """Message for the first round about the tracks of a table; the first of them were `predicted` to the scan."""
-        detected = np.flatnonzero(table.weights[: len(predicted[0][0])] >= SEEN)
-        local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *predicted, detected)
+    def message(self, degree: int, table: TrackTable, evidence: ScanEvidence) -> Message:
+        """Message for the first round about the tracks of a table; the first of them have the evidence's priors."""
+        means, _ = evidence.prior
+        detected = np.flatnonzero(table.weights[: len(means)] >= SEEN)
+        local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *evidence, detected)
         averaged, novel, weights = self._rule.contribution(local)
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
-        leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
-        partition = (self.uav, self.time) if leads else self._heard
+        leads = self._partition.leader >= self.uav or self.time - self._partition.time > _IN_TOUCH
+        partition = Partition(self.uav, self.time) if leads else self._partition
         keys, w = np.empty((len(table.ids), 2), dtype=np.int64), weights[:, None]
-        keys[:, 0], keys[:, 1] = partition[0], table.ids
+        keys[:, 0], keys[:, 1] = partition.leader, table.ids
         shares = np.concatenate([w, w * averaged, w * log_odds(table.existence)[:, None]], axis=1)
         deleted = tuple(sorted(self._deleted.items()))
         rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
@@ -65,7 +76,7 @@ class Messenger:
         """Take over the fleet's partition and deletions."""
         # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
-        self._heard = message.partition
+        self._partition = message.partition
 
 
 class TrackExchange:
@@ -110,14 +121,14 @@ class TrackExchange:
         table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
         table.sightings[sighted], table.sightings[~sighted, 2] = history[sighted, 4:], time
-        return self._messenger.message(degree, table, NOTHING)
+        return self._messenger.message(degree, table, NO_EVIDENCE)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, which replace this UAV's; ids may change, and tracks may begin or end."""
         means, covariances = message.beliefs
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
-        sightings = message.sighted()
+        sightings = message.latest_sightings()
         self._messenger.accept(message)
         self._new = set()
         histories = np.concatenate([message.times, sightings], axis=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,13 @@ _COLUMNS = ("ids", "keys", "shares", "times", "views", "misses", "sightings", "n
 _PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and key, shares, and the rest
 
 
+class Partition(NamedTuple):
+    """Part of a fleet whose UAVs hear of the same leader, and so agree on ids."""
+
+    leader: int  # the smallest UAV heard of lately
+    time: float  # s, of the leader's last message
+
+
 @dataclass(frozen=True, eq=False)
 class Message:
     """Message of a UAV to its neighbours in one round of consensus, about T tracks by ascending id.
@@ -31,15 +38,15 @@ class Message:
     The shares are, in this order, a weight w, w q, w Ω, and w times the log-odds of existence. Their sums over UAVs,
     divided by the sum of the weights, are weighted averages. Novel information consists of q and Ω, which add up, and
     in column `INFORMATION` + u the share of UAV u in them. With fusion by averages alone it has no columns.
-    The UAVs of one partition of the fleet, which hear of the same leader, agree on ids. Ids may change from round to
-    round. The key of a track, its leader and its id before the first round, stays the same in all rounds of a scan.
+    Ids may change from round to round. The key of a track, its leader and its id before the first round, stays the same
+    in all rounds of a scan.
     """
 
     uav: int
     degree: int  # number of neighbours
     scan: int  # number of scans so far, this one included
     time: float  # s, of this scan
-    partition: tuple[int, float]  # leader, the smallest UAV heard of lately, and time [s] of the leader's last message
+    partition: Partition
     ids: Indices  # (T,)
     keys: Indices  # (T, 2)
     shares: Array  # (T, 22)
@@ -53,7 +60,7 @@ class Message:
     @property
     def size(self) -> int:
         """Bytes of the message, eight for each number, with symmetric matrices as upper triangles."""
-        return 8 * (self.numbers + int(novel_numbers(self.novel)))
+        return 8 * (self.numbers + int(count_novel_numbers(self.novel)))
 
     @property
     def numbers(self) -> int:
@@ -69,16 +76,16 @@ class Message:
         """Existence probabilities (T,)."""
         return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
 
-    def sighted(self) -> Array:
+    def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
-        return _sighted(self.sightings, self.times, self.beliefs[0], self.time)
+        return _latest_sightings(self.sightings, self.times, self.beliefs[0], self.time)
 
-    def only(self, rows: Indices) -> Message:
+    def select(self, rows: Indices) -> Message:
         """The message with only some rows of its tracks."""
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return replace(self, **columns)
 
-    def at(self, rows: Indices, ids: Indices, keys: Indices) -> Message:
+    def spread(self, rows: Indices, ids: Indices, keys: Indices) -> Message:
         """The message with its tracks moved to `rows` of a table of these ids and keys; other rows are empty."""
         empty = {"times": -np.inf, "sightings": -np.inf, "misses": -1}  # -1 has all bits
         columns: dict[str, Any] = {}
@@ -102,7 +109,7 @@ def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
+def _latest_sightings(sightings: Array, times: Array, means: Array, now: float) -> Array:
     latest = sightings.copy()
     for t in range(len(latest)):
         if times[t, SURE_AT] >= now:
@@ -110,15 +117,16 @@ def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
     return latest
 
 
-def alike(messages: Sequence[Message]) -> bool:
-    """Test if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
+def are_alike(messages: Sequence[Message]) -> bool:
+    """True if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [
-        (m.partition[0], m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
+        (m.partition.leader, m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, 2].tobytes())
+        for m in messages
     ]
     return not same or same.count(same[0]) == len(same)
 
 
-def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
+def check_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
     """Novel information from outside about `count` tracks, as `Message.novel`; `Unusable` if it has another form."""
     width = np.shape(given)[-1:] or (0,)
     if 0 < width[0] <= INFORMATION:
@@ -127,7 +135,7 @@ def checked_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 -
 
 
 @compiled
-def novel_numbers(novel: Array) -> int:
+def count_novel_numbers(novel: Array) -> int:
     """Count of the numbers of novel information (T, ...): 14 for a track with any, and 2 for each UAV with a share."""
     total = 0
     for t in range(len(novel)):

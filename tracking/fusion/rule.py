@@ -64,7 +64,7 @@ class _Checked:
     def contribution(self, local: LocalBeliefs) -> Contribution:
         import numpy as np
 
-        from tracking.fusion.message import INFORMATION, checked_novel
+        from tracking.fusion.message import INFORMATION, check_novel
         from tracking.plugins.array_checks import check_array, check_positive_definite
         from tracking.plugins.plugin_error import Unusable
 
@@ -72,7 +72,7 @@ class _Checked:
         with FUSION_RULES.errors(self.name, "contribute", self.rule, "contribution"):
             averaged, summed, weights = self.rule.contribution(deepcopy(local))
             averaged = check_array("averaged", averaged, (count, INFORMATION))
-            summed = checked_novel("summed", summed, count)
+            summed = check_novel("summed", summed, count)
             if 0 < summed.shape[1] <= INFORMATION + local.uav:
                 raise Unusable(f"summed of {summed.shape[1]} columns lacks that of UAV {local.uav}")
             weights = check_array("weights", weights, (count,))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.message import Message, alike
+from tracking.fusion.message import Message, are_alike
 from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -38,16 +38,16 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     both. The order of messages has no influence. max_speed: largest speed of people [m/s].
     """
     messages = [own, *received]
-    if alike(messages):
+    if are_alike(messages):
         return messages
     # `dict` keeps the latest time of each id, because the last of equal keys counts.
     deleted = tuple(dict(sorted(deletion for m in messages for deletion in m.deleted)).items())
-    messages = [_surviving(m, deleted) for m in messages]
+    messages = [_drop_deleted(m, deleted) for m in messages]
     keys, rows = np.unique(np.concatenate([m.keys for m in messages]), axis=0, return_inverse=True)
     tracks = np.split(rows.reshape(-1), np.cumsum([len(m.keys) for m in messages])[:-1])
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
     states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(keys))
-    times = _latest(tracks, [m.sightings[:, 2] for m in messages], len(keys))
+    times = _latest_times(tracks, [m.sightings[:, 2] for m in messages], len(keys))
     # If UAVs have different times of a person's last sighting, only tracks with the latest time count.
     valid = [m.sightings[:, 2] >= times[of] for m, of in zip(messages, tracks, strict=True)]
     holders = np.array([np.isin(np.arange(len(keys)), tracks[k][valid[k]]) for k in order]).T
@@ -57,15 +57,15 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
     seen = states.sightings[:, 2]
-    current = seen >= _latest([group], [seen], len(keys))[group]
+    current = seen >= _latest_times([group], [seen], len(keys))[group]
     out = []
     for m, of, last in zip(messages, tracks, valid, strict=True):
         left = np.flatnonzero((ids[of] >= 0) & current[of] & last)
-        out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, keys[first]))
+        out.append(m.select(left).spread(np.searchsorted(kept, ids[of[left]]), kept, keys[first]))
     return out
 
 
-def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
+def _latest_times(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
     """Latest (count,) of the times that are given for each row of a table."""
     latest = np.full(count, -np.inf)
     np.maximum.at(latest, np.concatenate(rows), np.concatenate(times))
@@ -112,7 +112,7 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
     states = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
-        columns = *message.beliefs, message.sighted()
+        columns = *message.beliefs, message.latest_sightings()
         later = ~known[rows] | (columns[2][:, 2] > states.sightings[rows, 2])
         for state, column in zip(states, columns, strict=True):
             state[rows[later]] = column[later]
@@ -189,10 +189,10 @@ def _choose_ids(keys: Indices, given: Sequence[set[int]], group: Indices, ends: 
     return ids
 
 
-def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
+def _drop_deleted(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
     """The message without tracks with a last detection before the time up to which a deletion voids sightings."""
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)
     until = np.array([deletions.get(id, -np.inf) for id in message.ids.tolist()])
-    return replace(message.only(np.flatnonzero(message.times[:, DETECTED_AT] >= until)), deleted=deleted)
+    return replace(message.select(np.flatnonzero(message.times[:, DETECTED_AT] >= until)), deleted=deleted)

@@ -13,7 +13,7 @@ _LIKELIER = 3.0  # ratio of two tracks' probabilities from which on the likelier
 
 
 @compiled
-def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
+def count_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
     """Bits (T,) of the misses, with the scan at `now`, after the fleet has agreed on the times (T, 4).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
@@ -28,7 +28,7 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
 
 
 @compiled
-def without_measurement(gates: Indices, detected: Array) -> Flags:
+def find_outcompeted(gates: Indices, detected: Array) -> Flags:
     """Flags (T,) of tracks whose measurements more likely belong to another track, for which the hit counts.
 
     gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of these is the
@@ -46,7 +46,7 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
     return without
 
 
-def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, gate: float) -> list[tuple[int, int]]:
+def find_duplicates(beliefs: tuple[Array, Array], existence: Array, among: Flags, gate: float) -> list[tuple[int, int]]:
     """Pairs (kept, other) of tracks that share one person, the nearest pairs first; each track is in one pair at most.
 
     beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of the tracks to pair; gate:

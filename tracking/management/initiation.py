@@ -8,7 +8,7 @@ from tracking.account import Origin
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.measurement_update import ScanPrediction, ScanUpdate, scan_update
+from tracking.measurement_update import ScanPrediction, ScanUpdate, update_scan
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
@@ -48,7 +48,7 @@ def initiate_tracks(
     """
     if not tentative and not len(z):
         return [], []
-    after = scan_update(_predict(tentative, elapsed, forest, lens, p), z, R, np.zeros(len(z)), p)
+    after = update_scan(_predict(tentative, elapsed, forest, lens, p), z, R, np.zeros(len(z)), p)
     grown = []
     for t, track in enumerate(tentative):
         j = _likeliest(after, t)

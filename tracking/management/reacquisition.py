@@ -16,7 +16,7 @@ _MARGIN = 1.0
 _TURN = 10.0  # s, mean time until people turn or change speed as no motion model predicts; 3 to 20 s work as well
 
 
-def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
+def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
     """Rows of the tracks that no UAV has detected surely for `reacquire_after` s, after the scan at `time` s.
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
@@ -31,7 +31,7 @@ def turned_density(
 ) -> Array:
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
-    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
+    sightings (T, 3) as in `find_lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
     `TrackerParameters.loss`.
     After a turn a person is near the last place, with a standard deviation of half the distance within reach.
     Source: [Williams15], recycling, here by the time since the last detection.
@@ -57,7 +57,7 @@ def farthest(unseen: Array, max_speed: float) -> Array:
     return max_speed * unseen + _MARGIN
 
 
-def reacquisitions(
+def match_lost_tracks(
     new: tuple[Array, Array], lost: tuple[Array, Array], seen: Array, *, now: float, max_speed: float
 ) -> list[tuple[int, int]]:
     """Pairs (n, l) of new tracks and the lost ones that they most probably continue.

@@ -12,7 +12,8 @@ from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
-from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
+from sim.replay.explain.person import HoldingTrack, PersonFacts
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from sim.replay.link_outages import link_outages_at
 from tracking.account import Association

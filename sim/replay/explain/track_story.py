@@ -33,17 +33,8 @@ class TrackObservation(NamedTuple):
     visible: float  # probability of plain view
 
 
-class TrackDetection(NamedTuple):
-    """A measurement that counts as a detection of the track's person."""
-
-    k: int
-    uav: int
-    person: int  # -1 for a false alarm
-    weight: float
-
-
-class BirthMeasurement(NamedTuple):
-    """A measurement from which a tracker initiated a track."""
+class TrackMeasurement(NamedTuple):
+    """A measurement from which a track was initiated, or which counts as a detection of its person."""
 
     k: int
     uav: int
@@ -97,28 +88,31 @@ class TrackFacts:
         return found
 
     @cached_property
-    def detections(self) -> list[TrackDetection]:
-        """The measurements that count as detections of the track's person."""
+    def detections(self) -> list[tuple[TrackMeasurement, float]]:
+        """The measurements that count as detections of the track's person, with their weights."""
         return [
-            TrackDetection(o.k, o.uav, int(self.observer.owners(o.k, o.uav)[j]), float(o.weights[j]))
+            (self._measurement(o.k, o.uav, j), float(o.weights[j]))
             for o in self.observations
             for j in np.flatnonzero(o.weights >= SEEN).tolist()
         ]
 
-    def births(self, k: int, id_: int) -> dict[int, list[BirthMeasurement]]:
-        """The measurements from which UAVs confirmed a track with this id at scan k, by UAV."""
-        return {
-            i: [self._measurement(i, origin) for origin in birth.origins]
+    def births(self, k: int, id_: int) -> list[list[TrackMeasurement]]:
+        """For each UAV that confirmed a track with this id at scan k, the measurements that initiated the track."""
+        return [
+            [self._origin(i, origin) for origin in birth.origins]
             for i, account in self.observer.replay.accounts_at(k)
             for birth in account.births
             if birth.id == id_
-        }
+        ]
 
-    def _measurement(self, uav: int, origin: Origin) -> BirthMeasurement:
+    def _origin(self, uav: int, origin: Origin) -> TrackMeasurement:
         k = int(np.abs(self.recording.times - origin.time).argmin())
         places = self.recording.scan_at(k, uav).measurements
-        j = int((places == origin.place).all(axis=1).argmax())
-        return BirthMeasurement(k, uav, j, int(self.observer.owners(k, uav)[j]), origin.place)
+        return self._measurement(k, uav, int((places == origin.place).all(axis=1).argmax()))
+
+    def _measurement(self, k: int, uav: int, j: int) -> TrackMeasurement:
+        place, owner = self.recording.scan_at(k, uav).measurements[j], self.observer.owners(k, uav)[j]
+        return TrackMeasurement(k, uav, j, int(owner), place)
 
 
 def track_story(facts: TrackFacts) -> list[Group]:
@@ -141,17 +135,17 @@ def _birth(facts: TrackFacts) -> Iterator[str]:
         yield "known at the start"
         return
     births = facts.births(facts.first, facts.id)
-    for uav, (begun, *others) in births.items():
-        yield f"at {facts.recording.times[begun.k]:.1f} s from {_source(begun, facts)}, measured by UAV {uav}"
+    for begun, *others in births:
+        yield f"at {facts.recording.times[begun.k]:.1f} s from {_source(begun, facts)}, measured by UAV {begun.uav}"
         yield from _rival(begun, facts)
         for measured in others:
             yield f"then from {_source(measured, facts)} at {facts.recording.times[measured.k]:.1f} s"
-        yield f"confirmed at {when} by UAV {uav}"
+        yield f"confirmed at {when} by UAV {begun.uav}"
     if not births:
         yield f"first held at {when} by {fleet_text(facts.holders(facts.first))}"
 
 
-def _rival(begun: BirthMeasurement, facts: TrackFacts) -> Iterator[str]:
+def _rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
     """The track nearest to the person whose measurement began this one, which did not explain the measurement."""
     a = facts.observer.replay.association(begun.k, begun.uav)
     if a is None or begun.person < 0 or len(a.ids) == 0:
@@ -166,7 +160,7 @@ def _rival(begun: BirthMeasurement, facts: TrackFacts) -> Iterator[str]:
         yield f"track {number}, then {away}, was {math.sqrt(a.distances()[t, j]):.1f} σ from it, {gated}"
 
 
-def _source(measured: BirthMeasurement, facts: TrackFacts) -> str:
+def _source(measured: TrackMeasurement, facts: TrackFacts) -> str:
     if measured.person < 0:
         return f"a false alarm at {place_text(measured.place)}"
     off = math.dist(measured.place, facts.recording.people[measured.k, measured.person])
@@ -175,15 +169,15 @@ def _source(measured: BirthMeasurement, facts: TrackFacts) -> str:
 
 def _fed(facts: TrackFacts) -> Iterator[str]:
     """Sources of the track's measurements, the most frequent first."""
-    sources: defaultdict[tuple[int, int], list[TrackDetection]] = defaultdict(list)
-    for detection in facts.detections:
-        sources[detection.person, detection.uav].append(detection)
-    for (person, uav), detections in sorted(sources.items(), key=lambda item: -len(item[1])):
+    sources: defaultdict[tuple[int, int], list[tuple[int, float]]] = defaultdict(list)
+    for detection, weight in facts.detections:
+        sources[detection.person, detection.uav].append((detection.k, weight))
+    for (person, uav), found in sorted(sources.items(), key=lambda item: -len(item[1])):
         what = f"measurements of person {person}" if person >= 0 else "false alarms"
-        first, last = (f"{facts.recording.times[detection.k]:.1f}" for detection in (detections[0], detections[-1]))
+        first, last = (f"{facts.recording.times[k]:.1f}" for k in (found[0][0], found[-1][0]))
         when = f"at {first} s" if first == last else f"{first} to {last} s"
-        weight = percent_text(float(np.mean([detection.weight for detection in detections])))
-        yield f"{what} from UAV {uav}: {_frames(len(detections))}, {when}, weight {weight} in the mean"
+        mean = percent_text(float(np.mean([weight for _, weight in found])))
+        yield f"{what} from UAV {uav}: {_frames(len(found))}, {when}, weight {mean} in the mean"
     if not sources and not facts.observer.replay.note:
         yield "no measurement once it was confirmed"
 
@@ -209,7 +203,7 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         first, last = ends(times, *without[[0, -1]])
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
-        detection = facts.detections[-1]
+        detection, _ = facts.detections[-1]
         yield f"last detection at {times[detection.k]:.1f} s by UAV {detection.uav}, {source_text(detection.person)}"
 
 
@@ -219,8 +213,8 @@ def _reacquired(facts: TrackFacts) -> Iterator[str]:
     for k in range(facts.first, facts.last + 1):
         accounts = facts.observer.replay.accounts_at(k)
         for new in sorted({r.new_id for _, account in accounts for r in account.reacquisitions if r.id == facts.id}):
-            for uav, measured in facts.births(k, new).items():
-                source = f"{_source(measured[0], facts)} at {times[measured[0].k]:.1f} s, measured by UAV {uav}"
+            for begun, *_ in facts.births(k, new):
+                source = f"{_source(begun, facts)} at {times[begun.k]:.1f} s, measured by UAV {begun.uav}"
                 yield f"re-acquired at {times[k]:.1f} s by a new track from {source}"
 
 

@@ -7,7 +7,7 @@ from helpers.scenes import MOTION, R
 from tracking import measurement_update as correction
 from tracking.association.clusters import gating_clusters
 from tracking.association.jpda import gated_likelihood
-from tracking.measurement_update import ScanPrediction, scan_update
+from tracking.measurement_update import ScanPrediction, update_scan
 from tracking.tracker import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
@@ -38,10 +38,10 @@ def test_a_scan_in_blocks_gives_the_tracks_of_the_whole_scan(side, certain, monk
         before, z, noise = scene(rng, people, side)
         before = before._replace(existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE
-        blockwise = scan_update(before, z, noise, LOST[: len(z)], PARAMETERS)
+        blockwise = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
         with monkeypatch.context() as patch:
             patch.setattr(correction, "_AT_ONCE", people * len(z))
-            whole = scan_update(before, z, noise, LOST[: len(z)], PARAMETERS)
+            whole = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
         for name in ("means", "covariances", "existence", "missed", "explained"):
             ours, theirs = getattr(blockwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
@@ -65,7 +65,7 @@ def test_no_measurement_is_in_a_gate_of_another_block(side):
 
 def test_a_scan_without_measurements_leaves_what_was_predicted():
     before, _, _ = scene(np.random.default_rng(0), 150, 100.0)
-    after = scan_update(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), LOST[:0], PARAMETERS)
+    after = update_scan(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), LOST[:0], PARAMETERS)
     np.testing.assert_array_equal(after.means, before.means)
     np.testing.assert_array_equal(after.covariances, before.covariances)
     assert np.all(after.missed == 1.0) and after.gates.shape == (0, 2)

@@ -12,7 +12,7 @@ from scipy import stats
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree, visible_samples
-from tracking.measurement_update import scan_prediction
+from tracking.measurement_update import predict_scan
 from tracking.tracker import Scan, TrackerParameters
 
 INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
@@ -102,7 +102,7 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
 
     def undetected(weight):
         p = TrackerParameters(MOTION, negative_information=weight)
-        return scan_prediction(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
+        return predict_scan(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
 
     off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
     assert off == pytest.approx(mean[0], rel=1e-12)

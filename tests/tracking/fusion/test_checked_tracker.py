@@ -9,6 +9,7 @@ from helpers.graphs import message
 
 from tracking.errors import InputError
 from tracking.fusion.checked_tracker import CheckedTracker, checked_message
+from tracking.fusion.message import Partition
 from tracking.geometry.camera import Pose
 from tracking.plugins.plugin_error import Unusable
 from tracking.track import Scan
@@ -20,7 +21,7 @@ def test_partition_and_deletions_become_tuples_of_whole_numbers_and_times():
     sent = checked_message(replace(ONE, partition=[np.float64(2.0), 7], deleted=np.array([[4, 1]])))
     assert (sent.partition, sent.deleted) == ((2, 7.0), ((4, 1.0),))
     numbers = sent.partition + sent.deleted[0]
-    assert [type(number) for number in numbers] == [int, float] * 2 and type(sent.partition) is tuple
+    assert [type(number) for number in numbers] == [int, float] * 2 and type(sent.partition) is Partition
 
 
 @pytest.mark.parametrize("leader", [0.5, -1, -np.inf, 2**62])

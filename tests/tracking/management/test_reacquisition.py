@@ -9,7 +9,7 @@ from helpers.fleets import fleet, ids, play
 from helpers.scenes import MOTION, track
 from scipy.stats import multivariate_normal
 
-from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
+from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
 from tracking.tracker import TrackerParameters
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
@@ -19,7 +19,7 @@ SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])
 def pairs(*places, lost=LOST, seen=SEEN, now=10.0):
     means = np.array([[x, y, 0.0, 0.0] for x, y in places]).reshape(-1, 4)
     born = means, np.tile(0.1 * np.eye(4), (len(means), 1, 1))
-    return reacquisitions(born, lost, seen, now=now, max_speed=3.0)
+    return match_lost_tracks(born, lost, seen, now=now, max_speed=3.0)
 
 
 @pytest.mark.parametrize(("place", "expected"), [((1, 1), 0), ((8, 1), 1), ((1, 7), 2), ((4.9, 0), 0)])
@@ -58,7 +58,7 @@ def test_labels_go_to_new_tracks_as_in_the_best_of_all_assignments(seed):
         cost = np.array([[-2.0 * log_density(a, b) for b in zip(*lost, strict=True)] for a in zip(*new, strict=True)])
         ways = [way for way in assignments(*near.shape) if all(near[pair] for pair in way)]
         best = min((-len(way), sum(cost[pair] for pair in way)) for way in ways)
-        found = reacquisitions(new, lost, seen, now=10.0, max_speed=3.0)
+        found = match_lost_tracks(new, lost, seen, now=10.0, max_speed=3.0)
         assert set(map(tuple, found)) in map(set, ways)
         assert (-len(found), sum(cost[pair] for pair in found)) == pytest.approx(best, abs=1e-9)
         several += len({(-len(way), sum(cost[pair] for pair in way)) for way in ways if -len(way) == best[0]}) > 1
@@ -86,8 +86,8 @@ def assignments(rows, columns):
 def test_people_never_sighted_or_just_now_are_not_lost():
     seen, p = np.array([[0.0, 0.0, time] for time in (-np.inf, np.nan, 9.8)]), TrackerParameters(MOTION)
     found = turned_density(seen, np.ones(3), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), p.loss)
-    assert found.tolist() == [0.0] and lost_tracks(seen, 9.8, p).tolist() == []
-    assert lost_tracks(seen, 10.0, p).tolist() == [2]
+    assert found.tolist() == [0.0] and find_lost_tracks(seen, 9.8, p).tolist() == []
+    assert find_lost_tracks(seen, 10.0, p).tolist() == [2]
 
 
 def test_lost_people_after_a_turn_are_about_their_last_places():

@@ -11,8 +11,8 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.fusion.track_ids import new_id
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.deletion import shared_people, without_measurement
-from tracking.measurement_update import _unresolved
+from tracking.management.deletion import find_duplicates, find_outcompeted
+from tracking.measurement_update import _unresolved_probability
 from tracking.tracker import Track
 
 PAIR = np.ones((2, 2), bool)
@@ -22,13 +22,13 @@ def test_pairs_that_share_a_person_are_near_and_add_up_to_one():
     means = np.zeros((4, 4))
     means[3, 0] = 9.0
     beliefs, all_of_them = (means, np.tile(0.1 * np.eye(4), (4, 1, 1))), np.ones(4, bool)
-    assert shared_people(beliefs, np.array([0.6, 0.95, 0.7, 0.5]), all_of_them, 20.0) == [(0, 2)]
-    assert shared_people(beliefs, np.ones(4), all_of_them, 20.0) == []
+    assert find_duplicates(beliefs, np.array([0.6, 0.95, 0.7, 0.5]), all_of_them, 20.0) == [(0, 2)]
+    assert find_duplicates(beliefs, np.ones(4), all_of_them, 20.0) == []
     # The likelier by far is kept; a track is in one pair, with the nearest.
-    assert shared_people(beliefs, np.array([0.2, 1.0, 1.0, 0.2]), all_of_them, 20.0) == [(1, 0)]
+    assert find_duplicates(beliefs, np.array([0.2, 1.0, 1.0, 0.2]), all_of_them, 20.0) == [(1, 0)]
     means[1, 0], means[2, 0] = 0.3, 0.5
-    assert shared_people(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), all_of_them, 20.0) == [(1, 2)]
-    assert shared_people(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), np.arange(4) != 1, 20.0) == [(0, 2)]
+    assert find_duplicates(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), all_of_them, 20.0) == [(1, 2)]
+    assert find_duplicates(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), np.arange(4) != 1, 20.0) == [(0, 2)]
 
 
 @pytest.mark.parametrize("faint", [0.3, 0.002])
@@ -85,8 +85,10 @@ def test_a_joint_track_exists_for_certain_at_most():
 def test_people_within_a_metre_may_give_one_measurement():
     means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
     near = 0.12 * np.exp(-0.5)
-    np.testing.assert_allclose(_unresolved(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12)
-    assert _unresolved(means[:1], np.ones(1)).tolist() == [0.0]
+    np.testing.assert_allclose(
+        _unresolved_probability(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12
+    )
+    assert _unresolved_probability(means[:1], np.ones(1)).tolist() == [0.0]
 
 
 def fed_apart(**settings) -> list[tuple[int, ...]]:
@@ -128,11 +130,11 @@ def test_two_uavs_do_not_feed_a_track_each_of_one_person():
 def test_a_measurement_is_a_hit_of_one_track():
     gates = np.array([[0, 0], [1, 0], [2, 1], [3, 1], [4, 2], [5, 3], [5, 4], [6, 4], [6, 3]])
     detected = np.array([0.5, 0.5, 0.1, 0.8, 0.99, 0.97, 0.96, 0.0])
-    assert without_measurement(gates, detected).tolist() == [False, True, True] + [False] * 5
-    assert without_measurement(np.zeros((0, 2), dtype=int), np.zeros(2)).tolist() == [False, False]
+    assert find_outcompeted(gates, detected).tolist() == [False, True, True] + [False] * 5
+    assert find_outcompeted(np.zeros((0, 2), dtype=int), np.zeros(2)).tolist() == [False, False]
     # Of three tracks and two measurements one goes without.
     gates, detected = np.array([[0, 0], [1, 0], [1, 1], [2, 1]]), np.array([0.55, 0.7, 0.7])
-    assert without_measurement(gates, detected).tolist() == [False, True, False]
+    assert find_outcompeted(gates, detected).tolist() == [False, True, False]
 
 
 @pytest.mark.parametrize("radius", [1.5, 3.0])

@@ -16,8 +16,9 @@ from sim.drawing.lettering import width
 from sim.replay.explain import picture
 from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
-from sim.replay.explain.person import PersonFacts, planned_visibility
+from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
+from sim.replay.explain.planned_visibility import find_planned_visibility
 from sim.replay.explain.track_story import TrackFacts
 from sim.replay.flight import Flight
 from sim.replay.frames.annotation import TRACK, annotate
@@ -359,7 +360,7 @@ def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
                 kinds["too"] += "too, weight" in lines
                 beliefs = [t.belief for t in recording.tracks_at(k, i) if t.id == own]
                 if beliefs and facts.planned[i]:
-                    plan = planned_visibility(recording, k, i, m, beliefs[0])
+                    plan = find_planned_visibility(recording, k, i, m, beliefs[0])
                     np.testing.assert_array_equal(facts.planned[i].track, plan.track)
                     assert f": track {numbers[own]} " in groups["intents"][i]
                     kinds["own"] += own != most

@@ -6,7 +6,7 @@ from helpers.flights import recorded
 
 from planning.planner import Plan
 from sim.mission.tracker_setup import tracker_parameters
-from sim.replay.explain.person import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, find_planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
 
@@ -28,7 +28,7 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
     scans, uavs, people = history.inside.shape
     kinds = set()
     for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
-        planned = planned_visibility(recording, k, i, m, None)
+        planned = find_planned_visibility(recording, k, i, m, None)
         if recording.times[k] < delay:
             assert planned is None
             continue
@@ -48,9 +48,9 @@ def test_a_track_is_in_store_where_its_velocity_takes_it():
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0", "tracking.motion=ncv")
     recording = recorded(*options, planner=Straight(), duration=1)
     below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
-    planned = planned_visibility(recording, 2, 0, 0, Gaussian(below, np.eye(4)))
+    planned = find_planned_visibility(recording, 2, 0, 0, Gaussian(below, np.eye(4)))
     assert planned.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
-    other = planned_visibility(recording, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
+    other = find_planned_visibility(recording, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
     # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
     assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
 
@@ -60,7 +60,7 @@ def test_a_track_out_of_sight_is_where_planners_expect_its_person():
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
     recording = recorded(*options, planner=Straight(), duration=1)
     belief = Gaussian(np.concatenate([recording.poses[2, 0, :2], -Straight.controls[0]]), 0.01 * np.eye(4))
-    planned, inside = planned_visibility(recording, 2, 0, 0, belief), []
+    planned, inside = find_planned_visibility(recording, 2, 0, 0, belief), []
     for place in planned.path:
         belief = tracker_parameters(recording.setting).motion.predict(belief)
         inside.append(np.abs(belief.mean[:2] - place).max() < 9.5)

@@ -41,11 +41,11 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
     false = 0
     for id_, number in recording.track_numbers.items():
         facts = TrackFacts(observer, number)
-        ((uav, measured),) = facts.births(facts.first, id_).items()
+        (measured,) = facts.births(facts.first, id_)
         assert measured[-1].k == facts.first and facts.first - 5 <= measured[0].k < facts.first
         for m in measured:
-            np.testing.assert_array_equal(m.place, recording.scan_at(m.k, uav).measurements[m.measurement])
-            assert observer.owners(m.k, uav)[m.measurement] == m.person
+            np.testing.assert_array_equal(m.place, recording.scan_at(m.k, m.uav).measurements[m.measurement])
+            assert observer.owners(m.k, m.uav)[m.measurement] == m.person
         false += measured[0].person < 0
     assert len(recording.track_numbers) >= 6 and false >= 2
 
@@ -74,10 +74,10 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
     recording, observer = mission
     id_ = next(iter(recording.track_numbers))
     facts, count = TrackFacts(observer, 0), 0
-    for detection in facts.detections:
+    for detection, weight in facts.detections:
         a = observer.replay.association(detection.k, detection.uav)
         weights = a.weights()[a.ids.tolist().index(id_)]
-        assert detection.weight in weights[weights >= SEEN]
+        assert weight == weights[detection.measurement] >= SEEN
         assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
         count += detection.person >= 0
     assert count > 10 and len(facts.observations) > len(facts.detections)
@@ -86,8 +86,8 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     recording, observer = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
-    births = ((facts, *facts.births(facts.first, facts.id).items()) for facts in every)
-    facts, (_, (begun, *_)) = next(born for born in births if all(m.person < 0 for m in born[1][1]))
+    births = ((facts, *facts.births(facts.first, facts.id)) for facts in every)
+    facts, (begun, *_) = next((facts, born) for facts, born in births if all(m.person < 0 for m in born))
     groups = dict(track_story(facts))
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
