@@ -24,7 +24,7 @@ from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
-from planning.prediction.targets_in_reach import targets_in_reach
+from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -191,9 +191,9 @@ class Composed:
             return found + reduce(np.add, (one(velocities) for one in of_others)) if of_others else found
 
         speeds = np.array([vehicles[i].max_speed for i in uavs])
-        in_reach = targets_in_reach(belief, uavs, speeds, own)
-        soon = in_reach.which[:, 1] < starts.shape[2]
-        in_reach = in_reach._replace(which=in_reach.which[soon], places=in_reach.places[soon])
+        in_reach = find_targets_in_reach(belief, uavs, speeds, own)
+        soon = in_reach.steps < starts.shape[2]
+        in_reach = in_reach._replace(rows=in_reach.rows[soon], steps=in_reach.steps[soon], places=in_reach.places[soon])
         found = self.minimiser.minimise(value, starts, speeds, rng, in_reach)
         return np.asarray(self._complete(situation, uavs, found[None])[0])
 

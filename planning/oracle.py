@@ -8,7 +8,7 @@ import numpy as np
 from planning.composed import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
 from planning.planner_loading import TruePositions
-from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
+from planning.prediction.predicted_belief import PredictedBelief, predict_belief
 from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -80,7 +80,7 @@ class _TruePaths:
             absent[step] = np.isnan(ahead[:, :1])
             last = np.where(np.isnan(ahead), last, ahead)
             points[step, :, :, :2] = last[:, None] + _ABOUT * FIVE_POINTS
-        return _hide(predicted_belief(situation, points, covariances), absent.ravel())
+        return _hide(predict_belief(situation, points, covariances), absent.ravel())
 
 
 def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:

@@ -7,7 +7,7 @@ import numpy as np
 
 from planning.coordination.decision import Decision, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.intent import expected_plans
+from planning.prediction.intent import expect_plans
 from tracking.numerics.arrays import Array
 
 
@@ -36,7 +36,7 @@ class Partitions:
             for s in deciding:
                 heard = known[s.own.id]
                 among = replace(s, neighbours=tuple(v for v in s.neighbours if v.id in heard))
-                made[s.own.id] = decide_own_plan(among, expected_plans(among, decision.horizon, heard), decision, rng)
+                made[s.own.id] = decide_own_plan(among, expect_plans(among, decision.horizon, heard), decision, rng)
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):

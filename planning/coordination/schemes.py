@@ -8,7 +8,7 @@ import numpy as np
 
 from planning.coordination.decision import Decision, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.intent import BASE_RANGE, expected_plans
+from planning.prediction.intent import BASE_RANGE, expect_plans
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 
@@ -43,7 +43,7 @@ class Sequential:
         for sweep in range(self.sweeps):
             for situation in sequence:
                 sender = situation.own.id
-                plans = expected_plans(situation, decision.horizon, known[sender])
+                plans = expect_plans(situation, decision.horizon, known[sender])
                 plan = decide_own_plan(situation, plans, decision, rng)
                 for s in team:
                     if s.own.id == sender or s.receives(sender, sweep):
@@ -76,7 +76,7 @@ class Parallel:
 
     def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
-        return [Plan(decide_own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
+        return [Plan(decide_own_plan(s, expect_plans(s, decision.horizon), decision, rng)) for s in team]
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,6 @@ class Centralised:
 
 def _plan_jointly(situation: Situation, decision: Decision, seed: int) -> dict[int, Array]:
     """Joint plan of all UAVs in a situation: the share (H, 2) m/s of each, by id."""
-    plans = expected_plans(situation, decision.horizon)
+    plans = expect_plans(situation, decision.horizon)
     found = decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))
     return {v.id: plan for v, plan in zip(situation.vehicles, found, strict=True)}

@@ -68,8 +68,22 @@ _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
 _ENTRIES = 4096  # sequences of places that are kept; an optimiser tries some thousand different ones
 _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # from a cell's middle, in its edges
 
-# Aim point (x, y) of a UAV, radius of the circle about it that is in view, and distance flown in a step, all in m.
-_Sight = tuple[float, float, float, float]
+
+class _Sight(NamedTuple):
+    """What a UAV sees and how far it flies, all in m."""
+
+    east: float  # of its aim point, from the UAV
+    north: float
+    radius: float  # of the largest circle about the aim point that is in view
+    way: float  # flown in a step
+
+
+class _Cells(NamedTuple):
+    """The C cells in which there may be undetected people."""
+
+    centres: Array  # (C, 2) m
+    points: Array  # (C, 4, 2) m: the middles of their quarters
+    people: Array  # (H, C): people left after each step; the plans of the other UAVs lower it
 
 
 class _Views(NamedTuple):
@@ -78,6 +92,14 @@ class _Views(NamedTuple):
     starts: Indices  # (V + 1,): index of each place's first cell
     cells: Indices  # (M,)
     shares: Array  # (M,): share of the cell in view
+
+
+class _Seeing(NamedTuple):
+    """Whose views V places have, and the fields of view of the n UAVs."""
+
+    uavs: Indices  # (V,)
+    views: Array  # (n, 5, 3), see `field_of_view.view_quadrangle`
+    farthest: Array  # (n,) m: distance beyond which no cell is in view
 
 
 class _Raster(NamedTuple):
@@ -113,22 +135,17 @@ class Search:
             return None
         cells = np.flatnonzero(undetected.people.ravel() > _FEWEST)
         centres = undetected.centres().reshape(-1, 2)[cells]
-        points = centres[:, None] + _QUARTERS * undetected.cell
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
-        raster = _raster(situation, uavs, fleet, (centres, points, left))
+        raster = _raster(situation, uavs, fleet, _Cells(centres, centres[:, None] + _QUARTERS * undetected.cell, left))
         to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
         return partial(_costs, float(self.weight), to_come, raster, now[list(uavs)], situation.step)
 
 
-def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected: tuple[Array, Array, Array]) -> _Raster:
-    """Raster of the places in reach of UAVs.
-
-    undetected: centres (C, 2) m and quarters (C, 4, 2) m of cells, and people in them after each step (H, C), an array
-    from which those that the other UAVs detect are removed.
-    """
-    centres, points, left = undetected
+def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cells) -> _Raster:
+    """Raster of the places in reach of UAVs; people whom the other UAVs detect are removed from `cells.people`."""
+    centres, points, left = cells
     vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
     shown = np.array([view_quadrangle(v) for v in vehicles])
     sights = [_sight(view, step * v.max_speed) for view, v in zip(shown, vehicles, strict=True)]
@@ -143,7 +160,8 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, undetected:
     # A cell in view may begin this far beyond the range.
     farthest = np.array([viewing_range(v) for v in vehicles]) + float(np.ptp(points[0], axis=0).max(initial=0.0))
     forest = situation.forest
-    views = _views(np.concatenate(places), owners, (shown, farthest), points, (forest.blockers, forest.grid))
+    seeing = _Seeing(owners, shown, farthest)
+    views = _views(np.concatenate(places), seeing, points, forest.blockers, forest.grid)
     for i in sorted(set(range(len(vehicles))) - set(uavs)):
         _thin(left, views, first[i])
     costs_to_go = np.zeros(first[-1])
@@ -165,21 +183,20 @@ def _square(low: Array, side: int, height: float) -> Array:
 
 def _sight(view: Array, way: float) -> _Sight:
     """Sight of a UAV with a field of view (5, 3) that flies `way` m in a step."""
-    return float(view[4, 0]), float(view[4, 1]), radius_in_view(view), way
+    return _Sight(float(view[4, 0]), float(view[4, 1]), radius_in_view(view), way)
 
 
 def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
     """Steps (C,) that a UAV flies from a place (2 or 3,) m until cells (C, 2) m can be in the circle about its aim."""
-    x, y, radius, way = sight
-    gaps = length(place[:2] + np.array([x, y]) - centres)
-    return np.asarray(np.maximum(gaps - radius, 0.0) / way)
+    gaps = length(place[:2] + np.array([sight.east, sight.north]) - centres)
+    return np.asarray(np.maximum(gaps - sight.radius, 0.0) / sight.way)
 
 
 @compiled
 def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
     """Steps until people can be in view, from a place (V,) or after `away` (C,) steps by others; summed over people."""
-    x, y, radius, way = sight
-    total, east, north = np.zeros(len(places)), places[:, 0] + x, places[:, 1] + y
+    total, east, north = np.zeros(len(places)), places[:, 0] + sight.east, places[:, 1] + sight.north
+    radius, way = sight.radius, sight.way
     for c in range(len(centres)):
         for v in range(len(places)):  # the inner loop, so that several places are summed at once
             gap = hypot(east[v] - centres[c, 0], north[v] - centres[c, 1])
@@ -188,14 +205,9 @@ def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, aw
 
 
 @compiled
-def _views(
-    places: Array, uavs: Indices, cameras: tuple[Array, Array], points: Array, trees: tuple[Array, Grid]
-) -> _Views:
-    """Views from places (V, 3) m of UAVs (V,); cameras: fields of view (n, 5, 3), and how far cells matter (n,) m.
-
-    Cells, from south to north, are given by four points (C, 4, 2) m each.
-    """
-    (view, farthest), (blockers, grid) = cameras, trees
+def _views(places: Array, seeing: _Seeing, points: Array, blockers: Array, grid: Grid) -> _Views:
+    """Views from places (V, 3) m; cells, from south to north, are given by four points (C, 4, 2) m each."""
+    uavs, view, farthest = seeing
     starts = np.zeros(len(places) + 1, np.int64)
     cells, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
     for v in range(len(places)):

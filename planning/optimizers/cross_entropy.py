@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.objective.objective import Objective
-from planning.optimizers.mutations import chances, distinct, varied
+from planning.optimizers.mutations import choose_distinct, draw_chances, mutate_plans
 from planning.planner import limit_speed
 from planning.prediction.targets_in_reach import NO_TARGETS, TargetsInReach
 from tracking.numerics.arrays import Array
@@ -95,14 +95,14 @@ class CrossEntropy:
                 break
             most = self.elites + (self.last_elites - self.elites) * k // max(self.rounds - 1, 1)
             order = np.argsort(values, kind="stable")
-            elite = distinct(pool, order, most, scale * self.apart, task.max_speeds)
+            elite = choose_distinct(pool, order, most, scale * self.apart, task.max_speeds)
             pool, values = pool[elite], values[elite]
             count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
             before, ease = ease, 0.0 if task.in_reach is None else self._ease(k, count)
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
                 values, count = task.costs(pool, ease), count - most - (not ease)
-            drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
+            drawn = mutate_plans(pool, draw_chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
             scale *= self.shrink
         if ease:  # time ended before the fields of view had their true size: compare the best plans by true costs

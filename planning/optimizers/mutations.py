@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.prediction.quadrangle import shortest_move
-from planning.prediction.response import Response, followed
+from planning.prediction.response import Response, follow_command
 from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -32,7 +32,7 @@ class Chances(NamedTuple):
     picks: Indices  # (N,) below 2^62: uniform choices
 
 
-def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
+def draw_chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
     """Random numbers for a number of children of `parents` (E, k, H, 2)."""
     _, k, H, _ = parents.shape
     rows, columns = math.ceil(children / len(_CYCLE)), 2 * k * (H + 1)
@@ -42,7 +42,7 @@ def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
 
 
 @compiled
-def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
+def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
     """Children (N, k, H, 2) m/s, within the speed limits, of parents (E, k, H, 2), which have equally many children.
 
     Mutations take turns: noise on all steps; a shift of one waypoint or of the path from there on; the least shift that
@@ -65,8 +65,8 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_
         else:
             pick, end = divmod(pick, 2)  # whether the path's end is kept, or the changed step
             pick, all_later = divmod(pick, 2)
-            s = pick % len(in_reach.which) if kind == _SIGHT and len(in_reach.which) else _NONE
-            j, step = (in_reach.which[s, 0], in_reach.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
+            s = pick % len(in_reach.rows) if kind == _SIGHT and len(in_reach.rows) else _NONE
+            j, step = (in_reach.rows[s], in_reach.steps[s]) if s != _NONE else (pick % k, pick // k % H)
             _follow(path, 0, out, c, j)
             if kind == _JOIN:
                 _follow(path, step, parents, mate, j)
@@ -137,8 +137,8 @@ def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
 @inlined
 def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     """Displace a step of a path by the least that brings a target into view; False if the target is already in view."""
-    j, h = in_reach.which[s, 0], in_reach.which[s, 1]
-    x, y = _reached(path, h, in_reach.response, j)
+    j, h = in_reach.rows[s], in_reach.steps[s]
+    x, y = _predict_position(path, h, in_reach.response, j)
     dx, dy = shortest_move(in_reach.views, j, in_reach.places[s, 0] - x, in_reach.places[s, 1] - y)
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
@@ -149,14 +149,14 @@ def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
 
 
 @inlined
-def _reached(path: Array, h: int, response: Response, j: int) -> tuple[float, float]:
+def _predict_position(path: Array, h: int, response: Response, j: int) -> tuple[float, float]:
     """Position of UAV j after step h if a path commands it, which it follows with its lag."""
     x, y, vx, vy = 0.0, 0.0, response.velocities[j, 0], response.velocities[j, 1]
     for i in range(h + 1):
         px, py = (path[i - 1, 0], path[i - 1, 1]) if i else (0.0, 0.0)
-        mean, vx = followed(response, j, vx, path[i, 0] - px)
+        mean, vx = follow_command(response, j, vx, path[i, 0] - px)
         x += mean
-        mean, vy = followed(response, j, vy, path[i, 1] - py)
+        mean, vy = follow_command(response, j, vy, path[i, 1] - py)
         y += mean
     return x, y
 
@@ -194,7 +194,7 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 
 
 @compiled
-def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
+def choose_distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
     """Indices of at most `most` plans, taken in `order`, each with a path that is apart from the paths taken before.
 
     plans (N, k, H, 2) m/s; apart: root mean square over UAVs and steps of their distance, in steps at maximum speed.

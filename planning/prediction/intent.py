@@ -3,13 +3,14 @@
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from planning.planner import Plan, Situation, Vehicle
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
-from planning.prediction.response import Response, followed, response
+from planning.prediction.response import Response, follow_command, response
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.track import beliefs_of
@@ -33,7 +34,7 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
     return np.asarray(base_policy_plans(situation, vehicle, known[None], horizon)[0])
 
 
-def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
+def expect_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
     """Plans (n, H, 2) m/s of all UAVs: those `decided`, by id, and the policy of intent of each other UAV."""
     plans = [decided[v.id] if v.id in decided else policy_of_intent(situation, v, horizon) for v in situation.vehicles]
     return np.array(plans)
@@ -48,39 +49,50 @@ def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, hor
     traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
     plans = np.zeros((len(firsts), horizon, 2))
     plans[:, :begun] = firsts
-    aimed = np.stack([vehicle.position[:2], aim_point(vehicle)]).astype(float)
-    follows = response([vehicle], situation.step)
-    _extend(plans, begun, (aimed, follows), (places, traces), (situation.step, vehicle.max_speed))
+    pursuit = _Pursuit(
+        vehicle.position[:2].astype(float),
+        aim_point(vehicle).astype(float),
+        response([vehicle], situation.step),
+        float(vehicle.max_speed),
+        places,
+        traces,
+    )
+    _extend(plans, begun, pursuit, float(situation.step))
     return plans
 
 
-@compiled
-def _extend(
-    plans: Array, begun: int, flight: tuple[Array, Response], targets: tuple[Array, Array], limits: tuple[float, float]
-) -> None:
-    """Extend plans (N, H, 2) m/s, of which `begun` steps are given, by `base_control`.
+class _Pursuit(NamedTuple):
+    """A UAV and the targets that it may pursue."""
 
-    flight: position (2,) m of a UAV and aim point (2,) m relative to it, and the UAV's response; targets: places
-    (H, T, 2) m and traces (T,) m²; limits: the step [s] and the greatest speed [m/s].
-    """
-    (aimed, follows), (places, traces), (step, max_speed) = flight, targets, limits
+    position: Array  # (2,) m
+    aim: Array  # (2,) m from the UAV: the point that the middle of its image shows
+    response: Response
+    max_speed: float  # m/s
+    places: Array  # (H, T, 2) m: of targets after each step
+    traces: Array  # (T,) m²
+
+
+@compiled
+def _extend(plans: Array, begun: int, pursuit: _Pursuit, step: float) -> None:
+    """Extend plans (N, H, 2) m/s, of which `begun` steps are given, by `base_control`; a step takes `step` s."""
+    position, aim, follows = pursuit.position, pursuit.aim, pursuit.response
     for n in range(len(plans)):
         vx, vy = follows.velocities[0]
         way_x = way_y = 0.0
         for h in range(begun):
-            mean_x, vx = followed(follows, 0, vx, plans[n, h, 0])
-            mean_y, vy = followed(follows, 0, vy, plans[n, h, 1])
+            mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
+            mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
             way_x, way_y = way_x + mean_x, way_y + mean_y
-        x, y = aimed[0, 0] + step * way_x + aimed[1, 0], aimed[0, 1] + step * way_y + aimed[1, 1]
+        x, y = position[0] + step * way_x + aim[0], position[1] + step * way_y + aim[1]
         for h in range(begun, plans.shape[1]):
-            plans[n, h, 0], plans[n, h, 1] = _towards(x, y, places[h], traces, step, max_speed)
-            mean_x, vx = followed(follows, 0, vx, plans[n, h, 0])
-            mean_y, vy = followed(follows, 0, vy, plans[n, h, 1])
+            plans[n, h, 0], plans[n, h, 1] = _chase(x, y, pursuit.places[h], pursuit.traces, step, pursuit.max_speed)
+            mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
+            mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
             x, y = x + step * mean_x, y + step * mean_y
 
 
 @inlined
-def _towards(x: float, y: float, places: Array, traces: Array, step: float, max_speed: float) -> tuple[float, float]:
+def _chase(x: float, y: float, places: Array, traces: Array, step: float, max_speed: float) -> tuple[float, float]:
     """`base_control` [m/s] of a UAV with its aim point at (x, y) m, for places (T, 2) m with traces (T,) m²."""
     most = east = north = 0.0
     for t in range(len(places)):

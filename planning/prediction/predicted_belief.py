@@ -37,7 +37,7 @@ class PredictedBelief(NamedTuple):
     weights: Array  # (T,): weight of each target in the objective
 
 
-def predicted_belief(situation: Situation, points: Array, covariances: Array) -> PredictedBelief:
+def predict_belief(situation: Situation, points: Array, covariances: Array) -> PredictedBelief:
     """Predicted belief of targets at `points` (H, T, K, 3) m with covariances (T, 4, 4) now.
 
     Each target has weight one.
@@ -127,7 +127,7 @@ def add_information(
     p = points[row // (targets * count), row // count % targets, row % count]
     x, y = p[0], p[1]
     blockers = belief.blockers[offsets[row] : offsets[row + 1]]
-    if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
+    if not _mark_visible((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
         return False
     for lane in range(LANES):
         # R⁻¹ of `NoiseModel.covariance` in closed form, with the eigenvalues of R along and across the line of sight.
@@ -144,7 +144,7 @@ def add_information(
 
 
 @inlined
-def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
+def _mark_visible(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
     """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
 
     view (5, 3): field of view of the cameras; blockers (B, 5): cylinders that may hide the point.

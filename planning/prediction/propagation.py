@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from planning.planner import Situation
-from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
+from planning.prediction.predicted_belief import PredictedBelief, predict_belief
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -53,7 +53,7 @@ class Nominal:
             ahead, spread = situation.motion.predict_all(ahead, spread)
             roots = cholesky_factors(np.ascontiguousarray(spread[:, :2, :2]))
             points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], FIVE_POINTS)
-        return predicted_belief(situation, points, covariances)
+        return predict_belief(situation, points, covariances)
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class MonteCarlo:
         (rng,) = rng.spawn(1)  # the number of draws depends on this UAV's tracks, but must not affect the other UAVs
         means, covariances = beliefs_of(situation.tracks)
         S, T = self.samples, len(means)
-        states = means + deviations(covariances, rng, (S,))
+        states = means + draw_deviations(covariances, rng, (S,))
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
         motion, spread = situation.motion, covariances
@@ -81,10 +81,10 @@ class MonteCarlo:
             pull = ahead - applied(motion.F, means)  # of the long-run velocity
             states, means = applied(motion.F, states) + drift + pull, ahead
             points[step, :, :, 0, :2] = states[..., :2]
-        return predicted_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
+        return predict_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
 
-def deviations(covariances: Array, rng: np.random.Generator, draws: tuple[int, ...] = ()) -> Array:
+def draw_deviations(covariances: Array, rng: np.random.Generator, draws: tuple[int, ...] = ()) -> Array:
     """Deviations (*draws, T, 4) from means, drawn from covariances (T, 4, 4), which may be singular."""
     values, axes = eigensystems(np.ascontiguousarray(covariances))
     roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]

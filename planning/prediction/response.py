@@ -44,7 +44,7 @@ def vehicle_after(vehicle: Vehicle, command: Array, step: float) -> Vehicle:
     """The UAV after a step [s] under a command (2,) m/s."""
     found, position, velocity = response([vehicle], step), vehicle.position.copy(), np.empty(2)
     for axis in range(2):
-        mean, velocity[axis] = followed(found, 0, found.velocities[0, axis], command[axis])
+        mean, velocity[axis] = follow_command(found, 0, found.velocities[0, axis], command[axis])
         position[axis] += step * mean
     return replace(vehicle, position=position, velocity=velocity)
 
@@ -62,11 +62,11 @@ def mean_velocities(response: Response, plans: Array) -> Array:
             for axis in range(2):
                 v = response.velocities[j, axis]
                 for h in range(plans.shape[2]):
-                    means[n, j, h, axis], v = followed(response, j, v, plans[n, j, h, axis])
+                    means[n, j, h, axis], v = follow_command(response, j, v, plans[n, j, h, axis])
     return means
 
 
 @inlined
-def followed(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
+def follow_command(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
     """Mean and final velocity of UAV j in a step under command u from velocity v, along one axis [m/s]."""
     return u + response.lacking[j] * (v - u), u + response.remaining[j] * (v - u)

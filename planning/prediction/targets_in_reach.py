@@ -15,31 +15,37 @@ from tracking.numerics.compiled import compiled
 class TargetsInReach(NamedTuple):
     """Targets that k UAVs can bring into view; lengths are divided by the length of a step, as in plans."""
 
-    which: Indices  # (S, 2): row of the UAV, and the step after which it can
+    rows: Indices  # (S,): row of the UAV
+    steps: Indices  # (S,): step after which it can
     places: Array  # (S, 2) m/s: position of the target relative to the present position of that UAV
     views: Array  # (k, 5, 3): fields of view, see `field_of_view.view_quadrangle`, with lengths in m/s
     response: Response  # of the UAVs to commands
 
 
-NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)), Response.at_once(0))
+_NONE = np.empty(0, np.int64)
+NO_TARGETS = TargetsInReach(_NONE, _NONE, np.empty((0, 2)), np.empty((0, 5, 3)), Response.at_once(0))
 
 
-def targets_in_reach(
+def find_targets_in_reach(
     belief: PredictedBelief, uavs: Sequence[int], max_speeds: Array, response: Response
 ) -> TargetsInReach:
     """Predicted positions of targets that a UAV in rows `uavs` can reach with its field of view in time.
 
     max_speeds (k,) m/s. Trees and the time to gain speed are left out here; the objective accounts for them.
     """
-    rows = np.asarray(uavs, dtype=np.int64)
-    views = np.ascontiguousarray(belief.views[rows] / np.array([1.0, 1.0, belief.step]))
-    return TargetsInReach(*_within_reach(belief, rows, views, max_speeds), views, response)
+    deciding = np.asarray(uavs, dtype=np.int64)
+    views = np.ascontiguousarray(belief.views[deciding] / np.array([1.0, 1.0, belief.step]))
+    return TargetsInReach(*_list_in_reach(belief, deciding, views, max_speeds), views, response)
 
 
 @compiled
-def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array) -> tuple[Indices, Array]:
+def _list_in_reach(
+    belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array
+) -> tuple[Indices, Indices, Array]:
+    """Rows (S,), steps (S,) and places (S, 2) m/s of `TargetsInReach`."""
     points, (H, T, K) = belief.points, belief.points.shape[:3]
-    which, places, count = np.empty((len(uavs) * H * T * K, 2), np.int64), np.empty((len(uavs) * H * T * K, 2)), 0
+    most, count = len(uavs) * H * T * K, 0
+    rows, steps, places = np.empty(most, np.int64), np.empty(most, np.int64), np.empty((most, 2))
     for j in range(len(uavs)):
         for h in range(H):
             for t in range(T):
@@ -48,7 +54,7 @@ def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_spee
                     y = (points[h, t, k, 1] - belief.positions[uavs[j], 1]) / belief.step
                     dx, dy = shortest_move(views, j, x, y)
                     if dx * dx + dy * dy <= (h + 1) * max_speeds[j] * (h + 1) * max_speeds[j]:
-                        which[count, 0], which[count, 1] = j, h
+                        rows[count], steps[count] = j, h
                         places[count, 0], places[count, 1] = x, y
                         count += 1
-    return which[:count], places[:count]
+    return rows[:count], steps[:count], places[:count]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import camera_paths, policy_of_intent
 from planning.prediction.propagation import Nominal
-from planning.rivals.distribution import Team, cooled, gains
-from planning.rivals.gathered_information import information_from, prior_of
+from planning.rivals.distribution import Team, gains, optimise_probabilities
+from planning.rivals.gathered_information import build_prior, gather_information
 from planning.rivals.moves import moves
 from planning.rivals.tree import grow, new_tree, promising
 from tracking.numerics.arrays import Array, Indices
@@ -72,6 +72,13 @@ class DecMCTS:
         return [Plan(search.decision()) for search in searches]
 
 
+class _Distribution(NamedTuple):
+    """Sequences that another UAV may fly."""
+
+    information: Array  # (S, H, B, 3 LANES), of each sequence
+    chances: Array  # (S,): probabilities of the sequences
+
+
 class TreeSearch:
     """One UAV's search within a decision."""
 
@@ -81,13 +88,12 @@ class TreeSearch:
         self._vehicles, horizon = situation.vehicles, planner.horizon
         existence = np.array([track.existence for track in situation.tracks], dtype=float)
         self._belief = Nominal(expected=True).predict(situation, horizon, rng)._replace(weights=existence)
-        self._prior, self._moves = prior_of(self._belief), moves(horizon, planner.directions)
+        self._prior, self._moves = build_prior(self._belief), moves(horizon, planner.directions)
         own = situation.own
         places = own.position[:2] + own.max_speed * situation.step * self._moves.places
-        self._own = information_from(self._belief, self._vehicles.index(own), places, self._moves.steps)
+        self._own = gather_information(self._belief, self._vehicles.index(own), places, self._moves.steps)
         self._tree = new_tree(planner.evaluations, horizon, len(self._moves.controls))
-        # Information of the sequences of each other UAV, and their probabilities.
-        self._others: dict[int, tuple[Array, Array]] = {}
+        self._others: dict[int, _Distribution] = {}
         for vehicle in situation.neighbours:
             self._expect(vehicle.id, policy_of_intent(situation, vehicle, horizon)[None], np.ones(1))
         self.controls, self.chances = np.zeros((1, horizon, 2)), np.ones(1)
@@ -100,11 +106,11 @@ class TreeSearch:
         fading = np.cumprod(np.append(1.0, np.full(planner.evaluations, planner.discount)))
         grow(self._tree, self._moves, team, draws, fading, planner.exploration)
         chosen = promising(self._tree, planner.sequences)
-        found = gains(team, self._seen(chosen), self._rng.random((planner.samples, len(self._others))))
+        found = gains(team, self._information_of(chosen), self._rng.random((planner.samples, len(self._others))))
         heat = planner.temperature * np.prod(np.full(now, planner.cooling))
         scaled = found / max(float(found.max()), 1e-12)
         self.controls = self._situation.own.max_speed * self._moves.controls[chosen]
-        self.chances = cooled(scaled, heat, planner.updates)
+        self.chances = optimise_probabilities(scaled, heat, planner.updates)
         if not found.max() > 0.0:
             intent = policy_of_intent(self._situation, self._situation.own, planner.horizon)
             self.controls, self.chances = intent[None], np.ones(1)
@@ -126,11 +132,12 @@ class TreeSearch:
         paths = camera_paths(self._vehicles[row].position[None], controls, self._situation.step)[:, :, :2]
         steps = np.repeat(np.arange(self._planner.horizon), len(controls))
         flat = np.ascontiguousarray(paths.swapaxes(0, 1).reshape(-1, 2))
-        table = information_from(self._belief, row, flat, steps)
+        table = gather_information(self._belief, row, flat, steps)
         shape = (self._planner.horizon, len(controls), *table.shape[1:])
-        self._others[uav] = np.ascontiguousarray(table.reshape(shape).swapaxes(0, 1)), chances / chances.sum()
+        information = np.ascontiguousarray(table.reshape(shape).swapaxes(0, 1))
+        self._others[uav] = _Distribution(information, chances / chances.sum())
 
-    def _seen(self, sequences: Indices) -> Array:
+    def _information_of(self, sequences: Indices) -> Array:
         """Information (S, H, B, 3 LANES) of own sequences of controls (S, H)."""
         places = np.full(len(sequences), -1)
         seen = []
@@ -145,7 +152,7 @@ class TreeSearch:
         return Team(
             self._prior,
             self._own,
-            np.concatenate([none, *(table for table, _ in others)]),
-            np.cumsum([0, *(len(chances) for _, chances in others)]),
-            np.concatenate([np.zeros(0), *(np.cumsum(chances) for _, chances in others)]),
+            np.concatenate([none, *(other.information for other in others)]),
+            np.cumsum([0, *(len(other.chances) for other in others)]),
+            np.concatenate([np.zeros(0), *(np.cumsum(other.chances) for other in others)]),
         )

@@ -23,7 +23,7 @@ class Team(NamedTuple):
 
 
 @compiled
-def drawn_information(team: Team, draws: Array) -> Array:
+def draw_information(team: Team, draws: Array) -> Array:
     """Information (H, B, 3 LANES) of sequences of the others, drawn by uniform numbers (n - 1 or more,)."""
     information = np.zeros(team.others.shape[1:])
     for j in range(len(team.first) - 1):
@@ -39,7 +39,7 @@ def gains(team: Team, sequences: Array, draws: Array) -> Array:
     """Mean gain (S,) of own sequences, with information (S, H, B, 3 LANES), over others drawn by `draws` (D, n - 1)."""
     found = np.zeros(len(sequences))
     for i in range(len(draws)):
-        others = drawn_information(team, draws[i])
+        others = draw_information(team, draws[i])
         alone = gain_of(team.prior, others)
         for s in range(len(sequences)):
             found[s] += gain_of(team.prior, others + sequences[s]) - alone
@@ -47,7 +47,7 @@ def gains(team: Team, sequences: Array, draws: Array) -> Array:
 
 
 @compiled
-def cooled(gains: Array, temperature: float, updates: int) -> Array:
+def optimise_probabilities(gains: Array, temperature: float, updates: int) -> Array:
     """Probabilities (S,) of sequences after gradient steps from a uniform start to large gains and large entropy.
 
     The steps are those of [Best19] Algorithm 3; they converge to probabilities proportional to exp(gain / temperature).

@@ -19,7 +19,7 @@ class Prior(NamedTuple):
     noise: Array  # (3,): process noise of a step
 
 
-def prior_of(belief: PredictedBelief) -> Prior:
+def build_prior(belief: PredictedBelief) -> Prior:
     """Present covariances of a belief, one for each trajectory."""
     (_, T, K), (rows, columns) = belief.points.shape[:3], np.triu_indices(4)
     blocks = -(-T * K // LANES)
@@ -31,7 +31,7 @@ def prior_of(belief: PredictedBelief) -> Prior:
 
 
 @compiled
-def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: Indices) -> Array:
+def gather_information(belief: PredictedBelief, uav: int, cameras: Array, steps: Indices) -> Array:
     """Information (C, B, 3 LANES) of a UAV's measurements at `cameras` (C, 2) m after `steps` (C,), which ascend."""
     each = belief.points.shape[1] * belief.points.shape[2]
     table = np.zeros((len(cameras), -(-each // LANES), 3 * LANES))

@@ -10,7 +10,7 @@ import numpy as np
 from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
-from planning.prediction.propagation import deviations
+from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
 from tracking.geometry.line_of_sight import Grid, unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -25,6 +25,14 @@ class DrawnWorld(NamedTuple):
 
     states: Array  # (M, 4): x, y [m] and velocity [m/s]
     errors: Array  # (M, 4): state less the track's mean, infinite for undetected people
+
+
+class _Flight(NamedTuple):
+    """How a UAV flies to places."""
+
+    start: Array  # (3,) m
+    reach: float  # m in a step
+    step: float  # s
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ class Thompson:
         last = situation.intents.get(situation.own.id)
         if last is not None and len(last.controls) > 1:
             return Plan(limit_speed(last.controls[1:], situation.own.max_speed))
-        way = self.goal(situation, drawn_world(situation, rng)) - situation.own.position[:2]
+        way = self.goal(situation, draw_world(situation, rng)) - situation.own.position[:2]
         steps = _steps(way[0], way[1], situation.own.max_speed * situation.step)
         controls = np.tile(way / (situation.step * steps), (int(min(steps, self.horizon)), 1))
         return Plan(limit_speed(controls, situation.own.max_speed))
@@ -70,15 +78,16 @@ class Thompson:
         start, reach = own.position.astype(float), own.max_speed * situation.step
         places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
         view = view_quadrangle(own)
-        found = _seen_errors(places, (start, reach, situation.step), view, world, (forest.blockers, forest.grid))
+        flight = _Flight(start, reach, situation.step)
+        found = _errors_in_view(places, flight, view, world, forest.blockers, forest.grid)
         # If no place shows an error, the first one is taken: the UAV's own position.
         return np.asarray(places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _ways(places, start, reach))])
 
 
-def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
+def draw_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
     """People drawn from the intensity of undetected people, and from the tracks by their existence probabilities."""
     means, covariances = beliefs_of(situation.tracks)
-    errors = deviations(covariances, rng)
+    errors = draw_deviations(covariances, rng)
     exists = rng.random(len(means)) < np.array([track.existence for track in situation.tracks])
     people = np.zeros((0, 4))
     if situation.undetected is not None:
@@ -121,21 +130,19 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
 
 
 @compiled
-def _seen_errors(
-    places: Array, flight: tuple[Array, float, float], view: Array, world: DrawnWorld, trees: tuple[Array, Grid]
+def _errors_in_view(
+    places: Array, flight: _Flight, view: Array, world: DrawnWorld, blockers: Array, grid: Grid
 ) -> Array:
     """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 for people out of view."""
-    start, reach, step = flight
-    blockers, grid = trees
     found = np.zeros((len(places), len(world.states)))
-    steps = _ways(places, start, reach)
+    steps = _ways(places, flight.start, flight.reach)
     for n in range(len(places)):
-        time = step * min(steps[n], 100.0)
+        time = flight.step * min(steps[n], 100.0)
         for m in range(len(world.states)):
             state, error = world.states[m], world.errors[m]
             x, y = state[0] + time * state[2], state[1] + time * state[3]
             if inside(view, x - places[n, 0], y - places[n, 1]):
-                camera = places[n, 0], places[n, 1], start[2]
+                camera = places[n, 0], places[n, 1], flight.start[2]
                 if unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
                     dx, dy = error[0] + time * error[2], error[1] + time * error[3]
                     found[n, m] = math.sqrt(dx * dx + dy * dy)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.rivals.distribution import Team, drawn_information
+from planning.rivals.distribution import Team, draw_information
 from planning.rivals.gathered_information import gain_of
 from planning.rivals.moves import Moves
 from tracking.numerics.arrays import Array, Indices
@@ -50,13 +50,13 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
     H = tree.sequences.shape[1]
     controls, path = np.empty(H, np.int64), np.zeros(H + 1, np.int64)  # each path begins at the root
     for i in range(len(draws)):
-        information = drawn_information(team, draws[i])
+        information = draw_information(team, draws[i])
         reward = -gain_of(team.prior, information)
         node, place, depth = 0, -1, 0
         for h in range(H):
             chance = draws[i, len(team.first) - 1 + h]
             if depth == h:  # in the tree
-                controls[h] = _chosen(tree, node, chance, fading, exploration)
+                controls[h] = _choose_control(tree, node, chance, fading, exploration)
                 if tree.children[node, controls[h]] < 0:
                     tree.children[node, controls[h]] = tree.counts[0]
                     tree.counts[0] += 1
@@ -73,7 +73,7 @@ def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array
 
 
 @compiled
-def _chosen(tree: SearchTree, node: int, chance: float, fading: Array, exploration: float) -> int:
+def _choose_control(tree: SearchTree, node: int, chance: float, fading: Array, exploration: float) -> int:
     """Control to try at a node: a random untried one, else the one with the largest upper confidence bound."""
     children, now = tree.children[node], tree.counts[1]
     untried = np.flatnonzero(children < 0)

@@ -9,7 +9,7 @@ from helpers.teams import planned, refitted
 from planning.composed import Composed
 from planning.objective.nbo import objective
 from planning.planner import Plan
-from planning.prediction.intent import base_policy_plans, expected_plans
+from planning.prediction.intent import base_policy_plans, expect_plans
 from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
 
@@ -55,7 +55,7 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     told = Told(horizon=3, optimizer=asking, actions=actions, beta=0.5)
     planned(told, team[:1])
     situation, uavs = team[0], [0]
-    expected = expected_plans(situation, 3)
+    expected = expect_plans(situation, 3)
     belief = Nominal().predict(situation, 3, rng)
     plans = COMMANDS
     if actions == "first":

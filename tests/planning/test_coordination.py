@@ -16,10 +16,10 @@ from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits, turns
 from planning.planner import Plan
-from planning.prediction.intent import BASE_RANGE, base_control, expected_plans, policy_of_intent
+from planning.prediction.intent import BASE_RANGE, base_control, expect_plans, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
 from planning.prediction.response import Response
-from planning.prediction.targets_in_reach import targets_in_reach
+from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
 
@@ -37,7 +37,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
-        targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
+        find_targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
     )
     plans = planned(Composed(3, coordination), team, seed=9)
     np.testing.assert_array_equal(plans, alone)
@@ -48,7 +48,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
 def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, order):
     for seed in range(5):
         team = random_team(seed)
-        before = [team_cost(nominal(team[0], 5), expected_plans(team[0], 5), beta)]
+        before = [team_cost(nominal(team[0], 5), expect_plans(team[0], 5), beta)]
         for sweeps in (1, 2, 3):
             pieces = Composed(5, Sequential(order, sweeps), beta=beta, optimizer=CrossEntropy(256))
             plans = planned(pieces, team, seed)
@@ -62,7 +62,7 @@ def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_tea
     team = random_team(3)
     plans = planned(Composed(), team, 1)
     rng = np.random.default_rng(1)
-    joint = expected_plans(team[0], 5)
+    joint = expect_plans(team[0], 5)
     for uav, situation in enumerate(team):
         joint[uav] = Composed().decide(situation, joint, [uav], rng)[0]
     np.testing.assert_array_equal(plans, joint)
@@ -70,7 +70,7 @@ def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_tea
     plans = planned(Composed(coordination=Parallel()), team, 2)
     rng = np.random.default_rng(2)
     for uav, situation in enumerate(team):
-        single = Composed().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
+        single = Composed().decide(situation, expect_plans(situation, 5), [uav], rng)[0]
         np.testing.assert_array_equal(plans[uav], single)
 
 

@@ -11,7 +11,7 @@ from helpers.teams import knowing, planned
 from planning.composed import Composed
 from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
-from planning.prediction.intent import base_control, base_policy_plans, expected_plans
+from planning.prediction.intent import base_control, base_policy_plans, expect_plans
 from planning.prediction.propagation import MonteCarlo
 from planning.prediction.response import vehicle_after
 from tracking.filter.kalman import Gaussian
@@ -59,7 +59,7 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
         team = knowing(random_team(seed, spread=15.0), np.zeros((3, horizon, 2)))
         pieces = Composed(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
         plans = planned(pieces, team, seed)
-        rng, joint = np.random.default_rng(seed), expected_plans(team[0], horizon)
+        rng, joint = np.random.default_rng(seed), expect_plans(team[0], horizon)
         for uav, situation in enumerate(team):
             view = MonteCarlo(6).predict(situation, horizon, rng)
             np.testing.assert_allclose(plans[uav], rolled_out(situation, uav, plans[uav, :1], horizon), atol=1e-9)
@@ -79,7 +79,7 @@ def test_mcr_with_the_penalty_finds_the_best_of_all_sequences(random_team):
     for seed in range(6):
         team = knowing(random_team(seed, uavs=2, spread=25.0), np.zeros((2, 2, 2)))
         plans = planned("mcr(beta=0.5, samples=6, horizon=2, optimizer=grid)", team, seed)
-        rng, joint = np.random.default_rng(seed), expected_plans(team[0], 2)
+        rng, joint = np.random.default_rng(seed), expect_plans(team[0], 2)
         for uav, situation in enumerate(team):
             view = MonteCarlo(6).predict(situation, 2, rng)
             tried = np.repeat(joint[None], len(sequences), axis=0)

@@ -9,7 +9,7 @@ from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost,
 
 from planning.composed import Composed
 from planning.objective.nbo import Measure, objective
-from planning.prediction.predicted_belief import predicted_belief
+from planning.prediction.predicted_belief import predict_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -156,6 +156,6 @@ def test_each_sample_of_a_target_counts_alike(random_team):
     pieces.decide(situation, controls, [0, 1, 2], np.random.default_rng(0))
     drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
     samples = [np.ascontiguousarray(drawn.points[:, 4 * s : 4 * s + 4]) for s in range(3)]
-    alone = [predicted_belief(situation, points, drawn.covariances[:4]) for points in samples]  # with its own trees
+    alone = [predict_belief(situation, points, drawn.covariances[:4]) for points in samples]  # with its own trees
     each = [team_cost(one._replace(weights=np.array([0.2, 1.0, 0.5, 0.7])), controls, 0.5) for one in alone]
     assert optimizer.values[0] == pytest.approx(np.mean(each), rel=1e-12)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from planning.objective.terms import Search, Separation, _closest, _sight, _steps_off
 from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
-from planning.prediction.intent import camera_paths, expected_plans
+from planning.prediction.intent import camera_paths, expect_plans
 from planning.prediction.quadrangle import shortest_move
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
@@ -69,7 +69,7 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
     for seed in range(2):
         people = np.where(rng.random((20, 30)) < 0.15, rng.random((20, 30)), 0.0)
         situation = unaware(random_team(seed, trees=75)[0], people)
-        controls = expected_plans(situation, 3)
+        controls = expect_plans(situation, 3)
         candidates = rng.uniform(-3.5, 3.5, (3, len(uavs), 3, 2))
         costs = Search(7.0).objective(situation, controls, uavs)(candidates)
         by_hand = [7.0 * transcribed(situation, controls, uavs, c) for c in candidates]
@@ -80,7 +80,7 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
 def test_a_plan_costs_the_same_alone_and_after_many_others(random_team, uavs):
     rng = np.random.default_rng(0)
     situation = unaware(random_team(0, trees=75)[0], rng.random((20, 30)))
-    controls, candidates = expected_plans(situation, 5), rng.uniform(-3.5, 3.5, (20_000, len(uavs), 5, 2))
+    controls, candidates = expect_plans(situation, 5), rng.uniform(-3.5, 3.5, (20_000, len(uavs), 5, 2))
     costs, some = Search(7.0).objective(situation, controls, uavs), candidates[::200]
     alone = [Search(7.0).objective(situation, controls, uavs)(plan[None])[0] for plan in some]
     np.testing.assert_array_equal(costs(candidates)[::200], alone)

@@ -14,7 +14,7 @@ from planning.optimizers.optimizer import pursuits
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import limit_speed
 from planning.planner_loading import load_planner
-from planning.prediction.intent import expected_plans
+from planning.prediction.intent import expect_plans
 from planning.prediction.propagation import nominal_positions
 from planning.prediction.targets_in_reach import NO_TARGETS
 
@@ -147,7 +147,7 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
     excess = []
     for seed in range(50):
         situation = random_team(seed, uavs=2, targets=3, spread=15.0)[0]
-        view, plans = nominal(situation, 2), expected_plans(situation, 2)
+        view, plans = nominal(situation, 2), expect_plans(situation, 2)
 
         values = objective(view, plans, [0], 0.5)
         chases = pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
@@ -179,7 +179,7 @@ def excess(random_team, planner, seed, times, search=0):
     situation, composed = random_team(seed, trees=75, targets=4 + seed % 3)[0], load_planner(planner)
     both = Both(composed.minimiser, times)
     replace(composed, optimizer=both).decide(
-        situation, expected_plans(situation, 5), [0], np.random.default_rng(seed + 50 * search)
+        situation, expect_plans(situation, 5), [0], np.random.default_rng(seed + 50 * search)
     )
     return both.excess
 

@@ -9,9 +9,9 @@ from helpers.nominal import nominal, squares
 
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.mutations import chances, varied
+from planning.optimizers.mutations import draw_chances, mutate_plans
 from planning.prediction.response import Response, mean_velocities
-from planning.prediction.targets_in_reach import TargetsInReach, targets_in_reach
+from planning.prediction.targets_in_reach import TargetsInReach, find_targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -32,7 +32,7 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
         situation = random_team(seed, targets=5, spread=35.0)[1]
         situation = dataclasses.replace(situation, motion=NearlyConstantVelocity(step, 0.5))
         view, own = nominal(situation, 3), situation.vehicles[1]
-        found = targets_in_reach(view, [1], SPEED, Response.at_once(1))
+        found = find_targets_in_reach(view, [1], SPEED, Response.at_once(1))
         got = {(h, *np.round(place * step + own.position[:2], 6)) for (_, h), place in zip(*found[:2], strict=True)}
         listed += len(got)
         for h in range(3):
@@ -56,7 +56,7 @@ def test_a_mutation_brings_its_target_into_view_or_keeps_the_paths_end(response)
     one = TargetsInReach(np.array([[0, 1]]), np.array([[12.0, 3.0]]), squares([5.0]), response)
     rng = np.random.default_rng(0)
     parents = rng.uniform(-2.0, 2.0, (4, 1, 4, 2))
-    children = varied(parents, chances(rng, 800, parents), 0.3, SPEED, one)
+    children = mutate_plans(parents, draw_chances(rng, 800, parents), 0.3, SPEED, one)
     assert np.linalg.norm(children, axis=-1).max() <= 5.0 * (1 + 1e-12)
     before = np.repeat(np.cumsum(parents, axis=2)[:, 0], 200, axis=0)[:, -1]
     after, flown = (np.cumsum(v, axis=2)[:, 0] for v in (children, mean_velocities(response, children)))
@@ -97,7 +97,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
     value = objective(view, np.zeros((1, 5, 2)), [0], 0.0)
     hover, straight = np.zeros((1, 1, 5, 2)), np.tile([4.0, 3.0], (1, 1, 5, 1))
     assert value(straight)[0] < value(hover)[0]
-    hints = targets_in_reach(view, [0], SPEED, Response.at_once(1))
+    hints = find_targets_in_reach(view, [0], SPEED, Response.at_once(1))
     found = CrossEntropy(4096).minimise(value, hover, SPEED, np.random.default_rng(seed), hints)
     assert value(found[None])[0] == pytest.approx(value(straight)[0], rel=1e-3)
 
@@ -111,7 +111,7 @@ def counting(random_team, uavs):
         asked.append((len(candidates), ease is not None))
         return value(candidates, ease)
 
-    return value, counted, asked, targets_in_reach(view, range(uavs), np.full(uavs, 5.0), Response.at_once(uavs))
+    return value, counted, asked, find_targets_in_reach(view, range(uavs), np.full(uavs, 5.0), Response.at_once(uavs))
 
 
 @pytest.mark.parametrize("uavs", [1, 3])

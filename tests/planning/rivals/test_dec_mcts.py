@@ -12,8 +12,8 @@ from helpers.teams import knowing, planned
 from planning.prediction.intent import policy_of_intent
 from planning.prediction.propagation import Nominal
 from planning.rivals.dec_mcts import DecMCTS, TreeSearch
-from planning.rivals.distribution import cooled
-from planning.rivals.gathered_information import gain_of, information_from, prior_of
+from planning.rivals.distribution import optimise_probabilities
+from planning.rivals.gathered_information import build_prior, gain_of, gather_information
 from planning.rivals.moves import moves
 from planning.rivals.tree import SearchTree, promising
 from tracking.filter.kalman import NearlyConstantVelocity
@@ -45,9 +45,9 @@ def test_information_by_places_sums_to_the_objective_of_joint_plans(random_team,
         belief = Nominal(expected=True).predict(situation, 4, rng)
         starts = np.array([v.position[:2] for v in situation.vehicles])
         paths = starts[:, None] + situation.step * np.cumsum(plans, axis=1)
-        tables = [information_from(belief, i, paths[i], np.arange(4)) for i in range(3)]
+        tables = [gather_information(belief, i, paths[i], np.arange(4)) for i in range(3)]
         for uavs in ([0], [1, 2], [0, 1, 2]):
-            found = gain_of(prior_of(belief), sum(tables[i] for i in uavs))
+            found = gain_of(build_prior(belief), sum(tables[i] for i in uavs))
             assert found == pytest.approx(gained(situation, uavs, plans[None, uavs])[0], rel=1e-9, abs=1e-12)
 
 
@@ -55,7 +55,7 @@ def test_information_by_places_sums_to_the_objective_of_joint_plans(random_team,
 def test_distributions_cool_towards_exponentials_of_the_gains(temperature):
     gains = np.random.default_rng(0).random(8)
     expected = np.exp(gains / temperature)
-    found = cooled(gains, temperature, 300)
+    found = optimise_probabilities(gains, temperature, 300)
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-9)
 
 
@@ -123,7 +123,7 @@ def test_of_a_sender_those_sequences_count_that_arrive_in_this_round(random_team
         shares = other.chances[kept] / other.chances[kept].sum()
         np.testing.assert_allclose(np.diff(found.chances, prepend=0.0), shares, atol=1e-12)
         paths = team[1].own.position[:2] + np.cumsum(other.controls[kept], axis=1)
-        tables = [information_from(one._belief, 1, path, np.arange(5)) for path in paths]
+        tables = [gather_information(one._belief, 1, path, np.arange(5)) for path in paths]
         np.testing.assert_array_equal(found.others, tables)
 
 

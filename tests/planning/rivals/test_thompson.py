@@ -10,7 +10,7 @@ from scipy.stats import chisquare, norm, skellam
 
 from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.rivals.thompson import DrawnWorld, Thompson, _places, drawn_world
+from planning.rivals.thompson import DrawnWorld, Thompson, _places, draw_world
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
@@ -25,7 +25,7 @@ def test_drawn_people_are_as_many_and_where_the_intensity_has_them(random_team):
     rng = np.random.default_rng(4)
     people = rng.random((4, 6)) * (rng.random((4, 6)) < 0.7) * 0.4
     situation = dataclasses.replace(random_team(0, targets=0)[0], undetected=sprinkled(people))
-    worlds = [drawn_world(situation, rng) for _ in range(4000)]
+    worlds = [draw_world(situation, rng) for _ in range(4000)]
     counts = np.bincount([len(w.states) for w in worlds], minlength=20)
     each = np.exp(-people.sum()) * people.sum() ** np.arange(20) / [math.factorial(n) for n in range(20)]
     assert (
@@ -47,7 +47,7 @@ def test_drawn_tracks_have_the_beliefs_moments_and_their_probability_of_existenc
     situation = random_team(1, targets=2)[0]
     tracks = tuple(dataclasses.replace(t, existence=e) for t, e in zip(situation.tracks, (1.0, 0.3), strict=True))
     situation, rng = dataclasses.replace(situation, tracks=tracks), np.random.default_rng(0)
-    worlds = [drawn_world(situation, rng) for _ in range(4000)]
+    worlds = [draw_world(situation, rng) for _ in range(4000)]
     assert abs(np.mean([len(w.states) for w in worlds]) - 1.3) < 4 * math.sqrt(0.21 / 4000)
     first = np.array([w.states[0] for w in worlds])
     root = np.linalg.inv(np.linalg.cholesky(tracks[0].belief.covariance))
@@ -86,7 +86,7 @@ def test_the_goal_is_the_place_of_most_error_per_step_by_plain_enumeration(rando
         situation = dataclasses.replace(
             random_team(seed, trees=120, spread=30.0)[0], undetected=sprinkled(np.full((20, 30), 0.005))
         )
-        world = drawn_world(situation, np.random.default_rng(seed))
+        world = draw_world(situation, np.random.default_rng(seed))
         place, rate = plain_goal(planner, situation, world)
         np.testing.assert_allclose(planner.goal(situation, world), place, rtol=1e-12)
         away += rate > 0 and np.hypot(*(place - situation.own.position[:2])) > 5.0

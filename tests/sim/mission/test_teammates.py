@@ -12,7 +12,7 @@ from planning.composed import Composed
 from planning.coordination.schemes import Decentralised, Parallel, Sequential
 from planning.planner import Exchange, Plan
 from planning.planner_loading import load_planner
-from planning.prediction.intent import expected_plans, policy_of_intent
+from planning.prediction.intent import expect_plans, policy_of_intent
 from sim.mission.plan_check import ask_planner
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
@@ -143,7 +143,7 @@ def test_in_a_sequence_a_uav_expects_intents_where_plans_did_not_arrive(random_t
     plans = Composed(coordination=Sequential(sweeps=sweeps)).plan(team, np.random.default_rng(1))
     rng = np.random.default_rng(1)
     decide_ = Composed().decide
-    knows = [expected_plans(s, 5) for s in team]
+    knows = [expect_plans(s, 5) for s in team]
     for sweep in range(sweeps):
         for i, s in enumerate(team):
             knows[i][i] = decide_(s, knows[i], [i], rng)[0]

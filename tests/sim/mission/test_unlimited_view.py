@@ -10,7 +10,7 @@ from helpers.nominal import team_cost, weighted_trace_penalty
 from helpers.teams import refitted
 
 from planning.prediction.field_of_view import view_quadrangle
-from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
+from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move
 from sim.mission.trial import Trial
 from sim.replay.export import export
@@ -69,7 +69,7 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
         situation = dataclasses.replace(team[0], forest=Forest(team[0].forest.trees, occlusion))
         rng = np.random.default_rng(seed)
         points = np.concatenate([rng.uniform(-70, 70, (3, 12, 1, 2)), np.full((3, 12, 1, 1), TARGET_HEIGHT)], axis=-1)
-        view = predicted_belief(situation, points, np.tile(np.eye(4), (12, 1, 1)))
+        view = predict_belief(situation, points, np.tile(np.eye(4), (12, 1, 1)))
         for uav, vehicle in enumerate(situation.vehicles):
             path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
             lanes = [np.repeat(path[k, :2, None], LANES, axis=1) for k in range(3)]
@@ -92,7 +92,7 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
     still = np.zeros((3, 2, 2))
     means = np.array([t.belief.mean for t in team[0].tracks])
     points = np.tile(np.column_stack([means[:, :2], np.full(4, TARGET_HEIGHT)])[None, :, None], (2, 1, 1, 1))
-    view = predicted_belief(team[0], points, np.tile(np.eye(4), (4, 1, 1)))
+    view = predict_belief(team[0], points, np.tile(np.eye(4), (4, 1, 1)))
     assert team_cost(view, still, 0.5) == team_cost(view, still, 0.0)
 
 
