@@ -33,7 +33,10 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
         situation = dataclasses.replace(situation, motion=NearlyConstantVelocity(step, 0.5))
         view, own = nominal(situation, 3), situation.vehicles[1]
         found = find_targets_in_reach(view, [1], SPEED, Response.at_once(1))
-        got = {(h, *np.round(place * step + own.position[:2], 6)) for (_, h), place in zip(*found[:2], strict=True)}
+        got = {
+            (h, *np.round(place * step + own.position[:2], 6))
+            for h, place in zip(found.steps, found.places, strict=True)
+        }
         listed += len(got)
         for h in range(3):
             angles, radii = rng.uniform(0, 2 * np.pi, 3000), np.sqrt(rng.uniform(0, 1, 3000)) * SPEED * (h + 1) * step
@@ -53,7 +56,7 @@ LAGGING = Response(np.array([[1.0, -1.0]]), np.array([0.4]), np.array([0.2]))
 @pytest.mark.parametrize("response", [Response.at_once(1), LAGGING])
 def test_a_mutation_brings_its_target_into_view_or_keeps_the_paths_end(response):
     """A target 12 m beside the UAV after the second of four steps; the view reaches 5 m."""
-    one = TargetsInReach(np.array([[0, 1]]), np.array([[12.0, 3.0]]), squares([5.0]), response)
+    one = TargetsInReach(np.array([0]), np.array([1]), np.array([[12.0, 3.0]]), squares([5.0]), response)
     rng = np.random.default_rng(0)
     parents = rng.uniform(-2.0, 2.0, (4, 1, 4, 2))
     children = mutate_plans(parents, draw_chances(rng, 800, parents), 0.3, SPEED, one)

@@ -136,7 +136,7 @@ def test_places_of_a_plan_follow_the_length_of_its_steps(random_team):
     other.advance(0)
     one.receive(other, 0)
     one.advance(0)
-    seen = one._team().others[0] + one._seen(promising(one._tree, 1))[0]
+    seen = one._team().others[0] + one._information_of(promising(one._tree, 1))[0]
     joint = np.stack([one.decision(), other.decision()])[None]
     assert gain_of(one._prior, seen) == pytest.approx(gained(team[0], [0, 1], joint)[0], rel=1e-9)
     assert gained(team[0], [0], joint[:, :1])[0] > 0.0 < gained(team[0], [1], joint[:, 1:])[0]
