@@ -1,10 +1,10 @@
 """Parts of pages that are made from the code, and of the site from pages: tables, equations, notebooks.
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
-lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- commands -->`, `<!-- planners -->` and, of the
+lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->` and, of the
 default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with `<!-- scores -->`,
-`<!-- gaps: METRIC -->` and `<!-- ends -->`. MkDocs calls the functions `on_...`: a formula
-between `$$` becomes MathML, and each tutorial is written as a notebook, too.
+`<!-- gaps: METRIC -->` and `<!-- ends -->`. MkDocs calls the functions `on_...`: `{{ commands }}` becomes the help of
+all commands, a formula between `$$` becomes MathML, and each tutorial is written as a notebook, too.
 """
 
 import ast
@@ -35,10 +35,12 @@ _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: object) -> str:  # noqa: ANN401 - MkDocs' page
-    """The page with its formulas and the link to its notebook."""
+    """The page with its formulas, the commands and the link to its notebook."""
     if page.file.src_uri.startswith("tutorials/"):
         name = Path(page.file.src_uri).with_suffix(".ipynb").name
         markdown = markdown.replace("\n", f"\n\n[As a notebook]({name}){{ download }}\n", 1)
+    if page.file.src_uri == "reference/commands.md":
+        markdown = markdown.replace("{{ commands }}", commands_text())
     return math(markdown)
 
 
@@ -56,7 +58,7 @@ def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
     from scores import ends_table, gaps_table, scores_table
 
-    makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
+    makers = {"keys": keys_table, "planners": planners_table}
     makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table, "ends": ends_table}
 
     def made(mark: re.Match[str]) -> str:

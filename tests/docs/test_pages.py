@@ -84,8 +84,10 @@ def resolved(name):
 def test_the_reference_has_every_name_command_and_option():
     text = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^::: understory\.(\w+)$", text, flags=re.M)) == sorted(understory.__all__)
+    page = (DOCS / "reference" / "commands.md").read_text(encoding="utf-8")
     text = generator().commands_text()
     for name, (target, _) in COMMANDS.items():
+        assert f"`{name}`" in page
         command = load_command(target)
         part = text.partition(f"## understory {name}\n")[2].partition("\n## ")[0]
         for parameter in command.params:

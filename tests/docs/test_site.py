@@ -21,6 +21,8 @@ def test_the_site_builds_without_a_warning(tmp_path):
         built = tmp_path / "site" / (place.with_name("index.html") if place.stem == "README" else place)
         text = built.read_text(encoding="utf-8")
         assert "$$" not in text and 'src="http' not in text
+    commands = (tmp_path / "site" / "reference" / "commands.html").read_text(encoding="utf-8")
+    assert "{{" not in commands and "--no-video" in commands and 'id="understory-compare"' in commands
     made = sorted((tmp_path / "site" / "tutorials").glob("*.ipynb"))
     assert [path.stem for path in made] == sorted(p.stem for p in (DOCS / "tutorials").glob("*.md"))
     assert all(json.loads(path.read_text(encoding="utf-8"))["nbformat"] == 4 for path in made)
