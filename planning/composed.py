@@ -52,9 +52,10 @@ class Composed:
     """
 
     # The upper bounds are wider than any useful setting, but small enough that memory suffices.
+
     horizon: Annotated[int, Range(1, 100)] = 5  # steps of a plan
-    # coordination of the UAVs' decisions: `sequential`, `parallel`, `decentralised`, `centralised`, or in rounds
-    # (`partitions`), where each UAV considers only the plans of UAVs that have decided
+    # how UAVs decide: `sequential`, `parallel`, `decentralised`, `centralised`, or in rounds (`partitions`), where each
+    # UAV considers only the plans of UAVs that have decided
     coordination: Literal["sequential", "parallel", "decentralised", "centralised", "partitions"] | Coordination = (
         "sequential"
     )
@@ -62,14 +63,13 @@ class Composed:
     order: Order = "fixed"
     # number of passes through the sequence; from the second on, each UAV knows the plans that the others have made
     sweeps: Annotated[int, Range(1, 100)] = 1
-    # number of rounds of `partitions`: each UAV draws one round, and all UAVs of a round decide at once; 0: one UAV per
-    # round, by id
+    # rounds of `partitions`: each UAV draws one, and all of a round decide at once; 0: one UAV per round, by id
     rounds: Annotated[int, Range(0, 100)] = 0
-    # propagation of beliefs along each target's most probable trajectory (`nominal`) or along samples (`monte-carlo`)
+    # beliefs follow each target's most probable trajectory (`nominal`) or samples (`monte-carlo`)
     propagation: Literal["nominal", "monte-carlo"] | Propagation = "nominal"
     samples: Annotated[int, Range(1, 10_000)] = 50  # number of samples of Monte Carlo propagation
-    # visibility of a target along its nominal trajectory (`nominal`), or along five equally probable trajectories
-    # through its predicted beliefs (`expected`), each with its own covariance; the mean of their traces counts
+    # targets are seen or hidden along their nominal trajectory (`nominal`), or the cost is the mean over five equally
+    # probable trajectories through their predicted beliefs (`expected`)
     visibility: Literal["nominal", "expected"] = "nominal"
     beta: Annotated[float, Range(0, 1e6)] = 0.5  # weight of the MWTP, the paper's cost-to-go; 0: none (truncated)
     # `cross-entropy`, `particle-swarm`, or, for small cases, `grid`, which tries all plans made of nine controls
@@ -80,29 +80,25 @@ class Composed:
     seconds: Annotated[float, Range(0, 3600)] = 0.0
     # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
     occlusion: Literal["", "line_of_sight", "disc"] = ""
-    # True: a track is weighted by its probability of existence, if the tracker gives one (`tracking.management =
-    # "existence"`); False: each track has weight one
+    # True: a track is weighted by its probability of existence, if the tracker gives one; False: by one
     existence: bool = True
-    # weight [m²] of search: a person without a track counts as a track whose position covariance has this trace; 0: no
-    # search
+    # weight [m²] of search: a person without a track counts as one whose position covariance has this trace; 0: none
     search: Annotated[float, Range(0, 1e6)] = 0.0
     # least distance [m] from the expected paths of other UAVs; 0: no limit
     separation: Annotated[float, Range(0, 1e4)] = 0.0
-    # growth of a target's belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at
-    # each scan; `step`: one acceleration holds for the whole step, so hidden people are expected farther away than
-    # the tracker will have them
+    # growth of a belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at each scan;
+    # `step`: one acceleration for the whole step, so hidden people are expected farther away
     prediction: Literal["scans", "step"] = "scans"
-    # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
-    # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
+    # controls that are optimised: `all`, or the `first`, after which the UAV flies at full speed to the track of
+    # largest covariance within 40 m, as the MCR of the paper's public code does
     actions: Literal["all", "first"] = "all"
-    # cost of tracks: the sum of their covariances' `trace` over the steps, or minus the mutual `information` [nats]
-    # between targets' paths and measurements, which has no cost-to-go (`beta=0`) and measures `search` in nats
+    # cost of tracks: the sum of their covariances' `trace`, or minus the mutual `information` [nats] between paths and
+    # measurements, which needs `beta=0` and measures `search` in nats
     uncertainty: Literal["trace", "information"] = "trace"
-    # cut-off c [m] of GOSPA: the expected squared error up to c replaces the trace of a covariance, so that a lost
-    # person costs at most c² per step, however large the trace; `search` is not cut off; 0: the trace
+    # cut-off c [m] of GOSPA: the expected squared error up to c replaces the trace, so that a lost person costs at most
+    # c² per step; `search` is not cut off; 0: the trace
     cutoff: Annotated[float, Range(0, 1e6)] = 0.0
-    # weight of a learned cost-to-go: the errors of tracks in the 15 s after the plan, by their standard deviation then
-    # and the time until the nearest UAV can have them in view; 0: none
+    # weight of a learned cost-to-go: errors of tracks in the 15 s after the plan; 0: none
     cost_to_go: Annotated[float, Range(0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
