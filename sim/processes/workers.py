@@ -46,10 +46,11 @@ class Workers:
         except OSError:
             return ""
         frames = _FRAME.findall(trace.rpartition("(most recent call first):")[2])  # of the main thread, the last one
-        foreign = list(takewhile(lambda frame: not frame[0].startswith(_OURS), frames))
         if not frames:
             return ""
-        file, line, function = foreign[-1] if foreign else frames[0]
+        foreign = list(takewhile(lambda frame: not frame[0].startswith(_OURS), frames)) or frames[:1]
+        folder = os.path.dirname(foreign[-1][0])  # of the plug-in, which our code called; others are its libraries
+        file, line, function = next(frame for frame in foreign if os.path.dirname(frame[0]) == folder)
         return f" ({file}:{line}, in {function})"
 
 

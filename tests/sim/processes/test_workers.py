@@ -6,6 +6,7 @@ import os
 import signal
 import time
 
+import pebble
 import pytest
 from helpers.processes import python, started_with
 
@@ -47,17 +48,18 @@ ENDS = {
     crash: "its process was killed by SIGSEGV",
     leave: "its process ended by itself, with exit code 3",
     be_killed: "its process was killed by SIGKILL",
-    hang: "took longer than the timeout of 1 s",
-    hang_in_c: "took longer than the timeout of 1 s",
+    hang: "took longer than the timeout of 0.5 s",
+    hang_in_c: "took longer than the timeout of 0.5 s",
     press_ctrl_c: "",
 }
 
 
-def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done():
-    with start_workers(2, time.sleep, 1.2) as workers:  # the start takes longer than tasks may
-        ill = {work: workers.submit(work.__name__, 1.0, work) for work in ENDS}
-        well = [workers.submit(f"well {number}", 1.0, double, number) for number in range(4)]
-        assert [describe_end(future.exception(), 1.0) for future in ill.values()] == list(ENDS.values())
+def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done(monkeypatch):
+    monkeypatch.setattr(pebble.CONSTS, "term_timeout", 0.5)  # s until a worker that ignores SIGTERM is killed
+    with start_workers(2, time.sleep, 0.6) as workers:  # the start takes longer than tasks may
+        ill = {work: workers.submit(work.__name__, 0.5, work) for work in ENDS}
+        well = [workers.submit(f"well {number}", 0.5, double, number) for number in range(4)]
+        assert [describe_end(future.exception(), 0.5) for future in ill.values()] == list(ENDS.values())
         assert [future.result() for future in well] == [0, 2, 4, 6]
         places = {work: workers.crash_place(work.__name__) for work in ENDS}
     for work in (crash, hang):
@@ -79,7 +81,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("after", [0.2, 2.0], ids=["while workers start", "at work"])
+@pytest.mark.parametrize("after", [0.2, 1.2], ids=["while workers start", "at work"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_worker_outlasts_its_parent_and_only_that_complains(tmp_path, number, after):
     (tmp_path / "parent.py").write_text(PARENT)

@@ -115,7 +115,9 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
     ],
 )
 def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_path, sign, number):
-    process = python("-m", "sim", "run", "--planner", "hover", "--out", tmp_path / "out", started=True)
+    process = python(
+        "-m", "sim", "run", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", tmp_path / "out", started=True
+    )
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -125,20 +125,6 @@ def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
     assert started.returncode == 1 and 3 <= kept < 200 and gone()
 
 
-@pytest.mark.usefixtures("heard")
-def test_ctrl_c_while_a_worker_starts_is_one_line(tmp_path):
-    (tmp_path / "killed.toml").write_text(FILE.format(seeds="0-99"))
-    out = tmp_path / "out"
-    started = start(["-c", PROCESSES, "compare", str(tmp_path / "killed.toml"), "--out", str(out), "--workers", "1"])
-    while len(started_with("KILLED_BY", os.getpid())) < 2 and started.poll() is None:  # the command and its worker
-        time.sleep(0.02)
-    time.sleep(0.2)  # the worker is importing
-    os.killpg(started.pid, signal.SIGINT)
-    _, err = started.communicate(timeout=30)
-    assert err == f"understory: interrupted; 0 of 200 trials are kept in {out}, the same command flies the rest\n"
-    assert started.returncode == 1 and gone()
-
-
 @pytest.mark.slow
 def test_a_study_killed_twenty_times_ends_with_the_same_rows(killed):
     rng = np.random.default_rng(1)

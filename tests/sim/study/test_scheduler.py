@@ -3,7 +3,7 @@
 import multiprocessing
 import os
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from unittest.mock import Mock
 
@@ -21,7 +21,7 @@ from sim.study.trial_flight import fly_trial
 
 # Planners that end their process, hang, take long or raise, always or but once (a file tells).
 AILING = """
-import os, time
+import ctypes, os, time
 from pathlib import Path
 from planning.baselines import Hover
 
@@ -36,13 +36,17 @@ class Dies:
     def fail(self):
         os._exit(3)
 
+class Crashes(Dies):
+    def fail(self):
+        ctypes.string_at(0)
+
 class Hangs(Dies):
     def fail(self):
         time.sleep(3600)
 
 class Sleeps(Dies):
     def fail(self):
-        time.sleep(0.75)
+        time.sleep(0.45)
 """
 
 
@@ -111,17 +115,6 @@ def test_trials_that_hang_are_dropped_and_the_rest_flies_on(tmp_path, monkeypatc
     assert len(backend.flown) == 3
 
 
-def test_trials_that_wait_in_the_queue_of_a_process_pool_do_not_hang(ailing, tmp_path, monkeypatch):
-    """Futures of Python's pool say that they run from when they are in its queue, before its process has started."""
-    monkeypatch.setattr(scheduler, "GRACE", 0.0)
-    tasks = short([ailing("Sleeps", once=False)], "0-2")
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
-        monkeypatch.setattr(executor, "submit", Mock(wraps=executor.submit))
-        rows = run(tmp_path, tasks, Borrowed(executor), Options(timeout=3.0))  # two of 1.5 s take longer
-        assert executor.submit.call_count == len(tasks)
-    assert [row.error for row in rows] == [""] * len(tasks)
-
-
 @pytest.fixture
 def cluster():
     """Connects to a cluster of one worker of a thread, of the given kind: in this process or in one with a nanny."""
@@ -144,11 +137,11 @@ def cluster():
 def test_trials_that_wait_for_a_worker_or_its_warm_up_do_not_hang(ailing, cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(scheduler, "GRACE", 0.0)
     warm_up = Mock()
-    warm_up.side_effect = lambda: time.sleep(4.0 if warm_up.call_count == 1 else 0.0)
+    warm_up.side_effect = lambda: time.sleep(2.5 if warm_up.call_count == 1 else 0.0)
     monkeypatch.setattr(trial_flight, "warm_up", warm_up)
     tasks = short([ailing("Sleeps", once=False)], "0-2")
     with cluster("Worker") as backend:
-        rows = run(tmp_path, tasks, backend, Options(timeout=3.0))
+        rows = run(tmp_path, tasks, backend, Options(timeout=2.0))  # all three take longer
         assert backend.submit.call_count == len(tasks) and backend._names == backend._begun == {}
     assert [row.error for row in rows] == [""] * len(tasks)
 
@@ -182,15 +175,27 @@ def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):
 
 def test_processes_that_die_or_hang_lose_no_trial_and_change_no_row(tmp_path, ailing, monkeypatch):
     monkeypatch.setattr(backends, "GRACE", 0.2)
-    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Dies", once=False)], "0")
-    tasks[-1] = msgspec.structs.replace(tasks[-1], seed=1, key="always")  # with a mark of its own
+    tasks = short(["hover", ailing("Dies"), ailing("Hangs")], "0")
     before = dict(os.environ)
     with Pool(2) as flying:
-        *rows, lost = run(tmp_path, tasks, flying, Options(timeout=2.0))
-    assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks[:-1]]
+        rows = run(tmp_path, tasks, flying, Options(timeout=2.0))
+    assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DH]*s"))) == 2
-    assert lost.error == "ProcessExpired: its process ended by itself, with exit code 3"
     assert dict(os.environ) == before and multiprocessing.active_children() == []
+
+
+@pytest.mark.slow
+def test_trials_that_always_die_or_hang_are_recorded_with_their_error_and_line(tmp_path, ailing):
+    tasks = short([ailing("Crashes", once=False), "hover", ailing("Hangs", once=False)], "0-1")
+    with Pool(2) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
+    assert [row.status for row in rows] == ["failed", "done", "failed"] * 2
+    calls = ("ctypes.string_at", "time.sleep(3600)")
+    crash, hang = (
+        f"({tmp_path / 'ailing_study.py'}:{AILING[: AILING.index(call)].count(chr(10)) + 1}, in fail)" for call in calls
+    )
+    assert rows[0].error == f"ProcessExpired: its process was killed by SIGSEGV {crash}"
+    assert rows[2].error == f"TimeoutError: took longer than the timeout of 3 s {hang}"
 
 
 def test_a_pool_has_a_process_for_each_core_that_it_may_use(monkeypatch):
