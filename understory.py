@@ -24,20 +24,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
     from planning.planner_check import check_planner
-    from sim.conformance.detector import check as check_detector
-    from sim.conformance.tracker import check as check_tracker
     from sim.environments.observations import Observations
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.flight import Flight, load
     from sim.running.results import record
     from sim.scenario.scenario import Scenario
+    from sim.sensing.detector_check import check_detector
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.errors import InputError
     from tracking.filter.kalman import Gaussian
     from tracking.fusion.exchange import TrackExchange
     from tracking.fusion.member import Member
     from tracking.fusion.message import Message
+    from tracking.fusion.tracker_check import check_tracker
     from tracking.geometry.camera import Camera, Pose
     from tracking.geometry.visibility import Forest
     from tracking.parameters import TrackerParameters
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 
 # Import string of each name that is defined in one of the packages.
 _HOMES = {
-    "check_detector": "sim.conformance.detector:check",
-    "check_tracker": "sim.conformance.tracker:check",
+    "check_detector": "sim.sensing.detector_check",
+    "check_tracker": "tracking.fusion.tracker_check",
     "check_planner": "planning.planner_check",
     **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
     "Mission": "sim.mission.mission",

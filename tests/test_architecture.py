@@ -20,7 +20,7 @@ LAYERS = {
         *("coordination", "composed", "baselines", "rivals", "oracle", "made_up_teams", "planner_check"),
     ),
     "sim": (
-        *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
+        *("installation", "scenario", "processes", "world", "sensing", "mission", "recording"),
         *("evaluation", "drawing"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
         *("calibration", "study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),

@@ -7,7 +7,6 @@ import numpy as np
 
 from tracking.account import Association, Birth, End, Reacquisition, ScanAccount
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
-from tracking.fusion.checked_tracker import checked_tracks
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
 from tracking.fusion.message import Message
 from tracking.fusion.track_ids import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, is_new_id, new_id
@@ -18,11 +17,11 @@ from tracking.management.deletion import count_misses, find_duplicates, find_out
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
 from tracking.management.scan_check import check_scan
+from tracking.management.track_check import check_tracks
 from tracking.measurement_update import predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
-from tracking.plugins.plugin_error import Unusable
 from tracking.track import (
     DETECTED_AT,
     EXPECTED_AT,
@@ -62,12 +61,7 @@ class Tracker:
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
-        for track in initial:
-            try:
-                checked_tracks([track])
-            except Unusable as error:
-                raise ValueError(f"initial track {track.id}: {error}") from error
-        known = checked_tracks(initial)
+        known = check_tracks(initial)
         if known and known[-1].id >= FIRST_NEW_ID:
             raise ValueError(f"ids of initial tracks must be below {FIRST_NEW_ID}, are up to {known[-1].id}")
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters

@@ -9,9 +9,12 @@ from rich.markup import escape
 
 from planning import planner_check
 from planning.planner_loading import load_planner
+from sim.mission.warmup import announce_compilation
 from sim.scenario.perception import DETECTORS
+from sim.sensing import detector_check
 from sim.terminal.console import console, say
 from sim.terminal.progress import START_UP
+from tracking.fusion import tracker_check
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.findings import Finding
 
@@ -31,9 +34,7 @@ def check_detector(
 ) -> None:
     """Check a detector against the rules for detectors, on test frames; exit code 1 if a check fails."""
     DETECTORS.make(detector)
-    from sim.conformance.detector import check
-
-    _show(check, detector)
+    _show(detector_check.check_detector, detector)
 
 
 def check_tracker(
@@ -41,15 +42,11 @@ def check_tracker(
 ) -> None:
     """Check a tracker against the rules for trackers, on test scans; exit code 1 if a check fails."""
     TRACKERS.find(tracker)
-    from sim.conformance.tracker import check
-
-    _show(check, tracker)
+    _show(tracker_check.check_tracker, tracker)
 
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
     """Print one line per check and a summary; exit with code 1 if a check failed."""
-    from sim.mission.warmup import announce_compilation
-
     with console.status(START_UP), announce_compilation(say):
         findings = check(plugin)
     for one in findings:

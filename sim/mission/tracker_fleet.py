@@ -10,7 +10,8 @@ from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.fleet import step
-from tracking.fusion.member import Member, tracker
+from tracking.fusion.checked_tracker import make_tracker
+from tracking.fusion.member import Member
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Indices
 from tracking.track import Scan, Track
@@ -19,7 +20,7 @@ from tracking.track import Scan, Track
 def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> list[Member]:
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
     return [
-        tracker(
+        make_tracker(
             scenario.tracking.tracker,
             i,
             view_of(uav, scenario),

@@ -8,7 +8,7 @@ import numpy as np
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.filter.motion import MOTION_MODELS, motion_model
+from tracking.filter.motion import MOTION_MODELS, make_motion_model
 from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
 from tracking.track import Track
@@ -44,7 +44,7 @@ def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstant
 def _motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
     """The motion model with this name, over the time between two scans."""
     s = scenario.tracking
-    return motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
+    return make_motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
 
 
 def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:

@@ -5,11 +5,11 @@ from copy import deepcopy
 import numpy as np
 
 from sim.scenario.perception import DETECTORS
-from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import MaskDetector, matched_detections, visible_pixels
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.sensor_mode import SensorOutput, SensorSetup
+from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -57,7 +57,7 @@ class RenderedMode:
         try:
             with plugin_call(self._detector, "detect"):
                 # A plug-in gets a copy, so that it cannot change scans, recordings and videos.
-                return usable_detections(self._detector.detect(deepcopy(frame))), ()
+                return check_detections(self._detector.detect(deepcopy(frame))), ()
         except PluginError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
             return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)

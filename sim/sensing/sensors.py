@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from sim.scenario.perception import SENSOR_MODES, Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import noise_of, view_of
-from sim.sensing.detection_check import usable_matches, usable_output
 from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
+from sim.sensing.sensor_output_check import check_matches, check_output
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.ground_measurement import whole_covariances
@@ -111,9 +111,9 @@ class Sensors:
             kept = self._clutter.kept(len(output.ground))
             return output, kept, output.matched(kept)
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
-            output = usable_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
+            output = check_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
             kept = self._clutter.kept(len(output.ground))
-            return output, kept, usable_matches(output.matched(kept.copy()), people)
+            return output, kept, check_matches(output.matched(kept.copy()), people)
 
     def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections but with false alarms, and its pixels (N, 2) in the same order.

@@ -9,16 +9,16 @@ from helpers.studies import short, sql, store
 
 from planning.planner import Plan
 from planning.planner_check import CHECKS
-from sim.conformance.detector import check as check_detector
-from sim.conformance.tracker import check as check_tracker
 from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.sensing.detector_check import check_detector
 from sim.study.cells import cells
 from sim.study.study import STUDIES, adapt_study, read
 from sim.study.tasks import tasks
 from sim.study.trial_flight import fly_trial
 from tracking.fusion.rule import LocalBeliefs
+from tracking.fusion.tracker_check import check_tracker
 
 PAGE = (DOCS / "how-to" / "planners.md").read_text(encoding="utf-8")
 PLUGINS_PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")

@@ -64,18 +64,18 @@ def test_wrong_steps_and_noise_of_a_motion_are_named(field, value, allowed):
 @pytest.mark.parametrize(
     ("mean", "covariance", "existence", "complaint"),
     [
-        (np.full(4, math.nan), np.eye(4), 1.0, "initial track 7: means of tracks are not finite"),
-        (np.zeros(2), np.eye(4), 1.0, r"initial track 7: means of tracks of shape \(1, 2\), not \(1, 4\)"),
+        (np.full(4, math.nan), np.eye(4), 1.0, "means of tracks are not finite"),
+        (np.zeros(2), np.eye(4), 1.0, r"means of tracks of shape \(1, 2\), not \(1, 4\)"),
         (
             np.zeros(4),
             -np.eye(4),
             1.0,
-            "initial track 7: covariances of tracks are not .* positive definite",
+            "covariances of tracks are not .* positive definite",
         ),
-        (np.zeros(4), np.eye(4) + np.eye(4, k=1), 1.0, "initial track 7: covariances of tracks are not symmetric"),
-        (np.zeros(4), np.full((4, 4), math.nan), 1.0, "initial track 7: covariances of tracks are not finite"),
-        (np.zeros(4), np.eye(4), 1.7, r"initial track 7: existence of tracks is not in \(0, 1\]"),
-        (np.zeros(4), np.eye(4), math.nan, "initial track 7: existence of tracks are not finite"),
+        (np.zeros(4), np.eye(4) + np.eye(4, k=1), 1.0, "covariances of tracks are not symmetric"),
+        (np.zeros(4), np.full((4, 4), math.nan), 1.0, "covariances of tracks are not finite"),
+        (np.zeros(4), np.eye(4), 1.7, r"existence of tracks is not in \(0, 1\]"),
+        (np.zeros(4), np.eye(4), math.nan, "existence of tracks are not finite"),
     ],
 )
 def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covariance, existence, complaint):

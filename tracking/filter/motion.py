@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from tracking.errors import InputError
+from tracking.numerics.arrays import Array
+from tracking.plugins.array_checks import check_array, check_positive_definite
 from tracking.plugins.registry import Registry
-
-if TYPE_CHECKING:  # checking a name needs no arithmetic
-    from tracking.numerics.arrays import Array
 
 # Each model is called with the scenario's keys dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], of which it
 # may ignore some.
@@ -41,7 +40,7 @@ class MotionModel(Protocol):
         """
 
 
-def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
+def make_motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
     """The model of that name or import string.
 
     InputError if there is none, if its attribute `dt` differs from this one, or later if its predictions are wrong.
@@ -51,11 +50,11 @@ def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking
         step = float(getattr(model, "dt", math.nan))
     if step != dt:
         raise InputError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step:g}")
-    return model if name in MOTION_MODELS.built_in else _Checked(name, model, dt)
+    return model if name in MOTION_MODELS.built_in else _CheckedModel(name, model, dt)
 
 
 @dataclass(frozen=True)
-class _Checked:
+class _CheckedModel:
     """A motion model from outside; InputError if a prediction fails or is no belief."""
 
     name: str
@@ -63,8 +62,6 @@ class _Checked:
     dt: float
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        from tracking.plugins.array_checks import check_array, check_positive_definite
-
         with MOTION_MODELS.errors(self.name, "predict", self.model, "predict_all"):
             moved, spread = self.model.predict_all(means, covariances)
             moved = check_array("means", moved, means.shape)
@@ -72,5 +69,5 @@ class _Checked:
             check_positive_definite("covariances", spread)
             return moved, spread
 
-    def observed(self, velocities: Array) -> _Checked:
+    def observed(self, velocities: Array) -> _CheckedModel:
         return self

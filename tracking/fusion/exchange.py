@@ -8,7 +8,7 @@ import numpy as np
 
 from tracking.association.jpda import log_odds
 from tracking.fusion.message import Message, Partition
-from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
@@ -40,7 +40,7 @@ class Messenger:
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
         self.uav, self.scans, self.time = uav, 0, -math.inf
-        self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
+        self._rule, self._forget_after = make_fusion_rule(parameters.fusion), parameters.forget_after
         self._partition = Partition(0, -math.inf)  # as last heard
         self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
 

@@ -1,19 +1,10 @@
 """Trackers as members of a fleet: their interface, and the trackers by name."""
 
-from __future__ import annotations
+from typing import Protocol
 
-from collections.abc import Sequence
-from copy import deepcopy
-from typing import TYPE_CHECKING, Protocol
-
+from tracking.fusion.message import Message
 from tracking.plugins.registry import Registry
-
-if TYPE_CHECKING:  # checking a name needs no arithmetic
-    from tracking.fusion.message import Message
-    from tracking.geometry.camera import Camera
-    from tracking.geometry.visibility import Forest
-    from tracking.parameters import TrackerParameters
-    from tracking.track import Scan, Track
+from tracking.track import Scan, Track
 
 # Each tracker is made with uav, camera, forest, parameters and initial tracks, as is `tracking.tracker.Tracker`.
 TRACKERS = Registry(
@@ -51,20 +42,7 @@ class Member(Protocol):
         """Message for the first round of consensus, to `degree` neighbours."""
 
     def accept(self, message: Message) -> None:
-        """Take over the fleet's tracks from the message after the last round, which without neighbours is the own."""
+        """Take over the fleet's tracks from the message after the last round.
 
-
-def tracker(
-    name: str, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
-) -> Member:
-    """The tracker of that name or import string; InputError if there is none, or later if its results are unusable.
-
-    A tracker from outside gets copies of camera and forest, so that its changes to them affect no other.
-    """
-    if name in TRACKERS.built_in:
-        ours: Member = TRACKERS.make(name, uav, camera, forest, parameters, initial)
-        return ours
-    from tracking.fusion.checked_tracker import CheckedTracker
-
-    made = TRACKERS.make(name, uav, *deepcopy((camera, forest)), parameters, initial)
-    return CheckedTracker(name, made, uav, parameters.max_speed)
+        This is the UAV's own message if it has no neighbours.
+        """

@@ -127,7 +127,7 @@ def are_alike(messages: Sequence[Message]) -> bool:
 
 
 def check_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
-    """Novel information from outside about `count` tracks, as `Message.novel`; `Unusable` if it has another form."""
+    """Return novel information from outside about `count` tracks, as `Message.novel`; raise `Unusable` for others."""
     width = np.shape(given)[-1:] or (0,)
     if 0 < width[0] <= INFORMATION:
         raise Unusable(f"{name} of {width[0]} columns; allowed are 0, or more than {INFORMATION}")

@@ -1,15 +1,16 @@
 """Fusion rules: the information of a UAV that consensus averages, and the information that it adds up."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
+import numpy as np
+
+from tracking.fusion.message import INFORMATION, check_novel
+from tracking.numerics.arrays import Array, Indices
+from tracking.plugins.array_checks import check_array, check_positive_definite
+from tracking.plugins.plugin_error import Unusable
 from tracking.plugins.registry import Registry
-
-if TYPE_CHECKING:  # checking a name needs no arithmetic
-    from tracking.numerics.arrays import Array, Indices
 
 FUSION_RULES = Registry(
     "network.fusion",
@@ -48,26 +49,20 @@ class FusionRule(Protocol):
         """Contribution of a UAV to the fleet's averages and sums; the fleet's belief is the average plus the sum."""
 
 
-def fusion_rule(name: str) -> FusionRule:
+def make_fusion_rule(name: str) -> FusionRule:
     """The rule of that name or import string; InputError if there is none, or later if its results are unusable."""
     rule: FusionRule = FUSION_RULES.make(name)
-    return rule if name in FUSION_RULES.built_in else _Checked(name, rule)
+    return rule if name in FUSION_RULES.built_in else _CheckedRule(name, rule)
 
 
 @dataclass(frozen=True)
-class _Checked:
+class _CheckedRule:
     """A fusion rule from outside; InputError if it fails, or if its contribution is no information."""
 
     name: str
     rule: FusionRule
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
-        import numpy as np
-
-        from tracking.fusion.message import INFORMATION, check_novel
-        from tracking.plugins.array_checks import check_array, check_positive_definite
-        from tracking.plugins.plugin_error import Unusable
-
         count = len(local.means)
         with FUSION_RULES.errors(self.name, "contribute", self.rule, "contribution"):
             averaged, summed, weights = self.rule.contribution(deepcopy(local))

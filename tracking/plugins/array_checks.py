@@ -33,8 +33,8 @@ def check_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
 def check_whole_numbers(name: str, given: object, shape: tuple[int, ...], kinds: str = "iu") -> Indices:
     """Return a new array of whole numbers of a shape; raise `Unusable` for anything else. kinds: of NumPy types."""
     found = np.asarray(given)
-    if found.shape != shape or found.dtype.kind not in kinds:
-        raise Unusable(f"{name} are no table {shape} of whole numbers")
+    if found.shape != shape or (found.dtype.kind not in kinds and found.size):
+        raise Unusable(f"{name} are not whole numbers of shape {shape}")
     return found.astype(np.int64)
 
 

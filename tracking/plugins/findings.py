@@ -1,11 +1,16 @@
 """Findings of checks that a plug-in keeps its contract."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from functools import partial
+from statistics import median
+from typing import Any, TypeVar
 
 import numpy as np
 
+Subject = TypeVar("Subject")
+_NEES = 0.2, 20.0  # least and largest mean NEES of two-dimensional errors, for which 2 is consistent
+_SCAN = 0.2  # s between scans of the default scenario
 _MARKS = {True: "passed", False: "FAILED", None: "-"}
 
 
@@ -37,6 +42,35 @@ def finding(name: str, check: Callable[[], str]) -> Finding:
         return Finding(name, False, str(error))
     except Untried as error:
         return Finding(name, None, f"not tried: {error}")
+
+
+def try_checks(subject: Subject, checks: Mapping[str, Callable[[Subject], str]]) -> list[Finding]:
+    """Findings of checks by name; each returns what it saw, or raises `Unfit` or `Untried`.
+
+    If the first one fails, the plug-in does not work at all, and the others are not tried.
+    """
+    found: list[Finding] = []
+    for name, check in checks.items():
+        if found and not found[0].passed:
+            found.append(Finding(name, None, f"not tried: it fails {found[0].check!r}"))
+        else:
+            found.append(finding(name, partial(check, subject)))
+    return found
+
+
+def check_nees(nees: float) -> str:
+    """The mean NEES of positions in words; raise `Unfit` if covariances are ten times too large or too small."""
+    seen = f"mean NEES of positions {nees:.3g}, consistent is 2"
+    if not _NEES[0] <= nees <= _NEES[1]:
+        raise Unfit(f"{seen}: covariances are far too {'large' if nees < _NEES[0] else 'small'}")
+    return seen
+
+
+def describe_time(seconds: Sequence[float], each: str) -> str:
+    """Usual and longest time of `each` call, with a remark if it is longer than the time between scans."""
+    usual, most = 1e3 * median(seconds), 1e3 * max(seconds)
+    late = "; longer than the time between scans" if usual > 1e3 * _SCAN else ""
+    return f"{usual:.3g} ms {each}, at most {most:.3g} ms{late}"
 
 
 def find_change(before: Any, after: Any, path: str) -> str:  # noqa: ANN401 - any value

@@ -20,8 +20,8 @@ from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
 from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
-from tracking.filter.motion import motion_model
-from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.filter.motion import make_motion_model
+from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 
 NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
@@ -118,13 +118,13 @@ def test_a_fusion_rule_may_add_up_on_some_uavs_only(tmp_path, module):
 
 
 def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
-    assert type(motion_model("ncv", 0.2, 0.5, 3.0, 1.6)).__name__ == "NearlyConstantVelocity"
-    assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
+    assert type(make_motion_model("ncv", 0.2, 0.5, 3.0, 1.6)).__name__ == "NearlyConstantVelocity"
+    assert type(make_fusion_rule("hcmci")).__name__ == "HybridConsensus"
     mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
     nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
     local = LocalBeliefs(0, mean, P, np.ones(1), nothing, np.zeros((0, 2)), np.zeros((0, 2), int), np.zeros(0, int))
     for name in ("kla", "hcmci"):
-        averaged, summed, _ = fusion_rule(name).contribution(local)
+        averaged, summed, _ = make_fusion_rule(name).contribution(local)
         assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()
 
 
@@ -204,23 +204,23 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("accept", "self.tracks *= 2", "its tracks after accept: ids of tracks are there twice: [0, 1, 2, 3]"),
         ("accept", "self.tracks = None", "cannot give its tracks after accept: "),
         ("accept", "self.tracks = tuple(replace(t, existence=0.0) for t in self.tracks)", "existence of tracks is not"),
-        ("accept", "self.tracks = tuple(replace(t, id=-t.id) for t in self.tracks)", "not whole numbers of at least 0"),
+        ("accept", "self.tracks = tuple(replace(t, id=-t.id) for t in self.tracks)", "ids of tracks are below 0: ["),
         ("accept", "raise KeyError('table')", "cannot accept a message: KeyError: 'table' ("),
         ("coast", "1 / 0", "cannot take a scan: ZeroDivisionError: "),
         ("message", "return None", "cannot give a message: it is no tracking.fusion.message.Message but NoneType"),
         ("message", "return replace(given, ids=given.ids[::-1])", "cannot give a message: ids are not ascending"),
         ("message", "return replace(given, shares=given.shares[1:])", "shares of shape (3, 22), not (4, 22)"),
         ("message", "return replace(given, shares=0 * given.shares)", "are not positive"),
-        ("message", "return replace(given, misses=given.misses / 2)", "misses are no table (4,) of whole numbers"),
-        ("message", "return replace(given, views=given.views[0])", "views are no table (4, 2) of whole numbers"),
+        ("message", "return replace(given, misses=given.misses / 2)", "misses are not whole numbers of shape (4,)"),
+        ("message", "return replace(given, views=given.views[0])", "views are not whole numbers of shape (4, 2)"),
         ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
         ("message", "return replace(given, partition=(0.5, 0.0))", "partition are of other numbers than whole ones"),
         ("message", "return replace(given, novel=np.zeros((4, 3)))", "novel of 3 columns; allowed are 0, or more than"),
-        ("message", "return replace(given, scan=None)", "scan are no table () of whole numbers"),
+        ("message", "return replace(given, scan=None)", "scan are not whole numbers of shape ()"),
         ("message", "return replace(given, scan=9)", "it is of scan 9 at 0.0 s, not of scan 1 at 0.0 s"),
         ("message", "return replace(given, time=9.5)", "it is of scan 1 at 9.5 s, not of scan 1 at 0.0 s"),
-        ("message", "return replace(given, deleted=((1,),))", "deleted are no table (1, 2) of numbers"),
-        ("message", "return replace(given, times=given.times + np.nan)", "times are no table (4, 4) of numbers"),
+        ("message", "return replace(given, deleted=((1,),))", "deleted are not numbers of shape (1, 2)"),
+        ("message", "return replace(given, times=given.times + np.nan)", "times are not numbers of shape (4, 4)"),
         ("predict_all", "given[0][:] = np.nan", "cannot predict: means are not finite"),
         ("predict_all", "given = given[0][:-1], given[1]", "cannot predict: means of shape (3, 4), not (4, 4)"),
         ("predict_all", "given[1][:] *= -1.0", "cannot predict: covariances are not symmetric and positive definite"),
@@ -241,8 +241,8 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
         ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1e+06 m away"),
         ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),
-        ("sense", "return replace(given, visible=given.visible[1:])", "visible are no table (4,) of whole numbers"),
-        ("sense", "return replace(given, visible=given.visible / 2)", "visible are no table (4,) of whole numbers"),
+        ("sense", "return replace(given, visible=given.visible[1:])", "visible are not whole numbers of shape (4,)"),
+        ("sense", "return replace(given, visible=given.visible / 2)", "visible are not whole numbers of shape (4,)"),
         ("sense", "return replace(given, visible=-given.visible)", "cannot sense: visible are below 0"),
         ("sense", "return replace(given, pixels=np.zeros((3, 2)))", "cannot sense: pixels of shape (3, 2), not (2, 2)"),
         ("sense", "return replace(given, pixels=np.full((2, 2), np.nan))", "cannot sense: pixels are not finite"),

@@ -6,9 +6,9 @@ from helpers.kalman import update
 from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, track
 
 from tracking.filter.kalman import Gaussian
+from tracking.fusion.checked_tracker import make_tracker
 from tracking.fusion.consensus import fuse
 from tracking.fusion.exchange import TrackExchange
-from tracking.fusion.member import tracker
 from tracking.fusion.track_ids import new_id
 from tracking.track import Scan, Track
 from tracking.tracker import Tracker, TrackerParameters
@@ -145,7 +145,7 @@ def test_only_a_sure_detection_is_a_sighting():
 
 
 def test_the_built_in_tracker_is_made_unchecked():
-    made = tracker("jpda", 2, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)])
+    made = make_tracker("jpda", 2, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)])
     assert type(made) is Tracker and (made.uav, made.max_speed) == (2, 3.0)
 
 
@@ -168,7 +168,7 @@ class Kalman(Scripted):
 
 
 def test_a_tracker_from_outside_equals_the_filter_that_it_is():
-    made = tracker(f"{__name__}:Kalman", 0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 1, 0)])
+    made = make_tracker(f"{__name__}:Kalman", 0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 1, 0)])
     belief, z, R = track(0, 0, 0, 1, 0).belief, np.array([[0.1, 0.2]]), 0.05 * np.eye(2)[None]
     for k in range(5):
         belief = MOTION.predict(belief) if k else belief

@@ -11,7 +11,7 @@ from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
-from tracking.filter.motion import motion_model
+from tracking.filter.motion import make_motion_model
 from tracking.fusion.consensus import fuse
 from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.geometry.camera import Pose
@@ -97,7 +97,7 @@ def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(management):
 @pytest.mark.parametrize("kind", ["ncv", "mean-reverting"])
 def test_crossing_people_keep_their_ids(management, kind):
     rng = np.random.default_rng(0)
-    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0, 1.6), management=management)
+    parameters = TrackerParameters(make_motion_model(kind, 0.2, 0.5, 3.0, 1.6), management=management)
     subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
     for k in range(41):
         people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])

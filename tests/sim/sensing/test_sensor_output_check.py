@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.sensing.detection_check import usable_detections, usable_matches, usable_output
 from sim.sensing.sensor_mode import SensorOutput
+from sim.sensing.sensor_output_check import check_detections, check_matches, check_output
 from tracking.detection.detector import Detections
 
 PEOPLE = np.array([[1.0, 2.0], [np.nan, np.nan], [3.0, 4.0]])
@@ -16,33 +16,33 @@ PEOPLE = np.array([[1.0, 2.0], [np.nan, np.nan], [3.0, 4.0]])
 )
 def test_detections_beyond_all_measure_are_faults(ground, variance, words):
     with pytest.raises(ValueError, match=words):
-        usable_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
+        check_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
 
 
 def test_what_has_no_detections_is_told_by_its_type():
     with pytest.raises(ValueError, match=r"^it is not Detections but of type NoneType$"):
-        usable_detections(None)
+        check_detections(None)
 
 
-def test_usable_detections_pass_as_floats_and_none_as_an_empty_list():
-    found = usable_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
+def test_check_detections_pass_as_floats_and_none_as_an_empty_list():
+    found = check_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
     assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3
     assert found.covariances.tolist() == [[[2.0, 1.0], [1.0, 2.0]]]
-    found = usable_detections(Detections([], [], []))
+    found = check_detections(Detections([], [], []))
     assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
 
 
 def test_output_of_lists_and_truth_values_passes_as_arrays():
-    found = usable_output(SensorOutput([[1, 2]], list, [True, False, False], [np.eye(2)], None, [[3, 4]], []), PEOPLE)
+    found = check_output(SensorOutput([[1, 2]], list, [True, False, False], [np.eye(2)], None, [[3, 4]], []), PEOPLE)
     assert [a.dtype for a in (found.ground, found.covariances, found.pixels)] == [np.float64] * 3
     assert found.visible.tolist() == [1, 0, 0] and found.faults == ()
-    assert usable_matches([True, False, False], PEOPLE).tolist() == [True, False, False]
-    empty = usable_output(SensorOutput(np.zeros((0, 2)), list, np.zeros(0, dtype=np.uint8)), PEOPLE[:0])
+    assert check_matches([True, False, False], PEOPLE).tolist() == [True, False, False]
+    empty = check_output(SensorOutput(np.zeros((0, 2)), list, np.zeros(0, dtype=np.uint8)), PEOPLE[:0])
     assert (empty.covariances, empty.pixels) == (None, None) and empty.visible.shape == (0,)
 
 
 def test_absent_people_are_neither_shown_nor_detected():
     with pytest.raises(ValueError, match="visible include absent people"):
-        usable_output(SensorOutput(PEOPLE[:1], list, np.ones(3, dtype=int)), PEOPLE)
+        check_output(SensorOutput(PEOPLE[:1], list, np.ones(3, dtype=int)), PEOPLE)
     with pytest.raises(ValueError, match="matched include absent people"):
-        usable_matches(np.array([True, True, False]), PEOPLE)
+        check_matches(np.array([True, True, False]), PEOPLE)

@@ -17,7 +17,7 @@ _FARTHEST = 1e6  # m or pixels; larger coordinates are meaningless
 _MOST = 200  # detections of a plug-in in one frame; more would take trackers seconds
 
 
-def usable_detections(found: Detections) -> Detections:
+def check_detections(found: Detections) -> Detections:
     """Detections as arrays of floats that trackers can use; `Unusable` says why they cannot be used."""
     if not all(hasattr(found, name) for name in _SHAPES):
         raise Unusable(f"it is not Detections but of type {type(found).__name__}")
@@ -30,10 +30,10 @@ def usable_detections(found: Detections) -> Detections:
     return Detections(**{name: _usable(name, array, count) for name, array in arrays.items()})
 
 
-def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
+def check_output(output: SensorOutput, people: Array) -> SensorOutput:
     """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong.
 
-    Values that `matched` returns are checked by `usable_matches`.
+    Values that `matched` returns are checked by `check_matches`.
     """
     _check_kind("output", output, SensorOutput)
     count, faults = len(output.ground), tuple(output.faults)
@@ -52,7 +52,7 @@ def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
     )
 
 
-def usable_matches(matched: object, people: Array) -> Flags:
+def check_matches(matched: object, people: Array) -> Flags:
     """Valid mask (M,) of detected people, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
     found = np.array(matched)
     if found.shape != (len(people),) or found.dtype != np.bool_:

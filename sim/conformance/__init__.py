@@ -1,1 +1,0 @@
-"""Checks that plug-ins of the simulation keep their contract."""
