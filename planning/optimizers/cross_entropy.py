@@ -3,12 +3,13 @@
 import math
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from planning.objective.objective import Objective
 from planning.optimizers.mutations import choose_distinct, draw_chances, mutate_plans
+from planning.options import Range, check_options
 from planning.planner import limit_speed
 from planning.prediction.targets_in_reach import NO_TARGETS, TargetsInReach
 from tracking.numerics.arrays import Array
@@ -44,25 +45,21 @@ class CrossEntropy:
     (E. L. Allgower, K. Georg, Numerical Continuation Methods, Springer, 1990).
     """
 
-    evaluations: int = 12_288  # of the objective, besides the starts
-    elites: int = 32  # in the first round, falling to `last_elites`
-    last_elites: int = 12
-    rounds: int = 18
+    evaluations: Annotated[int, Range(0, 10_000_000)] = 12_288  # of the objective, besides the starts
+    elites: Annotated[int, Range(1, 1_000_000)] = 32  # in the first round, falling to `last_elites`
+    last_elites: Annotated[int, Range(1, 1_000_000)] = 12
+    rounds: Annotated[int, Range(1, 1_000_000)] = 18
     spread: float = 1.0  # initial size of the noise, in maximum speeds
     shrink: float = 0.8  # factor of `spread` and `apart` from round to round
     apart: float = 0.6  # initial root-mean-square distance of elites' paths, in steps at maximum speed
-    ease: float = 0.3  # initial widening of fields of view, in steps at maximum speed
-    eased_rounds: float = 0.5  # share of the rounds after which fields of view have their true size
+    ease: Annotated[float, Range(0, 1e3)] = 0.3  # initial widening of fields of view, in steps at maximum speed
+    # share of the rounds after which fields of view have their true size
+    eased_rounds: Annotated[float, Range(0, 1)] = 0.5
     # Time [s] for which searches are repeated and after which no round begins; 0: one search. Otherwise results vary.
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
-        least = {"elites": 1, "last_elites": 1, "rounds": 1, "ease": 0, "eased_rounds": 0, "evaluations": 0}
-        for name, bound in least.items():
-            if getattr(self, name) < bound:
-                raise ValueError(f"{name} must be at least {bound}, is {getattr(self, name)}")
-        if self.eased_rounds > 1.0:
-            raise ValueError(f"eased_rounds must be at most 1, is {self.eased_rounds}")
+        check_options(self)
 
     def minimise(
         self,

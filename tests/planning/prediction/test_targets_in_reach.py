@@ -147,16 +147,3 @@ def test_when_time_ends_a_relaxed_search_plans_get_their_true_costs(random_team,
     # Plans side by side share sums, so that a batch of others may change the last bit.
     assert value(found[None])[0] == pytest.approx(value(pools[-1]).min(), rel=1e-12)
     assert value(found[None])[0] <= value(starts).min() * (1 + 1e-12)
-
-
-@pytest.mark.parametrize(
-    ("fields", "complaint"),
-    [
-        ({"elites": 0}, "elites must be at least 1, is 0"),
-        ({"last_elites": 0}, "last_elites must be at least 1, is 0"),
-        ({"eased_rounds": 1.5}, "eased_rounds must be at most 1, is 1.5"),
-    ],
-)
-def test_a_search_that_cannot_be_is_refused(fields, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        CrossEntropy(**fields)
