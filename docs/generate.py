@@ -21,9 +21,9 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import msgspec
 
 from planning.planners import DEFAULT_PLANNER, PLANNERS
-from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import toml
+from sim.scenario.uavs import Cut, Uav
 from sim.world.appearance import FULL
 from tracking.plugins.registry import import_plugin
 

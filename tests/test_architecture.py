@@ -12,8 +12,9 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 # Rooms of each package from the ground up: what stands in one imports only from it and from those below it.
 LAYERS = {
     "tracking": (
-        *("errors", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association"),
-        *("measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet", "undetected"),
+        *("errors", "settings", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track"),
+        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
+        "undetected",
     ),
     "planning": (
         *("planner", "planners", "planner_loading", "options", "prediction", "objective", "optimizers"),
@@ -142,6 +143,7 @@ CHANCE |= {"poisson", "binomial", "gumbel", "laplace", "logistic", "lognormal", 
 CHANCE |= {"standard_t"}
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
+LIBRARIES |= {"filterpy.common.Q_discrete_white_noise"}  # called for a step of 1 s alone: all powers of 1 are exact
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
 BESIDE = {"planning/made_up_teams.py", "planning/planner_check.py"}
 

@@ -14,9 +14,9 @@ from helpers.processes import python
 import understory
 from sim.recording.archive import digest
 from sim.scenario.environment import People, Trees
-from sim.scenario.fleet import Uav
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario, resolved
+from sim.scenario.sensing import Sensing
+from sim.scenario.uavs import Uav
 from sim.study import backends
 
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
@@ -95,7 +95,7 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
         ({"settings": {"trees.densty": 3}}, "trees.densty: unknown key"),
         ({"scenario": Scenario(), "settings": SHORT}, "settings: not allowed with a Scenario"),
         ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
-        ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected a number >= 0"),
+        ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected `float` >= 0"),
         (
             {"scenario": Scenario(people=People(group=object))},
             "scenario: <class 'object'> is not allowed; expected plain values",
@@ -118,7 +118,7 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("duration = -4", "duration: -4 is not allowed; expected a number > 0.0"),
+        ("duration = -4", "duration: -4 is not allowed; expected `float` > 0.0"),
         ("trees.density = 160", "trees.density = 160: this seed asks for 160, and only"),
     ],
 )

@@ -1,78 +1,118 @@
-"""Parameters of a tracker."""
+"""Settings of a tracker, and the parameters with which one is made."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated, Any, Literal
 
-import numpy as np
+import msgspec
+from msgspec import Meta, Struct
 
 from tracking.filter.motion import MotionModel
 from tracking.numerics.exponential import log, power
+from tracking.settings import Density, Expected, Scans, Speed, Time, read_settings
 
-MANAGEMENT = ("m_of_n", "existence")
-MOST_SCANS = 62  # most scans for which the bits of an integer can hold misses
 EXPECTED = 0.9  # probability of being in plain view from which on a UAV should see the person
 SEEN = 0.1  # probability that a measurement is the person's from which on the person counts as detected
-# Allowed values in words, a test of a value, which NaN fails, and the parameters to test.
-_RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
-    ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability")),
-    ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
-    ("positive", lambda x: x > 0.0, ("clutter_density", "birth_density", "max_variance", "max_speed", "forget_after")),
-    ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density", "max_speed")),
-    ("0 or more and finite", lambda x: 0.0 <= x < math.inf, ("negative_information",)),
-    ("0 or more", lambda x: x >= 0.0, ("reacquire_after",)),
-)
 
 
-@dataclass(frozen=True)
-class TrackerParameters:
-    """A tracker's models of people and sensors, and its rules of track management."""
+class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
+    """Settings of the trackers: the table `[tracking]` of a scenario."""
 
-    motion: MotionModel  # over one scan
-    detection_probability: float = 0.99  # of a person in plain view
-    clutter_density: float = 1e-6  # false alarms per m²
-    gate_probability: float = 0.9999
-    confirm: tuple[int, int] = (2, 3)  # m of n scans
-    delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
-    # exponent of the likelihood of no detection in beliefs, not in association; 0: no negative information
-    negative_information: float = 1.0
-    reacquire_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
-    max_variance: float = 100.0  # m², trace of the position's covariance beyond which a track is deleted
-    max_speed: float = 3.0  # of people, m/s
-    management: str = "existence"  # by probabilities of "existence", or "m_of_n" by `confirm` and `delete`
-    survival: float = 0.999  # probability that a person in the area is still there a second later
-    birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
-    confirmation_threshold: float = 0.99  # probability of existence that confirms a track
-    deletion_threshold: float = 0.001  # probability below which a track is deleted; no effect below 1e-9
-    fusion: str = "hcmci"  # rule of fusion, see `tracking.fusion.rule`
-    forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
+    # m/s², standard deviation of the acceleration in the motion model, [Li22] eq. (1)
+    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.75
+    # `"known"`: UAVs have the tracks of all people at the start; `"none"`: people have to be found
+    initial_tracks: Literal["known", "none"] = "known"
+    # probability of detection of a person in plain view
+    detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    clutter_density: Density = 1e-6  # 1/m², expected false detections per scan and area
+    # probability that a person's own measurement falls into the gate
+    gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
+    confirm: tuple[Scans, Scans] = (2, 3)  # m and n: a new track needs m detections in n scans; n is at most 62
+    # m and n: a track ends after m misses in n scans in which the person should have been seen; n is at most 62
+    delete: tuple[Scans, Scans] = (5, 5)
+    # exponent of the likelihood of negative information; 0 means that it is not used
+    negative_information: Annotated[float, Meta(ge=0, le=100)] = 1.0
+    # s, time without a detection after which a detection within the person's reach may re-acquire the track
+    reacquire_after: Time = 0.2
+    # m², trace of the position covariance above which a track ends; the default is the square of GOSPA's cut-off
+    max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
+    # m/s, largest speed of people, also of lost and undetected ones and of new tracks
+    max_speed: Speed = 3.0
+    # m/s, walking speed that `motion = "mean-reverting"` expects while few people have been seen
+    walking_speed: Speed = 1.75
+    # how tracks are initiated and deleted: `"existence"`: by each track's probability of existence, with
+    # `confirmation_threshold` and `deletion_threshold`; `"m_of_n"`: by counting scans, as in the paper, with `confirm`
+    # and `delete`
+    management: Literal["m_of_n", "existence"] = "existence"
+    # with `"existence"`: probability that a person is still in the area a second later
+    survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
+    # 1/m², with `"existence"`: expected first detections of people per scan and area; its ratio to `clutter_density`
+    # gives the existence probability of a new track
+    birth_density: Density = 1e-5
+    # with `"existence"`: probability of existence that confirms a new track
+    confirmation_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    # with `"existence"`: probability of existence below which a track is deleted
+    deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
+    # motion model: `"mean-reverting"`: speeds return to the walking speed of the people seen; `"ncv"`: nearly constant
+    # velocity, as in the paper, and what planners expect with a model of your own. `thompson` always expects it
+    motion: str = "mean-reverting"
+    # `"jpda"`: Bernoulli tracks with joint probabilistic data association
+    tracker: str = "jpda"
+    # expected number of undetected people at the start, for whom UAVs search if `initial_tracks` is `"none"`
+    undetected: Expected = 4.0
 
     def __post_init__(self) -> None:
-        for allowed, holds, names in _RANGES:
-            for name in names:
-                if not holds(value := getattr(self, name)):
-                    raise ValueError(f"{name} must be {allowed}, is {value}")
-        for name in ("confirm", "delete"):
-            m, n = getattr(self, name)
-            whole = isinstance(m, int | np.integer) and isinstance(n, int | np.integer)
-            if not (whole and 1 <= m <= n <= MOST_SCANS):
-                raise ValueError(f"{name} must be integers (m, n) with 1 <= m <= n <= {MOST_SCANS}, is ({m}, {n})")
-        if self.management not in MANAGEMENT:
-            raise ValueError(f"management must be {' or '.join(MANAGEMENT)}, is {self.management!r}")
-        if not 0.0 < self.deletion_threshold < self.confirmation_threshold < 1.0:
-            allowed = "0 < deletion_threshold < confirmation_threshold < 1 must hold"
-            raise ValueError(f"{allowed}, they are {self.deletion_threshold} and {self.confirmation_threshold}")
+        for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
+            if m > n:
+                raise ValueError(f"{name} {m} of {n} can never happen")
+        if self.deletion_threshold >= self.confirmation_threshold:
+            allowed = f"below confirmation_threshold {self.confirmation_threshold:g}"
+            raise ValueError(f"deletion_threshold {self.deletion_threshold:g} must be {allowed}")
+
+
+_DEFAULTS = Tracking()
+
+
+class TrackerParameters:
+    """What a tracker is told besides its camera and the map of trees.
+
+    Each key of `settings` except `motion` is an attribute, too: `parameters.max_speed` is a setting, while
+    `parameters.motion` is the motion model itself, over one scan.
+    """
+
+    def __init__(
+        self,
+        motion: MotionModel,
+        settings: Tracking = _DEFAULTS,
+        *,
+        fusion: str = "hcmci",
+        forget_after: float = 30.0,
+        **changed: Any,  # noqa: ANN401 - as many types as settings
+    ) -> None:
+        """Parameters with the settings, of which some may be changed by name: `TrackerParameters(m, survival=0.9)`.
+
+        fusion: rule of fusion, see `tracking.fusion.rule`; forget_after: s for which the fleet remembers that it
+        deleted a track. InputError if a changed setting is unknown or out of its bounds.
+        """
+        self.motion, self.fusion, self.forget_after = motion, fusion, forget_after
+        self.settings = settings
+        if changed:
+            self.settings = read_settings(msgspec.structs.asdict(settings) | changed, Tracking)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as many types as settings
+        if name == "settings":  # while a copy is being made
+            raise AttributeError(name)
+        return getattr(self.settings, name)
 
     @cached_property
     def association(self) -> tuple[float, float, float]:
         """Probability of a gate, density of clutter [1/m²] and probability of detection, for compiled code."""
-        return self.gate_probability, self.clutter_density, self.detection_probability
+        return self.settings.gate_probability, self.settings.clutter_density, self.settings.detection_probability
 
     @cached_property
     def loss(self) -> tuple[float, float]:
         """Time [s] without a sure detection after which a track is lost, and people's largest speed [m/s]."""
-        return max(self.reacquire_after - self.motion.dt / 2, 0.0), self.max_speed  # half a scan less, against rounding
+        after = self.settings.reacquire_after - self.motion.dt / 2  # half a scan less, against rounding
+        return max(after, 0.0), self.settings.max_speed
 
     @cached_property
     def measurement_gate(self) -> float:

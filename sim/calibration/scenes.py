@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from sim.scenario.fleet import DEFAULT_FLEET, Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import DEFAULT_FLEET, Uav
 from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
 from sim.world.world import World

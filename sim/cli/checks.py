@@ -10,7 +10,7 @@ from rich.markup import escape
 from planning import planner_check
 from planning.planner_loading import load_planner
 from sim.mission.warmup import announce_compilation
-from sim.scenario.perception import DETECTORS
+from sim.scenario.sensing import DETECTORS
 from sim.sensing import detector_check
 from sim.terminal.console import console, say
 from sim.terminal.progress import START_UP

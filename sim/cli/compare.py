@@ -12,8 +12,8 @@ from planning.planners import COMPARED
 from sim.analysis.metric_choice import from_outside
 from sim.cli.study_flight import facts_of, fly_study, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
-from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, integers, seconds
+from sim.scenario.sensing import SENSOR_MODES
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.scheduler import Options

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.scenario.fleet import Link, Network
+from sim.scenario.uavs import Network, UavPair
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import length
 
@@ -51,7 +51,7 @@ def draw_lost_messages(network: Network, uavs: int, rng: np.random.Generator) ->
     return rng.random((network.rounds, uavs, uavs)) < network.loss
 
 
-def _adjacency(links: Sequence[Link], uavs: int) -> Flags:
+def _adjacency(links: Sequence[UavPair], uavs: int) -> Flags:
     table = np.zeros((uavs, uavs), dtype=np.bool_)
     ends = np.array(links)
     table[ends[:, 0], ends[:, 1]] = table[ends[:, 1], ends[:, 0]] = True

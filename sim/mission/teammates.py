@@ -10,7 +10,7 @@ import numpy as np
 from planning.planner import Exchange, Plan, Situation, Vehicle
 from planning.prediction.response import vehicle_after
 from sim.mission.radio import RadioLinks
-from sim.scenario.fleet import Network
+from sim.scenario.uavs import Network
 from tracking.numerics.arrays import Flags, Indices
 
 _NO_PLAN = Plan(np.zeros((0, 2)))

@@ -1,11 +1,10 @@
 """Set-up of trackers from a scenario: parameters, motion models and initial tracks."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.motion import MOTION_MODELS, make_motion_model
@@ -16,14 +15,8 @@ from tracking.track import Track
 
 def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     """Parameters of a scenario's trackers."""
-    settings = scenario.tracking
-    parameters = {field.name for field in fields(TrackerParameters)} - {"motion"}
-    shared = sorted(parameters & {*Tracking.__struct_fields__})
-    return TrackerParameters(
-        motion=_motion(scenario, settings.motion),
-        fusion=scenario.network.fusion,
-        **{name: getattr(settings, name) for name in shared},
-    )
+    motion = _motion(scenario, scenario.tracking.motion)
+    return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion)
 
 
 def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:

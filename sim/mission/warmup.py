@@ -13,14 +13,15 @@ from planning.planners import DEFAULT_PLANNER
 from sim.mission.mission import Mission
 from sim.mission.trial import Say
 from sim.scenario.environment import Trees, Wind
-from sim.scenario.perception import Sensing, Tracking
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
 from tracking.numerics.compiled import not_kept
+from tracking.parameters import Tracking
 
 _BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"

@@ -7,8 +7,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.quantities import DAY, Count, Expected, Length, Paths, Point, Side, Speed
+from sim.scenario.quantities import Count, Length, Paths, Point, Side
 from tracking.plugins.registry import Registry
+from tracking.settings import DAY, Expected, Speed
 
 WALKS = Registry(
     "people.walks",

@@ -1,22 +1,20 @@
 """Loading of scenario files: from TOML to a valid `Scenario` or an error of one line."""
 
-import math
 import os
-import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any
 
 import msgspec
 
 from sim.installation import ASSETS
 from sim.scenario.environment import TRAJECTORIES
-from sim.scenario.fleet import Cut, Uav
 from sim.scenario.overrides import override_in
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import overrides as overrides_of
 from sim.scenario.text_files import located, toml_file
 from tracking.errors import InputError, did_you_mean
+from tracking.settings import read_settings
 
 STUDY_TABLES = ("study", "set", "factors", "exclude", "score")  # tables of a study file
 # Keys that are not part of a scenario, and their meaning elsewhere.
@@ -25,12 +23,7 @@ _ELSEWHERE = {
     "video": "an option: --no-video",
     **dict.fromkeys((*STUDY_TABLES, "planners"), "one of a study, which `understory compare` flies"),
 }
-_ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
-_Kind = TypeVar("_Kind")
-# Names of types in error messages, by msgspec's names.
-_KINDS = {"object": "a table", "array": "a list", "str": "text", "float": "a number", "int": "an integer"}
-_KINDS["bool"] = "true or false"
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
@@ -83,17 +76,10 @@ def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scen
 
 def decode(data: Mapping[str, Any]) -> Scenario:
     """A scenario from plain data; InputError unless every key is known and every value of its type and range."""
-    _check_keys(data, Scenario, "")
-    _check_finite(data, "")
-    return converted(data, Scenario)
-
-
-def converted(data: Mapping[str, Any], kind: type[_Kind]) -> _Kind:
-    """Plain data as a struct; InputError names the field, its value and what is allowed."""
-    try:
-        return msgspec.convert(data, kind)
-    except msgspec.ValidationError as error:
-        raise InputError(_readable(str(error), data)) from error
+    for key in data:
+        if key in _ELSEWHERE:
+            raise InputError(f"{key}: unknown key; it is not part of a scenario, but {_ELSEWHERE[key]}")
+    return read_settings(data, Scenario)
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's field
@@ -114,71 +100,3 @@ def _anchored(scenario: Scenario, folder: Path) -> Scenario:
             f"people.trajectories: {name!r} is unknown; {did_you_mean(name, TRAJECTORIES)} (or a .csv file)"
         )
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
-
-
-def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - a type
-    if not isinstance(data, Mapping) or not isinstance(kind, type) or not issubclass(kind, msgspec.Struct):
-        return
-    fields = {f.name: f.type for f in msgspec.structs.fields(kind)}
-    for key, value in data.items():
-        if key not in fields:
-            if not where and key in _ELSEWHERE:
-                raise InputError(f"{key}: unknown key; it is not part of a scenario, but {_ELSEWHERE[key]}")
-            elsewhere = _whole(key)
-            hint = did_you_mean(key, fields)
-            if elsewhere:
-                hint = f"allowed are {', '.join(fields)}; " * bool(where) + f"did you mean {elsewhere}?"
-            raise InputError(f"{where}{key}: unknown key; {hint}")
-        _check_keys(value, fields[key], f"{where}{key}.")
-        if key in _ROWS and isinstance(value, list):
-            for i, row in enumerate(value):
-                _check_keys(row, _ROWS[key], f"{where}{key}.{i}.")
-
-
-def _whole(key: str) -> str:
-    """Dotted names of all keys of a scenario's tables with the name `key`, joined by "or"; empty if there are none."""
-    tables = {f.name: f.type for f in msgspec.structs.fields(Scenario) if hasattr(f.type, "__struct_fields__")}
-    tables["uavs.0"] = Uav
-    return " or ".join(f"{table}.{key}" for table, kind in tables.items() if key in kind.__struct_fields__)
-
-
-def _check_finite(data: object, where: str) -> None:
-    if isinstance(data, Mapping):
-        for key, value in data.items():
-            _check_finite(value, f"{where}.{key}" if where else key)
-    elif isinstance(data, list | tuple):
-        for i, value in enumerate(data):
-            _check_finite(value, f"{where}.{i}")
-    elif isinstance(data, float) and not math.isfinite(data):
-        raise InputError(f"{where}: {data} is not allowed; expected a finite number")
-
-
-def _choices(parts: Sequence[str]) -> tuple[object, ...]:
-    """Allowed values of the field at a path, given by its parts."""
-    kind: Any = Scenario
-    for part in parts:
-        if not part.isdigit():
-            kind = _ROWS.get(part) or {f.name: f.type for f in msgspec.structs.fields(kind)}[part]
-    return get_args(kind)
-
-
-def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
-    """A message of msgspec, rewritten so that it begins with the field and contains the offending value."""
-    text, _, path = message.partition(" - at `$")
-    parts = re.findall(r"[^.\[\]`]+", path)
-    value = data
-    for part in parts:
-        value = value[int(part)] if isinstance(value, list | tuple) else value.get(part)
-    missing = re.fullmatch(r"Object missing required field `(\w+)`", text)
-    if missing:
-        return f"{'.'.join([*parts, missing[1]])}: is missing, and has no default"
-    text = text[0].lower() + text[1:].replace("`", "")
-    for kind, name in _KINDS.items():
-        text = re.sub(rf"(expected|got) {kind}\b", rf"\1 {name}", text)
-    if text.startswith("invalid enum value"):
-        text = did_you_mean(str(value), map(str, _choices(parts)))
-    if text == "expected a list, got a table":
-        text += f"; each of several is [[{'.'.join(parts)}]]"
-    if not parts or isinstance(value, Mapping):
-        return f"{'.'.join(parts)}: {text}" if parts else text
-    return f"{'.'.join(parts)}: {value!r} is not allowed; {text}"

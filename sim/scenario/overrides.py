@@ -9,8 +9,6 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml
 from tracking.errors import InputError
 
-_DEEPEST = 10  # number of dots at which a key is split; the rest is one part
-
 
 def key_and_value(override: str) -> tuple[str, str]:
     """Key and value of an override as text; InputError if it does not have the form key=value."""
@@ -23,7 +21,7 @@ def key_and_value(override: str) -> tuple[str, str]:
 def override_in(data: dict[str, Any], override: str) -> None:
     """Apply an override `key=value` to plain data, in place."""
     key, text = key_and_value(override)
-    *path, last = key.split(".", _DEEPEST)
+    *path, last = key.split(".")
     node: Any = data
     default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
     for i, part in enumerate(path):

@@ -9,13 +9,15 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Wind
-from sim.scenario.fleet import DEFAULT_FLEET, Network, Uav
-from sim.scenario.perception import DETECTORS, SENSOR_MODES, Sensing, Tracking
-from sim.scenario.quantities import DAY, Path, Time
+from sim.scenario.quantities import Path
+from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
+from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
+from tracking.parameters import Tracking
 from tracking.plugins.registry import Registry
+from tracking.settings import DAY, Time
 
 _CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
 _ABOVE_CANOPIES = 1.0  # m, least height of rendering cameras above canopies; images leave out the nearest 0.5 m

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from planning.planner import Vehicle
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.world.quadrotor import COMMAND_LAG
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose

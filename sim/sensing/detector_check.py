@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.scenario.fleet import Uav
-from sim.scenario.perception import DETECTORS
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import DETECTORS
+from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose
 from sim.sensing.detection_truth import MaskDetector, matched_detections
 from sim.sensing.renderer import Rendered, Renderer

@@ -4,7 +4,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from sim.scenario.perception import DETECTORS
+from sim.scenario.sensing import DETECTORS
 from sim.sensing.detection_truth import MaskDetector, matched_detections, visible_pixels
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scenario.perception import SENSOR_MODES, Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import SENSOR_MODES, Sensing
 from sim.sensing.cameras import noise_of, view_of
 from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup

@@ -9,12 +9,13 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.loading import STUDY_TABLES, converted
+from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.overrides import key_and_value
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers
 from sim.scenario.settings_text import flat, overrides, texts
 from sim.scenario.text_files import located, toml_file
 from tracking.errors import InputError, check_known, did_you_mean
+from tracking.settings import read_settings
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 
@@ -68,7 +69,7 @@ def read(name: str) -> Study:
     content = {"name": path.stem, **table, "settings": texts(data.get("set", {})), "file": name}
     content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
-        study = converted(content, Study)
+        study = read_settings(content, Study)
     except InputError as error:
         inside = "" if re.match(r"(exclude|score)\b", str(error)) else "study."
         raise InputError(f"{name}: {inside}{error}") from error

@@ -15,10 +15,11 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from sim.recording.atomic_files import PlaceTaken
-from sim.scenario.quantities import DAY, seconds
+from sim.scenario.quantities import seconds
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known
 from tracking.plugins.plugin_error import PluginError
+from tracking.settings import DAY
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # the disk is full or fails
 # Places that cannot be written or read.

@@ -15,8 +15,8 @@ from planning.composed import Composed
 from planning.objective.nbo import objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector

@@ -14,9 +14,9 @@ import pytest
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
-from sim.scenario.fleet import Uav
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
+from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import in_frustum
 from sim.sensing.renderer import Renderer, capture

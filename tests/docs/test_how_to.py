@@ -10,8 +10,8 @@ from helpers.studies import short, sql, store
 from planning.planner import Plan
 from planning.planner_check import CHECKS
 from sim.mission.mission import Mission
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
 from sim.sensing.detector_check import check_detector
 from sim.study.cells import cells
 from sim.study.study import STUDIES, adapt_study, read

@@ -11,10 +11,10 @@ from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
 import understory
 from planning.planners import PLANNERS
 from sim.__main__ import COMMANDS
-from sim.scenario.fleet import Cut, Uav
 from sim.scenario.loading import decode, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
+from sim.scenario.uavs import Cut, Uav
 from sim.terminal.commands import load_command
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 from msgspec import inspect
 
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 
 NUMBERS = [0, 1, 2, 3, 5, 7, -1, 0.1, 0.5, -0.0, 1e-9, 1e-300, 1e-320, 1e9, 1e300, 1e308, -1e308, 10**9, 10**19]
 NUMBERS += [10**400, -(10**19), 10**5000, float("inf"), float("nan")]

@@ -8,9 +8,9 @@ import numpy as np
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
 from sim.scenario.environment import Area, People
-from sim.scenario.fleet import Uav
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Rates, Scenario
+from sim.scenario.sensing import Sensing
+from sim.scenario.uavs import Uav
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose

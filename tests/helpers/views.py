@@ -2,8 +2,8 @@
 
 import math
 
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, Tree
 

@@ -18,6 +18,7 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.metrics.ospa import ospa
+from tracking.settings import DAY
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
@@ -29,8 +30,8 @@ NOISE = NoiseModel.range_bearing(0.1)
 _ALONE = {"confirm": (62, 62), "delete": (62, 62), "management": "m_of_n", "reacquire_after": math.inf}
 HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, **_ALONE)
 # Tracks begin and end, with what the testbed's cameras give by default: hardly a miss, no false alarms.
-WHOLE = TrackerParameters(MOTION, reacquire_after=math.inf)
-COUNTED = TrackerParameters(MOTION, management="m_of_n", reacquire_after=math.inf)
+WHOLE = TrackerParameters(MOTION, reacquire_after=DAY)
+COUNTED = TrackerParameters(MOTION, management="m_of_n", reacquire_after=DAY)
 # People without a detection in the last scan may have turned, too, which Stone Soup's JPDA does not weigh.
 REACQUIRING = TrackerParameters(MOTION)
 CASES = {

@@ -5,9 +5,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from filterpy.common import Q_discrete_white_noise
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
+
+# Process noise (2, 2) of position and velocity in one dimension, for a step of 1 s and a variance of 1 m²/s⁴. For other
+# steps filterpy takes powers by the C library, whose last bit depends on the processor; so the model scales this one.
+_UNIT_NOISE = Q_discrete_white_noise(2, dt=1.0, var=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +60,9 @@ class NearlyConstantVelocity:
         n, dt = self.scans, self.dt / self.scans
         square = dt * dt
         variance = self.sigma_a * self.sigma_a
-        position = variance * (n * (4 * n * n - 1) // 3 * square * square / 4)
-        both, velocity = variance * (n * n * dt * square / 2), variance * (n * square)
-        return np.kron(np.array([[position, both], [both, velocity]]), np.eye(2))
+        position = variance * (n * (4 * n * n - 1) // 3 * square * square)
+        both, velocity = variance * (n * n * dt * square), variance * (n * square)
+        return np.kron(_UNIT_NOISE * np.array([[position, both], [both, velocity]]), np.eye(2))
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """Predict a belief one step ahead."""

@@ -67,7 +67,7 @@ def initiate_tracks(
 
 
 def _first_existence(p: TrackerParameters) -> float:
-    return p.birth_density / (p.birth_density + p.clutter_density)
+    return p.settings.birth_density / (p.settings.birth_density + p.settings.clutter_density)
 
 
 def _begin(origin: Origin, R: Array, p: TrackerParameters) -> Tentative:

@@ -1,45 +1,32 @@
-"""Decorators that compile numerical functions with Numba and keep the code on disk."""
+"""Decorators that compile numerical functions with Numba and keep the code on disk.
 
-import gc
+Numba keeps code until the function's own file changes, but the code contains functions and constants of other files,
+too. So the code of a module is kept in a folder whose name has a digest of the module and of all that it imports.
+"""
+
 import hashlib
+import os
 import re
-from collections.abc import Callable
+import shutil
+import stat
+import tempfile
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core import event
 
 from tracking.numerics.arrays import Array
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_ROOT = Path(__file__).parents[2]
 _IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
+_DIGITS = 16  # of a digest in the name of a folder
 
 not_kept: list[str] = []  # functions whose compiled code this process cannot write to disk
-
-
-class _Uncollected(event.Listener):
-    """Pauses the garbage collector, which would take an eighth of the time, while code is compiled."""
-
-    def __init__(self) -> None:
-        self._depth, self._paused = 0, False
-
-    def on_start(self, _: event.Event) -> None:
-        if self._depth == 0:
-            self._paused = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, _: event.Event) -> None:
-        self._depth -= 1
-        if self._depth == 0 and self._paused:
-            gc.enable()
-
-
-event.register("numba:compile", _Uncollected())  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Function) -> Function:
@@ -47,12 +34,12 @@ def compiled(function: Function) -> Function:
 
     `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
     """
-    return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True))
+    return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True))
 
 
 def inlined(function: Function) -> Function:
     """As `compiled`, and copied into compiled callers, for functions that take less time than a call."""
-    return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
+    return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
@@ -62,39 +49,85 @@ def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
     """
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debugging; vectorize would compile all the same
         return cast("Callable[..., Array]", np.vectorize(function, otypes=[float]))
-    return cast("Callable[..., Array]", _kept(numba.vectorize, function))
+    return cast("Callable[..., Array]", _compile(numba.vectorize, function))
 
 
-def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
-    """Compile a function and keep its code on disk where possible, as long as its sources stay the same."""
-    try:
-        made = compiler(cache=True, **options)(function)
-    except RuntimeError:  # neither NUMBA_CACHE_DIR nor the folders of code and user can be written to
-        not_kept.append(function.__qualname__)
-        return compiler(**options)(function)
-    if made is function:  # with NUMBA_DISABLE_JIT=1, for debugging
-        return made
-    # Numba checks only the function's own file, but the code contains functions and constants of other files.
-    index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
-    kept = index._cache_file
-    kept._source_stamp = (kept._source_stamp, digest_of(Path(function.__code__.co_filename)))
-    load = kept._load_index
-
-    def load_index() -> Any:  # noqa: ANN401 - numba's
+def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
+    """Compile a function when it is first called, and keep its code in the folder of its module if there is one."""
+    config: Any = numba.config
+    if home := code_folder():
+        users = config.CACHE_DIR
+        config.CACHE_DIR = str(_folder_of(Path(function.__code__.co_filename), home))
         try:
-            return load()
-        except (AttributeError, ImportError):  # code of older sources, with a named tuple that is gone
-            return {}
-
-    kept._load_index = load_index
-    return made
+            return compiler(cache=True, **options)(function)
+        except RuntimeError:  # Numba finds no place for the code
+            pass
+        finally:
+            config.CACHE_DIR = users
+    not_kept.append(function.__qualname__)
+    return compiler(**options)(function)
 
 
 @cache
-def digest_of(file: Path, root: Path = Path(__file__).parents[2]) -> str:
-    """SHA-256 of a module's source and of the modules under `root` that it imports, directly or not."""
+def code_folder() -> Path | None:
+    """The first folder for compiled code that this process can write to; None if there is none."""
+    return next((folder for folder in _code_folders() if _can_write(folder)), None)
+
+
+def _code_folders() -> Iterator[Path]:
+    """Folders for compiled code: in NUMBA_CACHE_DIR, the installation, the user's cache and the temporary folder."""
+    name = f"understory-{hashlib.sha256(os.fsencode(_ROOT)).hexdigest()[:_DIGITS]}"
+    if named := numba.config.CACHE_DIR:  # type: ignore[attr-defined]
+        yield Path(named) / name
+    yield Path(__file__).parents[1] / "__pycache__" / name
+    if os.path.isabs(users := os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")):
+        yield Path(users) / name
+    own = Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}"
+    if _is_private(own):
+        yield own
+
+
+def _is_private(folder: Path) -> bool:
+    """Make a folder for this user alone; False if it is not, because the code of another user must not run."""
+    try:
+        folder.mkdir(mode=stat.S_IRWXU, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return False
+    return found.st_uid == os.getuid() and found.st_mode == stat.S_IFDIR | stat.S_IRWXU
+
+
+def _can_write(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def _folder_of(module: Path, home: Path) -> Path:
+    """The folder of a module's code; a new one gets the code of this digest that another folder has."""
+    name = os.path.relpath(module, _ROOT).removesuffix(".py").replace(os.sep, "-")
+    folder = home / f"{name}-{digest_of(module)[:_DIGITS]}"
+    if not folder.is_dir():
+        older = sorted(home.glob(f"{name}-{'?' * _DIGITS}"), key=lambda path: path.stat().st_mtime)
+        for stale in older[:-1]:  # the last one stays for processes that began before the source was changed
+            shutil.rmtree(stale, ignore_errors=True)
+        filled = [other / folder.name for other in _code_folders() if (other / folder.name).is_dir()]
+        if filled:  # such as that of an installation that only its owner can write to
+            copy = tempfile.mkdtemp(dir=home)
+            shutil.copytree(filled[0], copy, dirs_exist_ok=True)
+            os.replace(copy, folder)
+    return folder
+
+
+@cache
+def digest_of(file: Path) -> str:
+    """SHA-256 of a module's source and of our modules that it imports, directly or not."""
     text = file.read_text(encoding="utf-8")
     names = sorted(set(_IMPORT.findall(text)))
-    files = [root / f"{name.replace('.', '/')}.py" for name in names]
-    parts = [text, *(digest_of(imported, root) for imported in files if imported.is_file())]
+    files = [_ROOT / f"{name.replace('.', '/')}.py" for name in names]
+    parts = [text, *(digest_of(imported) for imported in files if imported.is_file())]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()

@@ -25,10 +25,10 @@ from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.link_outages import link_outages
 from sim.replay.page.data import colours, page_data
-from sim.scenario.fleet import Uav
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import changed, toml
+from sim.scenario.uavs import Uav
 from tracking.errors import InputError
 from tracking.fusion.member import TRACKERS
 

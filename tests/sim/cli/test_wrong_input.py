@@ -64,7 +64,7 @@ COMMANDS = {
         ["run", "wood.toml", "--set", "trees.densty=3"],
         ["understory: wood.toml with other settings: trees.densty: unknown key", "did you mean density?"],
     ),
-    "value out of range": (["run", "late.toml"], ["understory: late.toml: duration: -4 is not", "a number > 0.0"]),
+    "value out of range": (["run", "late.toml"], ["understory: late.toml: duration: -4 is not", "`float` > 0.0"]),
     "UAV outside": (["run", "far.toml"], ["far.toml: uavs.0.start: [900.0, 0.0]", "|x| <= 75 and |y| <= 50 m"]),
     "rates that do not divide": (["run", "odd.toml"], ["odd.toml: rates: physics 241 Hz", "as 240 or 245 would be"]),
     "trees that do not fit": (["run", "wood.toml"], ["understory: wood.toml: trees.density = 160: ", "lower the"]),

@@ -19,8 +19,8 @@ from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
-from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
+from sim.scenario.uavs import Cut, Network
 from sim.sensing.sensors import Sensors
 from sim.study.trial_flight import fly_trial
 from tracking.geometry.camera import Pose

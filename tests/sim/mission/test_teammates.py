@@ -18,9 +18,9 @@ from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.fleet import Network
 from sim.scenario.loading import load
 from sim.scenario.random_streams import stream
+from sim.scenario.uavs import Network
 from tracking.errors import InputError
 
 FIVE_STEPS = 8 * (7 + 2 * 5)  # bytes: sender, time, x, y, z, velocity and five controls

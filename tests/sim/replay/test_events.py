@@ -19,9 +19,9 @@ from sim.replay.explain.explanation import stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.replay.recorded_fleet import links_of
-from sim.scenario.fleet import Cut, Network
-from sim.scenario.perception import Tracking
+from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
+from tracking.parameters import Tracking
 from tracking.tracker import Track
 
 SETTING = synthetic.scenario(uavs=2, people=2)

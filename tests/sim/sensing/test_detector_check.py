@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.commands import called
 
-from sim.scenario.perception import DETECTORS
+from sim.scenario.sensing import DETECTORS
 from sim.sensing.detector_check import FOREST, check_detector
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections

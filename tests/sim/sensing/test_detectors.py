@@ -9,9 +9,9 @@ from helpers.views import CAMERA, SCENARIO
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
-from sim.scenario.fleet import Uav
-from sim.scenario.perception import DETECTORS, Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import DETECTORS, Sensing
+from sim.scenario.uavs import Uav
 from sim.sensing.detection_truth import MaskDetector, matched_detections
 from sim.sensing.renderer import Renderer
 from sim.world.world import World

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import PANEL
-from sim.scenario.fleet import Uav
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch

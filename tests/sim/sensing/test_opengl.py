@@ -13,8 +13,8 @@ from helpers.views import CAMERA, SCENARIO
 from sim.recording.archive import save
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.loading import load
-from sim.scenario.perception import Sensing
 from sim.scenario.remarks import remarks
+from sim.scenario.sensing import Sensing
 from sim.sensing.renderer import Renderer
 from sim.world import opengl
 from sim.world.world import World

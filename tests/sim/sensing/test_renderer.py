@@ -11,8 +11,8 @@ from helpers.flights import mission_of
 from helpers.poses import tilted
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.scenario.fleet import DEFAULT_FLEET
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import DEFAULT_FLEET
 from sim.sensing.renderer import FAR, NEAR, Renderer, capture
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose

@@ -10,9 +10,9 @@ from helpers.views import CAMERA
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
-from sim.scenario.fleet import DEFAULT_FLEET, Uav
-from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
+from sim.scenario.uavs import DEFAULT_FLEET, Uav
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Renderer
 from sim.sensing.sensors import Clutter, Sensors

@@ -229,19 +229,19 @@ WRONG = {
     "factor without level": ("[study]\nplanners = ['hover']\n[factors.x]", "no trial"),
     "no repeat": (
         "[study]\nplanners = ['hover']\nrepeats = 0",
-        "mine.toml: study.repeats: 0 is not allowed; expected an integer >= 1",
+        "mine.toml: study.repeats: 0 is not allowed; expected `int` >= 1",
     ),
     "too many repeats": (
         "[study]\nplanners = ['hover']\nrepeats = 10001",
-        "repeats: 10001 is not allowed; expected an integer <= 10000",
+        "repeats: 10001 is not allowed; expected `int` <= 10000",
     ),
     "broken repeat": (
         "[study]\nplanners = ['hover']\nrepeats = 1.5",
-        "repeats: 1.5 is not allowed; expected an integer, got a number",
+        "repeats: 1.5 is not allowed; expected `int`, got `float`",
     ),
     "wrong type": (
         "[study]\nplanners = ['hover']\nseeds = 3",
-        "mine.toml: study.seeds: 3 is not allowed; expected text, got an integer",
+        "mine.toml: study.seeds: 3 is not allowed; expected `str`, got `int`",
     ),
     "wrong seeds": ("[study]\nplanners = ['hover']\nseeds = '3-1'", "mine.toml: study.seeds: '3-1' is not allowed"),
     "level that is no table": (
@@ -327,7 +327,7 @@ WRONG = {
         "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 3",
         "exclude.0.planner: 3 is not allowed",
     ),
-    "number for a planner": ("[study]\nplanners = [3]", "study.planners.0: 3 is not allowed; expected text"),
+    "number for a planner": ("[study]\nplanners = [3]", "study.planners.0: 3 is not allowed; expected `str`"),
     "unknown floor": (
         "[study]\nplanners = ['hover']\n[score]\nfloor = 'hoover'\nbound = 'oracle'",
         "mine.toml: score.floor: 'hoover' is unknown",

@@ -18,8 +18,8 @@ from sim.evaluation.fleet_facts import contacts
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.recorder import Recorder
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.world.contacts import KINDS, Contact, touched
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree

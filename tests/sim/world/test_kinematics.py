@@ -8,8 +8,8 @@ from helpers.flights import fly, recording_of
 
 from planning.planner import Plan
 from sim.recording.archive import digest
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.world.contacts import nearest
 from sim.world.world import World
 from tracking.geometry.visibility import Forest

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from planning.prediction.response import mean_velocities, response
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Rates, Scenario
+from sim.scenario.uavs import Uav
 from sim.sensing.cameras import vehicle_of
 from sim.world.bodies import rotated
 from sim.world.quadrotor import (

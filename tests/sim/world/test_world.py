@@ -7,8 +7,8 @@ import pybullet
 import pytest
 from helpers.clients import open_clients
 
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from sim.world.quadrotor import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree

@@ -14,6 +14,7 @@ from tracking.association.jpda import existence_association, from_log_odds, gate
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
+from tracking.settings import DAY
 from tracking.tracker import Track
 
 R = 0.05 * np.eye(2)
@@ -79,7 +80,7 @@ def test_a_tracker_follows_the_recursion_over_hits_and_misses():
         survival=0.98,
         clutter_density=0.01,
         negative_information=0.0,
-        reacquire_after=math.inf,
+        reacquire_after=DAY,
     )
     belief, r = maybe(0.6, 0, 0, 1, 0).belief, 0.6
     for k, seen in enumerate([True, False, False, True, False, True, True]):

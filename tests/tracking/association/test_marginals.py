@@ -12,6 +12,7 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from tracking.association.jpda import existence_association, gated_likelihood
 from tracking.fusion.consensus import fuse
+from tracking.settings import DAY
 from tracking.tracker import TrackerParameters
 
 
@@ -94,7 +95,7 @@ def test_a_tracker_on_a_whole_run_is_stone_soups():
     never = (62, 62)  # no other track begins
     known = [track(k, -3 + 2 * k, 2 - 2 * k, 1 - k, k - 1) for k in range(3)]
     settings = {"detection_probability": 0.9, "clutter_density": 0.01, "gate_probability": 0.99}
-    subject = tracker(*known, **settings, confirm=never, management="m_of_n", reacquire_after=math.inf)
+    subject = tracker(*known, **settings, confirm=never, management="m_of_n", reacquire_after=DAY)
     subject.step(scan(0))
     fuse([subject], np.zeros((1, 1), bool), 0)
     peer = StoneSoup(subject.parameters, subject.tracks)

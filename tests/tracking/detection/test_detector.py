@@ -7,8 +7,8 @@ from helpers.frames import Tally, frame, photographed, survey
 from helpers.poses import turned
 from helpers.views import ALTITUDES, CAMERA, random_forest
 
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
 from tracking.detection.blob_detector import BlobDetector, blobs_of
 from tracking.detection.components import components
 from tracking.geometry.camera import Camera, Pose

@@ -1,7 +1,5 @@
 """The order of tracks, of detections and of UAVs changes nothing but the order."""
 
-from dataclasses import replace
-
 import numpy as np
 from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 from hypothesis import given, settings
@@ -10,11 +8,12 @@ from hypothesis import strategies as st
 from tracking.fusion.consensus import fuse
 from tracking.fusion.rule import FUSION_RULES
 from tracking.geometry.camera import Pose
+from tracking.parameters import Tracking
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 PEOPLE, UAVS, SCANS = 5, 3, 6
 LINE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)  # adjacency; two rounds do not make all agree
-PARAMETERS = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=0.01)
+SETTINGS = Tracking(detection_probability=0.9, clutter_density=0.01)
 seeds = st.integers(0, 2**32 - 1)
 PLAIN = list(range(PEOPLE - 1)), list(range(UAVS))
 
@@ -24,7 +23,7 @@ class Scene:
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
-        self.parameters = replace(PARAMETERS, fusion=[*FUSION_RULES.built_in][seed % 2])
+        self.parameters = TrackerParameters(MOTION, SETTINGS, fusion=[*FUSION_RULES.built_in][seed % 2])
         self.states = np.column_stack([rng.uniform(-1.5, 1.5, (PEOPLE, 2)), rng.uniform(-1, 1, (PEOPLE, 2))])
         self.states[-1, :2] += 7
         self.poses = [Pose.level(*rng.uniform(-3, 3, 2), 20.0) for _ in range(UAVS)]

@@ -7,7 +7,6 @@ import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, track, tracker
 
 from sim.mission.tracker_setup import tracker_parameters
-from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -17,7 +16,7 @@ from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.initiation import initiate_tracks
-from tracking.parameters import TrackerParameters
+from tracking.parameters import TrackerParameters, Tracking
 from tracking.tracker import Tracker
 
 BOTH = pytest.mark.parametrize("management", ["m_of_n", "existence"])

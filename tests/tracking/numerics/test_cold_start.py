@@ -1,17 +1,14 @@
 """The first run says that code is compiled; later ones load it; and it works where nothing can be kept."""
 
-import gc
+import os
 import re
-from pathlib import Path
 
 import numba
 import pytest
 from helpers.processes import python
-from numba.core import event
 
 from sim.mission.warmup import announce_compilation
 from tracking.numerics import compiled as subject
-from tracking.numerics import normal
 
 
 def twice(x):
@@ -37,44 +34,27 @@ def test_compiling_is_announced_and_timed_once_however_functions_call_each_other
     assert len(said) == 2
 
 
-class Collecting(event.Listener):
-    """Notes whether the garbage collector is on when a compilation begins."""
-
-    def __init__(self):
-        self.found = []
-
-    def on_start(self, _):
-        self.found.append(gc.isenabled())
-
-    def on_end(self, _):
-        pass
-
-
-def test_the_garbage_collector_rests_while_code_is_compiled():
-    function = numba.njit(thrice)
-    with event.install_listener("numba:compile", Collecting()) as listener:
-        assert function(7) == 21 * 2 and gc.isenabled()
-        try:
-            gc.disable()
-            assert function(7.0) == 42.0 and not gc.isenabled()
-        finally:
-            gc.enable()
-    assert listener.found and not any(listener.found)
-
-
 @pytest.fixture
-def nowhere(monkeypatch):
-    """No folder can be written to, as numba finds when it tries."""
+def places(monkeypatch):
+    """Set the folders that compiled code may be kept in, and which of them can be written to."""
 
-    def refuse(locator):
-        raise PermissionError(13, "Permission denied")
+    def set_places(folders, writable):
+        monkeypatch.setattr(subject, "_code_folders", lambda: iter(folders))
+        monkeypatch.setattr(subject, "_can_write", lambda folder: folder in writable)
+        monkeypatch.setattr(subject, "not_kept", kept := [])
+        monkeypatch.setattr("sim.mission.warmup.not_kept", kept)
+        subject.code_folder.cache_clear()
+        subject._folder_of.cache_clear()
+        subject.digest_of.cache_clear()
 
-    monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
-    monkeypatch.setattr(subject, "not_kept", kept := [])
-    monkeypatch.setattr("sim.mission.warmup.not_kept", kept)
+    yield set_places
+    monkeypatch.undo()
+    subject.code_folder.cache_clear()
+    subject.digest_of.cache_clear()
 
 
-def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
+def test_where_nothing_can_be_kept_code_works_and_that_is_said(places, tmp_path):
+    places([tmp_path], [])
     said = []
     with announce_compilation(said.append):
         assert subject.compiled(twice)(21) == 42
@@ -82,10 +62,42 @@ def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
     assert re.fullmatch(r"Compiled in \d+ s; no folder .* compiled anew each time; NUMBA_CACHE_DIR may .*", said[1])
 
 
-def test_where_code_can_be_kept_nothing_is_noted(tmp_path, monkeypatch):
-    monkeypatch.setattr(subject, "not_kept", [])
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    assert subject.compiled(twice)(21) == 42 and subject.not_kept == [] and list(tmp_path.rglob("*.nbc"))
+def test_code_that_only_its_owner_can_write_is_read(places, tmp_path):
+    owners, mine = tmp_path / "owners", tmp_path / "mine"
+    mine.mkdir()
+    places([owners], [owners])
+    assert subject.compiled(twice)(21) == 42 and subject.not_kept == [] and list(owners.rglob("*.nbc"))
+    places([owners, mine], [mine])
+    said = []
+    with announce_compilation(said.append):
+        assert subject.compiled(twice)(21) == 42
+    assert said == [] and [p.relative_to(mine) for p in mine.rglob("*.nbc")] == [
+        p.relative_to(owners) for p in owners.rglob("*.nbc")
+    ]
+
+
+def test_code_of_changed_sources_is_made_anew_and_only_the_last_before_it_stays(places, tmp_path, monkeypatch):
+    home, module, below = tmp_path / "home", tmp_path / "tracking" / "above.py", tmp_path / "tracking" / "below.py"
+    module.parent.mkdir()
+    module.write_text("from tracking.below import SCALE\n")
+    monkeypatch.setattr(subject, "_ROOT", tmp_path)
+    made = []
+    for scale in range(4):
+        below.write_text(f"SCALE = {scale}\n")
+        places([home], [home])
+        made.append(subject._folder_of(module, home))
+        made[-1].mkdir(parents=True)
+        os.utime(made[-1], (scale, scale))
+    assert sorted(home.iterdir()) == sorted(made[-2:])
+
+
+def test_the_temporary_folder_holds_code_of_this_user_alone(tmp_path):
+    mine = tmp_path / "mine"
+    assert subject._is_private(mine) and subject._is_private(mine)
+    mine.chmod(0o777)
+    assert not subject._is_private(mine)
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert not subject._is_private(tmp_path / "link") and not subject._is_private(tmp_path / "no" / "folder")
 
 
 def test_a_mission_compiles_nothing_in_flight():
@@ -128,27 +140,9 @@ def test_the_first_run_says_that_it_compiles_and_the_second_nothing(tmp_path):
 
 @pytest.mark.slow
 def test_a_run_without_any_cache_flies_the_same(tmp_path):
-    # To root every folder can be written to: only one that cannot be made is left to numba.
-    locator = "numba.core.caching.UserProvidedCacheLocator"
-    nothing = {"NUMBA_CACHE_DIR": "/dev/null/cache", "NUMBA_CACHE_LOCATOR_CLASSES": locator}
-    said, recording = flown(tmp_path, "uncached", **nothing)
+    said, recording = flown(tmp_path, "uncached", NUMBA_CACHE_LOCATOR_CLASSES="IPythonCacheLocator")
     assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1]
     assert flown(tmp_path, "cached")[1] == recording
-
-
-def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
-    (tmp_path / "tracking").mkdir()
-    below, above = tmp_path / "tracking" / "below.py", tmp_path / "tracking" / "above.py"
-    below.write_text("SCALE = 1.0\n")
-    above.write_text("from tracking.below import SCALE\n")
-    before = subject.digest_of(above, tmp_path)
-    below.write_text("SCALE = 2.0\n")
-    subject.digest_of.cache_clear()
-    assert subject.digest_of(above, tmp_path) != before
-    source = Path(normal.__file__)
-    kept = normal.normal_cdf_each._dispatcher.cache._cache_file, normal.exp._cache._cache_file
-    assert kept[0]._source_stamp[1] == subject.digest_of(source)
-    assert kept[1]._source_stamp[1] == subject.digest_of(source.with_name("exponential.py"))
 
 
 def test_code_runs_as_python_for_debugging():

@@ -1,4 +1,4 @@
-"""Settings of a fleet: UAVs with their cameras and failures, and their radio network."""
+"""Settings of UAVs, with their cameras and failures, and of their radio network."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.quantities import DAY, Point, Probability, Speed, Time
+from sim.scenario.quantities import Point
+from tracking.numerics.trigonometry import cos, sin
+from tracking.settings import DAY, Probability, Speed, Time
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,7 +40,9 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def altitude(self) -> float:
         """Height of the camera above ground [m], at which the field of view has the edge `footprint`."""
-        return self.footprint / (2 * _tangent(math.radians(self.fov_deg) / 2))
+        angle = math.radians(self.fov_deg)
+        tangent = sin(angle) / (1.0 + cos(angle))  # of half the angle
+        return self.footprint / (2 * tangent)
 
 
 DEFAULT_FLEET = (
@@ -48,26 +52,14 @@ DEFAULT_FLEET = (
 )
 
 
-def _tangent(angle: float) -> float:
-    """Tangent of an angle in (0, π / 2) [rad], by Lambert's continued fraction.
-
-    The function of `tracking.numerics.trigonometry` would make every command wait for the compiler, and the result of
-    the C library's depends on the processor.
-    """
-    fraction = 0.0
-    for k in range(59, 0, -2):
-        fraction = angle * angle / (k - fraction)
-    return fraction / angle
-
-
 Index = Annotated[int, Meta(ge=0)]
-Link = tuple[Index, Index]
+UavPair = tuple[Index, Index]
 
 
 class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
-    links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down, as pairs of UAVs
+    links: Annotated[tuple[UavPair, ...], Meta(min_length=1)]  # links that are down, as pairs of UAVs
     start: Time = 0.0  # s, time from which the links are down
     end: Annotated[float, Meta(le=DAY)] | None = None  # s, time from which the links are up again; by default never
 
@@ -87,7 +79,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     fusion: str = "hcmci"
     # probability that a message is lost, drawn by seed and repeat for each round and direction
     loss: Probability = 0.0
-    links: tuple[Link, ...] = ()  # the links as pairs of UAVs: `[[0, 1], [1, 2]]`; if empty, all UAVs are linked
+    links: tuple[UavPair, ...] = ()  # the links as pairs of UAVs: `[[0, 1], [1, 2]]`; if empty, all UAVs are linked
     # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
     # s, time from a decision until its plan is flown, a multiple of the time between scans; until then UAVs fly on as
@@ -107,7 +99,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
                     raise ValueError(f"{where}: {list(link)} is not in network.links; allowed are {allowed}")
 
 
-def _check_links(where: str, links: Sequence[Link], uavs: int) -> None:
+def _check_links(where: str, links: Sequence[UavPair], uavs: int) -> None:
     seen: set[tuple[int, ...]] = set()
     for link in links:
         pair = tuple(sorted(link))
