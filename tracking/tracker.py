@@ -197,7 +197,7 @@ class Tracker:
             table = table[order[~gone[order]]]
         self._table = self._reacquire(table)
         detected = self._table.sightings[:, 2] >= now
-        if detected.any() and hasattr(self.motion, "observed"):  # a model need not learn
+        if detected.any() and hasattr(self.motion, "observed"):
             self.motion = self.motion.observed(self._table.means[detected, 2:])
 
     def _apply_negative_information(self, message: Message) -> tuple[Array, Array]:

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.scenes import ABOVE, AWAY, MOTION, R, play, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Track
+from tracking.parameters import TrackerParameters
+from tracking.tracker import Track, Tracker
 
 
 def test_initial_tracks_are_predicted_and_coast_while_hidden():
@@ -24,6 +25,17 @@ def test_initial_tracks_are_predicted_and_coast_while_hidden():
         belief = MOTION.predict(belief)
     np.testing.assert_allclose(subject.tracks[0].belief.mean, belief.mean, rtol=1e-8)
     np.testing.assert_allclose(subject.tracks[0].belief.covariance, belief.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_a_motion_model_needs_a_step_and_a_prediction():
+    class Standing:
+        dt = 0.2
+
+        def predict_all(self, means, covariances):
+            return means, covariances + 0.01 * np.eye(4)
+
+    subject = Tracker(0, CAMERA, OPEN, TrackerParameters(Standing()), [track(3, 1, 2, 0, 0)])
+    assert play(subject, [scan(k, (1, 2)) for k in range(5)]) == [(3,)] * 5
 
 
 def test_the_belief_in_a_hidden_person_stays_behind_the_tree():

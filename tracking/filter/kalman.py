@@ -73,10 +73,6 @@ class NearlyConstantVelocity:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         return predict_linear(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
 
-    def observed(self, velocities: Array) -> "NearlyConstantVelocity":
-        """The same model, whatever the velocities (N, 2) m/s of detected people."""
-        return self
-
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""
         return np.asarray(means[:, :2] + self.dt * np.arange(1, steps + 1)[:, None, None] * means[:, 2:])

@@ -24,7 +24,11 @@ MOTION_MODELS = Registry(
 
 
 class MotionModel(Protocol):
-    """Prediction of beliefs over one step of `dt`."""
+    """Prediction of beliefs over one step of `dt`.
+
+    A built-in model may learn: `observed(velocities)` returns the model after a scan in which people of these
+    velocities (N, 2) m/s were detected.
+    """
 
     @property
     def dt(self) -> float:
@@ -32,12 +36,6 @@ class MotionModel(Protocol):
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-
-    def observed(self, velocities: Array) -> MotionModel:
-        """The model after a scan in which people of these velocities (N, 2) m/s were detected.
-
-        Models from outside need not have this method, which is not called on them.
-        """
 
 
 def make_motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
@@ -68,6 +66,3 @@ class _CheckedModel:
             spread = check_array("covariances", spread, covariances.shape)
             check_positive_definite("covariances", spread)
             return moved, spread
-
-    def observed(self, velocities: Array) -> _CheckedModel:
-        return self
