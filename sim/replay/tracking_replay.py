@@ -10,11 +10,13 @@ from sim.mission.tracker_setup import initial_tracks
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import known_forest, links_of
 from tracking.account import Association, ScanAccount
-from tracking.errors import InputError
-from tracking.filter.motion import MotionModel
-from tracking.fusion.member import TRACKERS
+from tracking.filter.motion import MOTION_MODELS, MotionModel
+from tracking.fusion.member import TRACKERS, Member
+from tracking.fusion.rule import FUSION_RULES
 from tracking.track import Track
 from tracking.tracker import Tracker
+
+_UNKNOWN = "weights, births and reasons are unknown"
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,17 @@ class TrackingReplay:
 def replay_tracking(recording: Recording) -> TrackingReplay:
     """Give the recorded scans to the trackers of the mission once more.
 
-    Without randomness of their own they make the recorded tracks, unless another version made the recording.
+    Without randomness of their own they make the recorded tracks, unless another version made the recording. Plug-ins
+    are not run, because a recording is a file from anywhere.
     """
     scenario, states = recording.setting, list[list[TrackerState | None]]()
-    name = scenario.tracking.tracker
-    if name not in TRACKERS.built_in:
-        return TrackingReplay(states, f"{name} gives no account of its scans: weights, births and reasons are unknown")
+    for registry, name in (
+        (TRACKERS, scenario.tracking.tracker),
+        (MOTION_MODELS, scenario.tracking.motion),
+        (FUSION_RULES, scenario.network.fusion),
+    ):
+        if name not in registry.built_in:
+            return TrackingReplay(states, f"{name} is a plug-in, which is not run again: {_UNKNOWN}")
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
         trackers = make_trackers(scenario, known_forest(recording), initial_tracks(scenario, here, there))
@@ -69,20 +76,16 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             scans = {i: recording.scan_at(k, i) for i in working if scenario.has_frame(i, k)}
             step_trackers(scenario, trackers, time, scans, links, working)
             if not all(_are_equal(trackers[i].tracks, recording.tracks_at(k, i)) for i in working):
-                break
-            states.append([_state(trackers[i]) if i in working else None for i in range(len(trackers))])
-    except (InputError, ValueError) as error:
+                other = "this version's trackers make other tracks than the recorded ones"
+                return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")
+            states.append([_read_state(tracker) if i in working else None for i, tracker in enumerate(trackers)])
+    except ValueError as error:
         return TrackingReplay(states, f"the trackers cannot be run again: {error}")
-    if len(states) == len(recording.times):
-        return TrackingReplay(states, "")
-    since = (
-        f"from {recording.times[len(states)]:.1f} s on this version's tracker makes other tracks than the recorded ones"
-    )
-    return TrackingReplay(states, f"{since}: weights, births and reasons are unknown")
+    return TrackingReplay(states, "")
 
 
-def _state(tracker: object) -> TrackerState:
-    assert isinstance(tracker, Tracker)
+def _read_state(tracker: Member) -> TrackerState:
+    assert isinstance(tracker, Tracker)  # the built-in one
     return TrackerState(tracker.account, tracker.motion)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -104,7 +105,7 @@ def test_the_accounts_end_where_the_recording_departs_from_the_trackers():
     means = recording.track_means.copy()
     means[recording.track_offsets[5 * 3], 0] += 1e-9
     replay = replay_tracking(replace(recording, track_means=means))
-    assert len(replay.states) == 5 and replay.note.startswith("from 1.0 s on this version's tracker makes other tracks")
+    assert len(replay.states) == 5 and replay.note.startswith("from 1.0 s on this version's trackers make other tracks")
     assert replay.association(4, 0) and replay.association(5, 0) is replay.motion(5, 0) is None
     assert replay.accounts_at(4) and replay.accounts_at(5) == []
     assert replay_tracking(swapping()).states == []
@@ -113,18 +114,14 @@ def test_the_accounts_end_where_the_recording_departs_from_the_trackers():
     assert replay_tracking(one).states == []  # initial velocities need a second scan
 
 
-@pytest.mark.parametrize(
-    ("settings", "note"),
-    [
-        ({"tracker": "soup:Jpda"}, "soup:Jpda gives no account of its scans: weights, births and reasons are unknown"),
-        ({"motion": "soup:Motion"}, "the trackers cannot be run again: tracking.motion: "),
-    ],
-)
-def test_trackers_from_outside_are_told_of_without_an_account(settings, note):
+@pytest.mark.parametrize(("part", "key"), [("tracking", "tracker"), ("tracking", "motion"), ("network", "fusion")])
+def test_plug_ins_that_a_recording_names_are_not_run(part, key):
     recording = recorded(*IDEAL, duration=1)
-    outside = structs.replace(recording.setting, tracking=structs.replace(recording.setting.tracking, **settings))
+    setting = recording.setting
+    outside = structs.replace(setting, **{part: structs.replace(getattr(setting, part), **{key: "antigravity:Model"})})
     replay = replay_tracking(replace(recording, scenario=resolved(outside)))
-    assert replay.states == [] and replay.note.startswith(note)
+    assert replay.states == [] and replay.note.startswith("antigravity:Model is a plug-in, which is not run again: ")
+    assert "antigravity" not in sys.modules
 
 
 def test_a_scan_that_no_tracker_takes_is_told_of_in_one_line():

@@ -168,7 +168,7 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
         for number in recording.track_numbers.values():
             groups = story(observer, number)
             lines = [line for group in groups.values() for line in group]
-            assert groups["note"][0].startswith("soup:Jpda gives no account of its scans")
+            assert groups["note"][0].startswith("soup:Jpda is a plug-in, which is not run again")
             assert not any("a track is" in line or "its gate" in line or "no measurement" in line for line in lines)
         facts = PersonFacts.of(observer, 4, 0)
         assert dict(explanation(facts))["note"] == groups["note"]
