@@ -4,7 +4,7 @@ import hashlib
 import io
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.recording.atomic_files import whole
-from sim.recording.npz import Npz, opened
-from sim.recording.recording import FIELDS, VERSION, Recording
-from sim.recording.validation import check
+from sim.recording.npz import Npz, open_npz
+from sim.recording.recording import FIELDS, VERSION, Field, Recording
+from sim.recording.recording_check import check_recording
 from tracking.errors import one_line
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -28,21 +28,21 @@ _LONGEST = 2**20  # characters of a text field
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
     """Write the recording completely or not at all; equal content gives equal bytes."""
     with whole(Path(path)) as part:
-        part.write_bytes(content(recording))
+        part.write_bytes(encode(recording))
 
 
 def digest(recording: Recording) -> str:
     """SHA-256 of the bytes that `save` writes."""
-    return hashlib.sha256(content(recording)).hexdigest()
+    return hashlib.sha256(encode(recording)).hexdigest()
 
 
-def content(recording: Recording) -> bytes:
+def encode(recording: Recording) -> bytes:
     """The bytes that `save` writes, uncompressed because versions of the compression library differ in their output."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-        for name, (_, dtype, _) in FIELDS.items():
+        for name, field in FIELDS.items():
             value = getattr(recording, name)
-            array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
+            array = np.array(str(value)) if field.dtype == "<U" else np.ascontiguousarray(value, dtype=field.dtype)
             member = io.BytesIO()
             np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
             # All other parts of an entry follow from its content.
@@ -59,73 +59,69 @@ def load(path: str | os.PathLike[str]) -> Recording:
     `sim.recording.npz` allows for its size. Fields that an old file lacks get their defaults.
     """
     try:
-        with opened(path) as archive:
-            return _loaded(archive)
+        with open_npz(path) as archive:
+            recording = _decode(archive)
+        check_recording(recording)
     except ValueError as error:
         raise ValueError(f"{path}: {one_line(error)}") from error
-
-
-def _loaded(archive: Npz) -> Recording:
-    _check_ours(archive)
-    sizes: dict[str, int] = {}
-    lacking = _lacking(archive)
-    for name, (_, dtype, shape) in FIELDS.items():
-        if name not in lacking:
-            if name not in archive.names:
-                raise ValueError(f"field '{name}' is missing")
-            with _about(name):
-                _check(*archive.header(name)[:2], dtype, shape, sizes)
-                if name == "version":
-                    _check_version(int(archive.read(name)))
-    values: dict[str, Any] = {}
-    for name, (kind, dtype, shape) in FIELDS.items():
-        if name in lacking:
-            size = [_size(symbol, 0, sizes) for symbol in shape.split()]
-            values[name] = kind() if kind in (bool, str, int) else np.full(size, -1, dtype)  # no rows, or -1 everywhere
-            continue
-        with _about(name):
-            array = archive.read(name)
-            values[name] = _plain(kind, array) if kind in (int, str, bool) else array
-    recording = Recording(**values)
-    check(recording)
     return recording
 
 
+def _decode(archive: Npz) -> Recording:
+    names = set(archive.names)
+    if "version" not in names:
+        found = ", ".join(map(repr, archive.names[:5]))[:200]
+        raise ValueError(f"not a recording: its arrays are {found}" if found else "not a recording: holds nothing")
+    # Only an old recording may lack fields; one with unknown fields is not old but damaged.
+    lacking = _LATER - names if names <= set(FIELDS) else set()
+    sizes: dict[str, int] = {}
+    values: dict[str, Any] = {}
+    for name, field in FIELDS.items():
+        with _naming(name):
+            if name in lacking:
+                values[name] = _default(field, sizes)
+            elif name not in names:
+                raise ValueError("is missing")
+            else:
+                array = archive.read(name)
+                _check_form(array, field, sizes)
+                values[name] = array if field.shape else _plain(field.kind, array)
+                if name == "version":
+                    _check_version(values[name])
+    return Recording(**values)
+
+
 @contextmanager
-def _about(name: str) -> Iterator[None]:
+def _naming(name: str) -> Iterator[None]:
+    """Prefix ValueErrors raised in the block with the name of a field."""
     try:
         yield
     except ValueError as error:
         raise ValueError(f"field '{name}': {one_line(error)}") from error
 
 
-def _check_ours(archive: Npz) -> None:
-    """ValueError that lists the content of an archive without a recording's version."""
-    if "version" not in archive.names:
-        names = ", ".join(map(repr, archive.names[:5]))[:200]
-        raise ValueError(f"not a recording: its arrays are {names}" if names else "not a recording: holds nothing")
+def _default(field: Field, sizes: Mapping[str, int]) -> Any:  # noqa: ANN401 - as the annotation says
+    """Value of a field that an old recording lacks: no rows, or -1 everywhere."""
+    if not field.shape:
+        return field.kind()
+    return np.full([_size(symbol, 0, sizes) for symbol in field.shape.split()], -1, field.dtype)
 
 
-def _lacking(archive: Npz) -> set[str]:
-    """Fields that an old recording lacks; none if it contains unknown fields, so that damage is noticed."""
-    names = set(archive.names)
-    return _LATER - names if archive.plain and names <= set(FIELDS) else set()
-
-
-def _check(found: str, size: tuple[int, ...], dtype: str, shape: str, sizes: dict[str, int]) -> None:
+def _check_form(array: NDArray[Any], field: Field, sizes: dict[str, int]) -> None:
     """Compare data type and shape with the annotation; the first array with a dimension fixes its size for the rest."""
-    if not (found.startswith("<U") and found[2:].isdigit() if dtype == "<U" else found == dtype):
-        raise ValueError(f"has dtype {found}, not {dtype}")
-    if dtype == "<U" and int(found[2:]) > _LONGEST:
+    found = array.dtype.str
+    if not (found.startswith("<U") if field.dtype == "<U" else found == field.dtype):
+        raise ValueError(f"has dtype {found}, not {field.dtype}")
+    if field.dtype == "<U" and array.dtype.itemsize // 4 > _LONGEST:
         raise ValueError(f"has dtype {found}; at most {_LONGEST} characters are allowed")
-    symbols = shape.split()
-    expected = [_size(symbol, n, sizes) for symbol, n in zip(symbols, size, strict=False)]
-    if size != tuple(expected) or len(symbols) != len(size):
-        raise ValueError(f"has shape {size}, not ({', '.join(symbols)}) as the fields before it")
-    sizes.update(zip(symbols, size, strict=True))
+    symbols = field.shape.split()
+    expected = [_size(symbol, n, sizes) for symbol, n in zip(symbols, array.shape, strict=False)]
+    if list(array.shape) != expected or len(symbols) != array.ndim:
+        raise ValueError(f"has shape {array.shape}, not ({', '.join(symbols)}) as the fields before it")
+    sizes.update(zip(symbols, array.shape, strict=True))
 
 
-def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
+def _size(symbol: str, found: int, sizes: Mapping[str, int]) -> int:
     if symbol == "K*n+1":
         return sizes["K"] * sizes["n"] + 1
     return int(symbol) if symbol.isdigit() else sizes.get(symbol, found)

@@ -19,7 +19,7 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Scan, Track
 
-_BY_SCAN = {name: dtype for name, (_, dtype, shape) in FIELDS.items() if shape.split(" ")[0] == "K"}
+_BY_SCAN = {name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K"}
 
 
 class Recorder:

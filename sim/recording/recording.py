@@ -4,7 +4,7 @@ import json
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -198,8 +198,17 @@ class Recording:
         )
 
 
-FIELDS: dict[str, tuple[Any, str, str]] = {  # type, dtype and shape
-    name: (hint.__origin__, *hint.__metadata__) for name, hint in get_type_hints(Recording, include_extras=True).items()
+class Field(NamedTuple):
+    """Form of a field of a recording."""
+
+    kind: Any  # its type in Python
+    dtype: str
+    shape: str  # sizes or their symbols; empty for a single value
+
+
+FIELDS = {
+    name: Field(hint.__origin__, *hint.__metadata__)
+    for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
 
 

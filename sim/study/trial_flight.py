@@ -14,7 +14,7 @@ from sim.evaluation.metric import Outcome
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
-from sim.recording.archive import content, digest
+from sim.recording.archive import digest, encode
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, release
@@ -75,7 +75,7 @@ def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
         recording=digest(recording),
         machine=", ".join(machine().values()),
     )
-    return TrialResult(row, content(recording) if keep else b"")
+    return TrialResult(row, encode(recording) if keep else b"")
 
 
 def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:

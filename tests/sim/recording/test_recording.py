@@ -11,7 +11,7 @@ import pytest
 from helpers import synthetic
 from helpers.flights import fly, recording_of
 from helpers.processes import ROOT
-from helpers.recordings import assert_same, record, rewritten
+from helpers.recordings import assert_same, npy, record, rewritten
 from helpers.summaries import shown, summary
 
 from planning.planner import Plan
@@ -34,6 +34,8 @@ def test_a_recording_survives_the_disk_bit_for_bit(tmp_path, options):
     save(recording, tmp_path / "mission.npz")
     assert_same(load(tmp_path / "mission.npz"), recording)
     assert os.listdir(tmp_path) == ["mission.npz"]
+    turned = {"people": npy(np.asfortranarray(recording.people))}  # Fortran's order of axes
+    assert_same(load(rewritten(tmp_path / "mission.npz", tmp_path / "turned.npz", **turned)), recording)
 
 
 def test_snapshots_and_accessors_give_back_what_was_recorded():

@@ -13,18 +13,18 @@ from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
 
 FARTHEST = 1e6  # m, m/s, m²; more than any value of a mission, but too little to overflow in drawings
-Finding = tuple[str, bool, str]  # a field, True if it is wrong, and its requirement
+Finding = tuple[str, bool, str]  # a field, True if it is wrong, and what is wrong then
 
 
-def check(recording: Recording) -> None:
+def check_recording(recording: Recording) -> None:
     """ValueError that names the first field with values that no mission can have."""
-    for rules in (_counts, _texts, _world, _measured, _believed, _planned, _counted):
-        for name, wrong, text in rules(recording):
+    for rules in (_sizes, _texts, _world, _measurements, _tracks, _plans, _counts):
+        for name, wrong, what in rules(recording):
             if wrong:
-                raise ValueError(f"field '{name}': {text}")
+                raise ValueError(f"field '{name}': {what}")
 
 
-def _counts(r: Recording) -> Iterator[Finding]:
+def _sizes(r: Recording) -> Iterator[Finding]:
     yield "poses", 0 in r.poses.shape, "has no scan or no UAV"
     times = r.times
     yield "times", not _finite(times) or times[0] < 0 or bool(np.any(np.diff(times) <= 0)), "do not rise from 0 s on"
@@ -69,7 +69,7 @@ def _world(r: Recording) -> Iterator[Finding]:
     yield "contacts", not wrong and bool(np.any(c[:, 3] >= limits[c[:, 2]])), "names what is not there"
 
 
-def _measured(r: Recording) -> Iterator[Finding]:
+def _measurements(r: Recording) -> Iterator[Finding]:
     yield "measurements", not _finite(r.measurements), "are not finite"
     yield "measurement_covariances", not _definite(r.measurement_covariances), "are no covariances"
     nowhere = np.isnan(r.pixels).all(axis=1)
@@ -77,7 +77,7 @@ def _measured(r: Recording) -> Iterator[Finding]:
     yield "matched", bool(np.any(r.matched.view(np.uint8) > 1)), "holds bytes that are neither true nor false"
 
 
-def _believed(r: Recording) -> Iterator[Finding]:
+def _tracks(r: Recording) -> Iterator[Finding]:
     yield "track_ids", bool(np.any(r.track_ids < 0)), "are below 0"
     yield "track_means", not _finite(r.track_means), "are not finite"
     yield "track_covariances", not _definite(r.track_covariances), "are no covariances"
@@ -91,7 +91,7 @@ def _believed(r: Recording) -> Iterator[Finding]:
     yield "ospa", not _finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
 
 
-def _planned(r: Recording) -> Iterator[Finding]:
+def _plans(r: Recording) -> Iterator[Finding]:
     wrong = bool(np.any(np.diff(r.plan_times) <= 0)) or not np.all(np.isin(r.plan_times, r.times))
     yield "plan_times", wrong, "do not rise from scan to scan"
     ended = np.asarray(np.isnan(r.plans).all(axis=-1))
@@ -99,7 +99,7 @@ def _planned(r: Recording) -> Iterator[Finding]:
     yield "plans", bool(np.any(ended[:, :, :-1] & ~ended[:, :, 1:])), "go on after their end"
 
 
-def _counted(r: Recording) -> Iterator[Finding]:
+def _counts(r: Recording) -> Iterator[Finding]:
     for name, least in (("visible", 0), ("bytes_sent", -1), ("plan_bytes", -1), ("plan_rounds", -1)):
         yield name, bool(np.any(getattr(r, name) < least)), f"holds numbers below {least}"
 
