@@ -263,10 +263,9 @@ def parallel_env(
     for name in ("gymnasium", "pettingzoo"):
         if find_spec(name) is None:
             raise InputError(f"{name} is not installed; environments need: pip install gymnasium pettingzoo")
-    from sim.environments.course import Course
     from sim.environments.parallel import TeamParallelEnv
 
-    return TeamParallelEnv(Course(scenario, settings, reward, observe, render_mode))
+    return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any class or function

@@ -9,23 +9,20 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from sim.environments.course import RENDER_MODES, Course, Episodes
+from sim.environments.mission_environment import RENDER_MODES, MissionEnvironment
 from sim.environments.observations import Observed
 from tracking.errors import did_you_mean
 
 
-class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]
+class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]
     """Mission with UAVs `uav_0`, `uav_1`, ... as agents; see `understory.parallel_env`."""
 
     metadata: dict[str, Any] = {"name": "understory_v0", "render_modes": RENDER_MODES}  # noqa: RUF012 - PettingZoo's
 
-    def __init__(self, course: Course) -> None:
-        """Make an environment that flies the missions of a course."""
-        self._course, self.render_mode = course, course.render_mode
-        self.metadata = {**self.metadata, **course.metadata}
-        self.possible_agents = [f"uav_{i}" for i in course.uavs]
+    def _set_up(self) -> None:
+        self.possible_agents = [f"uav_{i}" for i in self._uavs]
         self.agents: list[str] = []
-        self.observation_spaces = dict(zip(self.possible_agents, course.spaces, strict=True))
+        self.observation_spaces = dict(zip(self.possible_agents, self._spaces, strict=True))
         self.action_spaces = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
         self._last: dict[str, Observed] = {}
         self._rng: np.random.Generator | None = None
@@ -44,16 +41,15 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
         """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
         if seed is not None or self._rng is None:
             self._rng, _ = seeding.np_random(seed)
-        self._course.begin(seed, options, self._rng)
-        self.agents = [f"uav_{i}" for i in self._course.rollout.team]
-        self._last = {agent: self._course.observe(_id(agent)) for agent in self.agents}
+        self.agents = [f"uav_{i}" for i in self._start(seed, options, self._rng).team]
+        self._last = {agent: self._observe(_id(agent)) for agent in self.agents}
         return dict(self._last), self._infos(self.agents)
 
     def step(
         self, actions: dict[str, NDArray[np.floating[Any]]]
     ) -> tuple[dict[str, Observed], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Fly to the next decision; an agent that breaks down is terminated and keeps its last observation."""
-        course, flying = self._course, self.agents
+        flying = self.agents
         if not isinstance(actions, Mapping):
             raise error.InvalidAction(f"actions: {type(actions).__name__} is not allowed; expected a dict by agent")
         for agent in actions:
@@ -62,20 +58,21 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
         for agent in flying:
             if agent not in actions:
                 raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")
-        course.step({_id(agent): actions[agent] for agent in flying})
-        left = [agent for agent in flying if _id(agent) in course.rollout.team]
-        self._last |= {agent: course.observe(_id(agent)) for agent in left}
-        self.agents = [] if course.rollout.over else left
+        self._fly({_id(agent): actions[agent] for agent in flying})
+        episode = self._episode()
+        left = [agent for agent in flying if _id(agent) in episode.team]
+        self._last |= {agent: self._observe(_id(agent)) for agent in left}
+        self.agents = [] if episode.over else left
         return (
             {agent: self._last[agent] for agent in flying},
-            {agent: course.rewarded(_id(agent)) for agent in flying},
+            {agent: self._reward_of(_id(agent)) for agent in flying},
             {agent: agent not in left for agent in flying},
-            {agent: agent in left and course.rollout.over for agent in flying},
+            {agent: agent in left and episode.over for agent in flying},
             self._infos(flying),
         )
 
     def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
-        return {agent: self._course.rollout.metrics(_id(agent)) for agent in agents}
+        return {agent: self._episode().metrics(_id(agent)) for agent in agents}
 
 
 def _id(agent: str) -> int:

@@ -53,7 +53,7 @@ REWARDS: Mapping[str, Reward] = {"gospa": expected_gospa, "true_gospa": true_gos
 ON_BELIEF = ("gospa", "trace")  # rewards without ground truth; all others are for training only
 
 
-def reward_of(given: str | Reward) -> Reward:
+def find_reward(given: str | Reward) -> Reward:
     """The reward with this key, or the given function; InputError for an unknown key."""
     if callable(given):
         return given

@@ -1,4 +1,4 @@
-"""One mission, flown from decision to decision by an environment."""
+"""One episode of an environment: a mission, flown from decision to decision."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from tracking.numerics.arrays import Array
 NAME = "environment"  # shown as the planner on films and in recordings
 
 
-class Rollout:
+class Episode:
     """One mission from decision to decision; after the last decision UAVs hover until the end of the mission."""
 
     def __init__(self, scenario: Scenario, seed: int, repeat: int) -> None:

@@ -1,4 +1,4 @@
-"""A rollout shows the last frame of each camera, and leaves no world behind if it cannot begin."""
+"""An episode shows the last frame of each camera, and leaves no world behind if it cannot begin."""
 
 import numpy as np
 import pytest
@@ -6,19 +6,19 @@ from helpers.clients import open_clients
 from helpers.flights import fly
 
 from sim.drawing.film import Film, parts_of
-from sim.environments.rollout import Rollout
+from sim.environments.episode import Episode
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
 
 
-def test_a_rollout_closes_its_world_if_its_first_scan_fails(monkeypatch):
+def test_an_episode_closes_its_world_if_its_first_scan_fails(monkeypatch):
     def failing(self):
         raise MemoryError
 
     monkeypatch.setattr(Mission, "team", property(failing))
     before = open_clients()
     with pytest.raises(MemoryError):
-        Rollout(load("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
+        Episode(load("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
     assert open_clients() == before
 
 
@@ -34,14 +34,14 @@ def test_a_slow_camera_shows_the_frame_it_took_between_two_decisions(drawn):
     for snapshot, images in zip(snapshots, frames, strict=True):
         image = film.draw(snapshot, images)
         tiles.append([image[box.slices] for box in boxes])
-    rollout = Rollout(load("forest", options), 0, 0)
+    episode = Episode(load("forest", options), 0, 0)
     for k in range(0, 7, 2):
-        assert round(6 * rollout.now.time) == k
+        assert round(6 * episode.now.time) == k
         if k in drawn:
-            image = rollout.draw()
+            image = episode.draw()
             for box, tile in zip(boxes, tiles[k], strict=True):
                 np.testing.assert_array_equal(image[box.slices], tile)
         if k < 6:
-            rollout.step(dict.fromkeys(range(3), np.zeros(2)))
-    rollout.close()
+            episode.step(dict.fromkeys(range(3), np.zeros(2)))
+    episode.close()
     assert np.any(tiles[4][0] != tiles[0][0])

@@ -1,4 +1,4 @@
-"""Courses of several environments share one process, and observe UAVs that do not work as zeros."""
+"""Several environments share one process, and observe UAVs that have broken down as zeros."""
 
 import gymnasium
 import numpy as np
