@@ -22,7 +22,7 @@ from sim.analysis.groups import Group, Run, group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.normalised_score import SCORE, NormalisedScore, Scored, score_planners
 from sim.evaluation.metric import Metric
-from sim.recording.atomic_files import whole
+from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
 from sim.study.cells import VIEW, cells
 from sim.study.store import read_rows
@@ -82,7 +82,7 @@ def add(folders: Iterable[Path]) -> None:
     done = [*trials(), *(row for row in flown if row.status == "done" and row.repeat == 0)]
     found = {(row.scenario, row.planner, _view(row.factors), row.seed): row for row in done}
     listed = sorted(found.items(), key=lambda entry: (STUDY.scenarios.index(entry[0][0]), *entry[0][1:]))
-    with whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
+    with write_whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["world", "planner", VIEW, "seed", "version", *METRICS])
         for place, row in listed:
@@ -192,7 +192,7 @@ def draw() -> None:
 
     scores, _, ends = _scored(_groups())
     found = sorted((score for score in scores if score.planner in ORDER), key=place)
-    with whole(FIGURE) as scratch:
+    with write_whole(FIGURE) as scratch:
         scratch.write_bytes(score_picture(found, ends).png)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from sim.evaluation.catalogue import METRICS, metric
+from sim.evaluation.catalogue import METRICS, find_metric
 from sim.evaluation.metric import Metric
 from sim.study.tasks import Row
 from tracking.errors import check_known
@@ -18,7 +18,7 @@ def metric_shown(name: str) -> Metric:
     Names are never imported, because a store may come from any source.
     """
     if name in METRICS or ":" in name:
-        return metric(name)
+        return find_metric(name)
     unit = name[-1] if name.endswith(("_m", "_s")) else ""
     label = name.replace("_", " ").replace(".", ": ")
     return Metric(label, unit=unit, better="neither", digits=3, name=name)
@@ -26,7 +26,7 @@ def metric_shown(name: str) -> Metric:
 
 def from_outside(asked: Iterable[str]) -> tuple[str, ...]:
     """The import strings among these metrics; InputError if a metric is not known and cannot be imported."""
-    return tuple(name for name in dict.fromkeys(asked) if metric(name) and name not in METRICS)
+    return tuple(name for name in dict.fromkeys(asked) if find_metric(name) and name not in METRICS)
 
 
 def available(rows: Iterable[Row]) -> list[str]:

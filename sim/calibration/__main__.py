@@ -15,8 +15,8 @@ def calibrate() -> None:
     A table of the NEES of the constants in force, on 5000 other detections, follows.
     """
     # Imported here, because help needs no arithmetic.
+    from sim.calibration.consistency import nees_bins, pair_bins, tilt_bins
     from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
-    from sim.calibration.nees import nees_bins, pair_bins, tilt_bins
 
     console.print("tracking.detection.detection_errors.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
     console.print("tracking.detection.detection_errors.SplitError\n" + _rounded(fit_split(0, 800)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sim.recording.atomic_files import unfinished, unused
+from sim.recording.atomic_files import part_path, unused_path
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
@@ -69,13 +69,13 @@ def replay(
     if rerun is not None:
         _rerun(recording, rerun, folder / "summary.json")
     elif page:
-        _page(recording, folder, out or unused(folder / "mission", ".html"))
+        _page(recording, folder, out or unused_path(folder / "mission", ".html"))
     elif gui:
         from sim.replay.window import show
 
         show(recording, scans, speed=factor, say=say)
     else:
-        _film(recording, scans, out or unused(folder / "replay", ".mp4"), layout=layout, speed=factor)
+        _film(recording, scans, out or unused_path(folder / "replay", ".mp4"), layout=layout, speed=factor)
 
 
 def frames(
@@ -95,7 +95,7 @@ def frames(
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or unused(folder_of(recorded) / f"frames-uav{number}-{span}")
+    folder = out or unused_path(folder_of(recorded) / f"frames-uav{number}-{span}")
     with counted_progress(len(scans), "frames") as progress:
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
@@ -113,7 +113,7 @@ def export(
 
     check_known("--to", to, TARGETS)
     recording = find(recorded)
-    folder = out or unused(folder_of(recorded) / f"export-{to}")
+    folder = out or unused_path(folder_of(recorded) / f"export-{to}")
     write(recording, to, folder)
     show_files(folder)
 
@@ -127,7 +127,7 @@ def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
     """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
     if path.suffix != suffix:
         raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
-    part = unfinished(path)
+    part = part_path(path)
     try:
         if path.exists():
             raise InputError(f"{option}: {path} exists; name a new file")

@@ -12,7 +12,7 @@ from rich.markup import escape
 from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.summary import results_table
 from sim.mission.trial import Trial
-from sim.recording.atomic_files import PlaceTaken, unused
+from sim.recording.atomic_files import PlaceTaken, unused_path
 from sim.replay.history import fleet_text
 from sim.running.mission_flight import is_built_in
 from sim.running.results import run_mission
@@ -66,7 +66,7 @@ def run(
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else seconds(timeout, "--timeout")
     remark(*remarks(setting))
-    folder = out or unused(Path("runs") / _name(scenario, trial))
+    folder = out or unused_path(Path("runs") / _name(scenario, trial))
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with mission_progress(setting) as progress:
         options["progress"] = progress

@@ -20,7 +20,7 @@ from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
-from sim.recording.atomic_files import unfinished
+from sim.recording.atomic_files import part_path
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
@@ -126,7 +126,7 @@ class Video(AbstractContextManager["Video"]):
     """
 
     def __init__(self, path: Path, film: Film, *, fps: int | Fraction) -> None:
-        self._path, self._part = path, unfinished(path)
+        self._path, self._part = path, part_path(path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = self._container.add_stream("libx264", rate=fps, options=_OPTIONS)

@@ -19,7 +19,7 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
-from sim.world.contacts import touched
+from sim.world.contacts import describe_body
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Indices
@@ -195,7 +195,7 @@ class MapView:
         for uav, contact in latest.items():
             centre = self.pixels(snapshot.poses[uav].position[:2])
             disc(image, centre, 15.0, palette.ALARM, 3)
-            text = f"touched {touched(contact.kind, contact.other)}"
+            text = f"touched {describe_body(contact.kind, contact.other)}"
             labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
 from sim.evaluation.fleet_facts import mean_ospa
-from sim.recording.atomic_files import whole
+from sim.recording.atomic_files import write_whole
 from tracking.numerics.arrays import Array
 
 _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
@@ -84,7 +84,7 @@ def _dot(times: Array) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, completely or not at all."""
-    with whole(path) as part:
+    with write_whole(path) as part:
         # Without the version of matplotlib, equal figures are equal files.
         figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
 

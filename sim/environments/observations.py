@@ -51,7 +51,7 @@ class Observations:
         if not self.neighbours:
             del parts["neighbours"]
         for name, (rows, most) in parts.items():
-            found[name], found[f"{name}_mask"] = _padded(rows, most)
+            found[name], found[f"{name}_mask"] = _pad(rows, most)
         undetected = situation.undetected
         found["undetected"] = _float32(
             np.zeros(raster_shape(situation.area)) if undetected is None else undetected.people
@@ -69,7 +69,7 @@ def _tracks(situation: Situation) -> Array:
     return np.column_stack([offsets, means[:, 2:], *spreads, existence, situation.time - np.nan_to_num(seen)])
 
 
-def _padded(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+def _pad(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
     """The `most` nearest rows by the offset with which each begins, padded with zeros, and their mask."""
     nearest = np.argsort(np.square(rows[:, :2]).sum(axis=1), kind="stable")[:most]
     table, mask = np.zeros((most, rows.shape[1]), dtype=np.float32), np.zeros(most, dtype=np.int8)

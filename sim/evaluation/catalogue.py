@@ -193,7 +193,7 @@ METRICS = {
 }
 
 
-def metric(name: str) -> Metric:
+def find_metric(name: str) -> Metric:
     """The metric with this name or import string; InputError if there is none."""
     if name in METRICS:
         return METRICS[name]
@@ -209,7 +209,7 @@ def metric(name: str) -> Metric:
     return replace(found, name=name)
 
 
-def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
+def evaluate(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
     """Values of all metrics of the registry and of those asked for; None if there is nothing to count.
 
     A metric that is asked for gets a copy. If its value is not finite, or it raises, it is None; an error adds a fault.
@@ -218,7 +218,7 @@ def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | 
     for name in asked:
         try:
             with plugin_call():
-                asked_for = metric(name)
+                asked_for = find_metric(name)
             with plugin_call(asked_for, "of"):
                 value = asked_for(deepcopy(outcome))
                 found[name] = float(value) if value is not None and math.isfinite(value) else None

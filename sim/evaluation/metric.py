@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.evaluation.score import Score, score
-from sim.evaluation.unmatched import Unmatched, unmatched_tracks
+from sim.evaluation.unmatched import Unmatched, find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.sensing.fault import Fault
 
@@ -37,7 +37,7 @@ class Outcome:
     @cached_property
     def unmatched(self) -> list[Unmatched]:
         """Tracks that stand for no person."""
-        return list(unmatched_tracks(self.recording))
+        return list(find_unmatched_tracks(self.recording))
 
     @property
     def flown(self) -> list[Score]:

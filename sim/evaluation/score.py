@@ -40,7 +40,7 @@ class Score:
     state_nees: Array  # (E',), only pairs with a known velocity of the person
 
 
-def held_by(recording: Recording, uav: int) -> Held:
+def find_reported_tracks(recording: Recording, uav: int) -> Held:
     """The tracks that one UAV reports, scan by scan."""
     k, owner = recording.cells(recording.track_offsets)
     rows, scans = (owner == uav) & recording.reported, len(recording.times)
@@ -62,7 +62,7 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
-def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
+def _pair_tracks(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
     """Scans, tracks and people of the pairs that NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
 
     near (K, M): tracks that hold people, -1 for none. These are pairs, even if GOSPA's sum were smaller otherwise; all
@@ -83,13 +83,13 @@ def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indic
 def score(recording: Recording, uav: int) -> Score:
     """Compare one UAV's tracks with the people."""
     on = recording.working[:, uav]
-    believed, people = held_by(recording, uav), recording.people[on]
+    believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
     near = correspondence(tracks, people, HELD)
     present = ~np.isnan(people[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
-    k, column, m = _paired(tracks, people, near)
+    k, column, m = _pair_tracks(tracks, people, near)
     errors = believed.means[on][k, column] - truth[k, m]
     P = recording.track_covariances[believed.rows[on][k, column]]
     moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity

@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from sim.evaluation.catalogue import METRICS, evaluated, metric
+from sim.evaluation.catalogue import METRICS, evaluate, find_metric
 from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine, versions
 from sim.evaluation.metric import Metric, Outcome, mean
@@ -17,7 +17,7 @@ from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered
-from sim.world.contacts import touched
+from sim.world.contacts import describe_body
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
 
@@ -35,9 +35,9 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     that there was nothing to count.
     """
     recording = outcome.recording
-    values = evaluated(outcome, asked)
+    values = evaluate(outcome, asked)
     own = {known.name if known.key is None else known.key: values[known.name] for known in METRICS.values()}
-    numbers = _nested({**_parts(outcome), **{key: value for key, value in own.items() if key}})
+    numbers = _nest({**_parts(outcome), **{key: value for key, value in own.items() if key}})
     return {
         "planner": recording.planner,
         "sees_truth": recording.sees_truth,
@@ -50,7 +50,7 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
         "duration_s": float(recording.times[-1] - recording.times[0]),
         "interrupted": recording.interrupted,
         **numbers,
-        **({"metrics": {name: _in_unit(metric(name), values[name]) for name in asked}} if asked else {}),
+        **({"metrics": {name: _in_unit(find_metric(name), values[name]) for name in asked}} if asked else {}),
         "seconds": dict(outcome.seconds),
         "faults": [
             {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
@@ -108,7 +108,7 @@ def _of_uav(score: Score) -> dict[str, Any]:
     }
 
 
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
     """Nested tables of values with dotted keys."""
     found: dict[str, Any] = {}
     for key, value in values.items():
@@ -127,20 +127,20 @@ def _value(summary: Mapping[str, Any], known: Metric) -> float | None:
     return None if found is None else float(found)
 
 
-def marked(planner: str, sees_truth: bool) -> str:
+def planner_title(planner: str, sees_truth: bool) -> str:
     """Displayed name of a planner, with a remark if it sees the truth and so is an upper bound."""
     return f"{planner} (sees the truth: an upper bound)" if sees_truth else planner
 
 
-def titled(recording: Recording) -> str:
+def recording_title(recording: Recording) -> str:
     """Displayed planner, seed and repeat of a recording."""
-    return f"{marked(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
+    return f"{planner_title(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
 
 
 def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as a table, as shown at the end of a run."""
     flown = numbered(summary["seed"], summary["repeat"])
-    title = f"{marked(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
+    title = f"{planner_title(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
@@ -163,7 +163,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         table.add_section()
         table.add_row("contacts", str(len(found)), style="bold red")
     for contact in found[:3]:
-        text = f"UAV {contact['uav']} touched {touched(contact['kind'], contact['other'])}"
+        text = f"UAV {contact['uav']} touched {describe_body(contact['kind'], contact['other'])}"
         table.add_row(f"  at {contact['time']:.1f} s", text)
     return table
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.evaluation.holding import episodes
-from sim.evaluation.score import FAR, HELD, Held, held_by
+from sim.evaluation.score import FAR, HELD, Held, find_reported_tracks
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import correspondence
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -32,13 +32,13 @@ class Unmatched:
         return self.gap <= HELD
 
 
-def standing(held: Held, people: Array) -> Indices:
+def find_standing_tracks(held: Held, people: Array) -> Indices:
     """Ids (K, M) of one UAV's tracks that stand for people (K, M, 2) m, as in CLEAR MOT; -1 for none."""
     columns = correspondence(held.means[:, :, :2], people, HELD)
     return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
 
 
-def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
+def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
 
     A track within `HELD` m of a person with another track is a duplicate; others are false tracks.
@@ -48,9 +48,9 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
     for i in range(working.shape[1]):
-        held = held_by(recording, i)
-        stood.append(standing(held, people))
-        free = _unmatched_by(held, stood[i], people) & working[:, i, None]
+        held = find_reported_tracks(recording, i)
+        stood.append(find_standing_tracks(held, people))
+        free = _find_unmatched(held, stood[i], people) & working[:, i, None]
         for column in np.flatnonzero(free.any(axis=0)).tolist():
             id_ = int(held.ids[column])
             alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
@@ -67,8 +67,8 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
                 yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span], left, since)
 
 
-def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
-    """Mask (K, A) of one UAV's tracks that stand for no person, given the ids (K, M) from `standing`."""
+def _find_unmatched(held: Held, standing: Indices, people: Array) -> Flags:
+    """Mask (K, A) of one UAV's tracks that stand for no person, given the ids (K, M) from `find_standing_tracks`."""
     stands = (held.ids == standing[:, :, None]).any(axis=1)
     places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
     lost = np.where((standing >= 0)[:, :, None], np.nan, people)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.recording.atomic_files import whole
+from sim.recording.atomic_files import write_whole
 from sim.recording.npz import Npz, open_npz
 from sim.recording.recording import FIELDS, VERSION, Field, Recording
 from sim.recording.recording_check import check_recording
@@ -27,7 +27,7 @@ _LONGEST = 2**20  # characters of a text field
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
     """Write the recording completely or not at all; equal content gives equal bytes."""
-    with whole(Path(path)) as part:
+    with write_whole(Path(path)) as part:
         part.write_bytes(encode(recording))
 
 

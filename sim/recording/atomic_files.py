@@ -15,12 +15,12 @@ class PlaceTaken(Exception):
     """Results are in another place than asked for; the message is one line that names it."""
 
 
-def unfinished(path: Path) -> Path:
+def part_path(path: Path) -> Path:
     """Path of a file until it is complete: a unique hidden name in the same folder."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
 
-def unused(path: Path, suffix: str = "") -> Path:
+def unused_path(path: Path, suffix: str = "") -> Path:
     """The path with a suffix such as .mp4, or the first numbered variant of it that does not exist yet."""
     number, free = 1, path.with_name(f"{path.name}{suffix}")
     while free.exists():
@@ -30,9 +30,9 @@ def unused(path: Path, suffix: str = "") -> Path:
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def write_whole(path: Path) -> Iterator[Path]:
     """Yield a path to write to; the file is renamed to `path` when the block ends, and removed if the block raises."""
-    part = unfinished(path)
+    part = part_path(path)
     try:
         yield part
         os.replace(part, path)
@@ -50,7 +50,7 @@ def new_folder(out: Path) -> Iterator[Path]:
     if not out.name:
         raise InputError(f"--out: {str(out)!r} cannot be the name of a new folder")
     place = Path(os.path.realpath(out))  # the target of a link, because a folder cannot replace the link
-    part = unfinished(place)
+    part = part_path(place)
     made: list[Path] = []
     try:
         try:
@@ -64,7 +64,7 @@ def new_folder(out: Path) -> Iterator[Path]:
         except OSError as error:
             raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
         yield part
-        _settle(part, place, out)
+        _rename_folder(part, place, out)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:
@@ -73,14 +73,14 @@ def new_folder(out: Path) -> Iterator[Path]:
         raise
 
 
-def _settle(part: Path, place: Path, out: Path) -> None:
+def _rename_folder(part: Path, place: Path, out: Path) -> None:
     """Rename a complete folder to its place, or to the next unused name."""
     try:
         part.rename(place)
     except OSError as error:
         if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR):
             raise
-        free = unused(place)
+        free = unused_path(place)
         part.rename(free)
         raise PlaceTaken(
             f"{out} was made by another program meanwhile; the results are in {free.name} beside it"

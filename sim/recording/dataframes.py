@@ -7,7 +7,7 @@ from typing import Any
 from tracking.errors import InputError
 
 
-def dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a frame of pandas or polars, both optional
+def make_dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a frame of pandas or polars, both optional
     """Columns of equal length as a pandas data frame, or a polars one without pandas; InputError without both."""
     for library in ("pandas", "polars"):
         try:

@@ -15,7 +15,7 @@ LONGEST = 300  # characters of a message
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")  # as in <object at 0x7f...>, which differs from process to process
 
 
-def recorded(faults: Sequence[Fault]) -> str:
+def encode_faults(faults: Sequence[Fault]) -> str:
     """Faults as JSON text: a list of objects with `time` [s], `uav` (null: the whole team) and `message`.
 
     Messages become one line of at most `LONGEST` printable characters without memory addresses. If there are more than
@@ -28,7 +28,7 @@ def recorded(faults: Sequence[Fault]) -> str:
     return json.dumps([{"time": float(f.time), "uav": f.uav, "message": f.message} for f in kept])
 
 
-def read(text: str) -> tuple[Fault, ...]:
+def decode_faults(text: str) -> tuple[Fault, ...]:
     """The faults in a recording's text, in order of time; none in the "" of old recordings. ValueError if invalid."""
     if not text:
         return ()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
-from sim.recording.fault_text import recorded
+from sim.recording.fault_text import encode_faults
 from sim.recording.recording import FIELDS, VERSION, Recording
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS
@@ -79,20 +79,20 @@ class Recorder:
             trees=np.array([astuple(tree) for tree in forest.trees], dtype=float).reshape(-1, 6),
             **dense,
             measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
-            measurements=_joined((scan.measurements for scan, _ in self._scans), 2),
-            measurement_covariances=_joined((scan.covariances for scan, _ in self._scans), 2, 2),
-            pixels=_joined((pixels for _, pixels in self._scans), 2),
+            measurements=_join((scan.measurements for scan, _ in self._scans), 2),
+            measurement_covariances=_join((scan.covariances for scan, _ in self._scans), 2, 2),
+            pixels=_join((pixels for _, pixels in self._scans), 2),
             track_offsets=_offsets(len(held) for held in self._tracks),
             track_ids=np.array([track.id for track in tracks], dtype=np.int64),
-            track_means=_joined((track.belief.mean for track in tracks), 4),
-            track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
+            track_means=_join((track.belief.mean for track in tracks), 4),
+            track_covariances=_join((track.belief.covariance for track in tracks), 4, 4),
             track_existence=_existence(tracks),
-            track_sightings=_joined((track.sighting for track in tracks), 3),
+            track_sightings=_join((track.sighting for track in tracks), 3),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
-            plans=_padded([plans for _, plans in self._plans], uavs),
+            plans=_pad([plans for _, plans in self._plans], uavs),
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
             sees_truth=sees_truth,
-            faults=recorded(self._faults),
+            faults=encode_faults(self._faults),
         )
 
 
@@ -113,12 +113,12 @@ def _offsets(counts: Iterable[int]) -> Indices:
     return np.cumsum([0, *counts], dtype=np.int64)
 
 
-def _joined(blocks: Iterable[Array], *shape: int) -> Array:
+def _join(blocks: Iterable[Array], *shape: int) -> Array:
     rows = [np.asarray(block, dtype=float).reshape(-1, *shape) for block in blocks]
     return np.concatenate([np.zeros((0, *shape)), *rows])
 
 
-def _padded(plans: Sequence[Sequence[Plan]], uavs: int) -> Array:
+def _pad(plans: Sequence[Sequence[Plan]], uavs: int) -> Array:
     horizon = max((len(plan.controls) for made in plans for plan in made), default=0)
     table = np.full((len(plans), uavs, horizon, 2), np.nan)
     for e, made in enumerate(plans):

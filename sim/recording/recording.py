@@ -10,7 +10,7 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
-from sim.recording.fault_text import read
+from sim.recording.fault_text import decode_faults
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
@@ -169,7 +169,7 @@ class Recording:
     @cached_property
     def all_faults(self) -> tuple[Fault, ...]:
         """All faults that were recorded, in order of time."""
-        return read(self.faults)
+        return decode_faults(self.faults)
 
     def faults_at(self, k: int) -> tuple[Fault, ...]:
         """Faults after scan k - 1 and until scan k."""

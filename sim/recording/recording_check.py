@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.recording.fault_text import LONGEST, MOST, read
+from sim.recording.fault_text import LONGEST, MOST, decode_faults
 from sim.recording.recording import Recording
 from sim.scenario.quantities import REPEATS
 from sim.world.contacts import KINDS
@@ -27,7 +27,7 @@ def check_recording(recording: Recording) -> None:
 def _sizes(r: Recording) -> Iterator[Finding]:
     yield "poses", 0 in r.poses.shape, "has no scan or no UAV"
     times = r.times
-    yield "times", not _finite(times) or times[0] < 0 or bool(np.any(np.diff(times) <= 0)), "do not rise from 0 s on"
+    yield "times", not _is_finite(times) or times[0] < 0 or bool(np.any(np.diff(times) <= 0)), "do not rise from 0 s on"
     for name, offsets, rows in (
         ("measurement_offsets", r.measurement_offsets, len(r.measurements)),
         ("track_offsets", r.track_offsets, len(r.track_ids)),
@@ -41,7 +41,7 @@ def _texts(r: Recording) -> Iterator[Finding]:
     yield "seed", r.seed < 0, "is negative"
     yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
     yield "scenario", _fails(msgspec.json.Decoder(dict).decode, r.scenario), "is no JSON object"
-    yield "faults", _fails(read, r.faults), "is no list of faults, each with time, uav and message"
+    yield "faults", _fails(decode_faults, r.faults), "is no list of faults, each with time, uav and message"
     faults, n = r.all_faults, r.poses.shape[1]
     yield "faults", len(faults) > MOST, f"are more than {MOST}"
     wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
@@ -51,17 +51,17 @@ def _texts(r: Recording) -> Iterator[Finding]:
 
 
 def _world(r: Recording) -> Iterator[Finding]:
-    yield "trees", not _finite(r.trees) or bool(np.any(r.trees[:, [2, 5]] < 0)), "have a radius below 0 or no place"
+    yield "trees", not _is_finite(r.trees) or bool(np.any(r.trees[:, [2, 5]] < 0)), "have a radius below 0 or no place"
     yield "trees", bool(np.any(r.trees[:, 3] > r.trees[:, 4])), "have a canopy that ends below its base"
     absent = np.isnan(r.people[..., 0])
     partly = bool(np.any(absent != np.isnan(r.people[..., 1])))
-    yield "people", partly or not _finite(r.people[~absent]), "have places that are partly NaN or not finite"
-    yield "headings", not _finite(r.headings[~absent]), "are not finite where a person is"
+    yield "people", partly or not _is_finite(r.people[~absent]), "have places that are partly NaN or not finite"
+    yield "headings", not _is_finite(r.headings[~absent]), "are not finite where a person is"
     for name, poses in (("poses", r.poses), ("cameras", r.cameras)):
-        yield name, not _finite(poses), "are not finite"
+        yield name, not _is_finite(poses), "are not finite"
         norms = np.sum(poses[..., 3:] ** 2, axis=-1)
         yield name, bool(np.any(np.abs(norms - 1) > 1e-6)), "have quaternions whose norm is not 1"
-    yield "commands", not _finite(r.commands), "are not finite"
+    yield "commands", not _is_finite(r.commands), "are not finite"
     limits = np.array([r.poses.shape[1], len(r.trees), len(r.trees), r.people.shape[1], 1])
     c, cells = r.contacts, (*r.poses.shape[:2], len(KINDS))
     wrong = bool(np.any(c < 0) or np.any(c[:, :3] >= cells) or np.any(c[1:, 0] < c[:-1, 0]))
@@ -70,32 +70,32 @@ def _world(r: Recording) -> Iterator[Finding]:
 
 
 def _measurements(r: Recording) -> Iterator[Finding]:
-    yield "measurements", not _finite(r.measurements), "are not finite"
-    yield "measurement_covariances", not _definite(r.measurement_covariances), "are no covariances"
+    yield "measurements", not _is_finite(r.measurements), "are not finite"
+    yield "measurement_covariances", not _is_definite(r.measurement_covariances), "are no covariances"
     nowhere = np.isnan(r.pixels).all(axis=1)
-    yield "pixels", not _finite(r.pixels[~nowhere]), "are partly NaN or not finite"
+    yield "pixels", not _is_finite(r.pixels[~nowhere]), "are partly NaN or not finite"
     yield "matched", bool(np.any(r.matched.view(np.uint8) > 1)), "holds bytes that are neither true nor false"
 
 
 def _tracks(r: Recording) -> Iterator[Finding]:
     yield "track_ids", bool(np.any(r.track_ids < 0)), "are below 0"
-    yield "track_means", not _finite(r.track_means), "are not finite"
-    yield "track_covariances", not _definite(r.track_covariances), "are no covariances"
+    yield "track_means", not _is_finite(r.track_means), "are not finite"
+    yield "track_covariances", not _is_definite(r.track_covariances), "are no covariances"
     known = r.track_existence[~np.isnan(r.track_existence)]
     wrong = bool(np.any((known != -1) & ~((known >= 0) & (known <= 1))))
     yield "track_existence", wrong, "is no probability, NaN or -1"
     stored = r.track_sightings[~np.isnan(r.track_sightings).all(axis=1)]
-    wrong = not _finite(stored) or bool(np.any((stored[:, 2] < 0) & (stored != -1).any(axis=1)))
+    wrong = not _is_finite(stored) or bool(np.any((stored[:, 2] < 0) & (stored != -1).any(axis=1)))
     yield "track_sightings", wrong, "are no place and time, NaN or -1"
     broken = np.isnan(r.ospa).all(axis=-1)
-    yield "ospa", not _finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
+    yield "ospa", not _is_finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
 
 
 def _plans(r: Recording) -> Iterator[Finding]:
     wrong = bool(np.any(np.diff(r.plan_times) <= 0)) or not np.all(np.isin(r.plan_times, r.times))
     yield "plan_times", wrong, "do not rise from scan to scan"
     ended = np.asarray(np.isnan(r.plans).all(axis=-1))
-    yield "plans", not _finite(r.plans[~ended]), "are partly NaN or not finite"
+    yield "plans", not _is_finite(r.plans[~ended]), "are partly NaN or not finite"
     yield "plans", bool(np.any(ended[:, :, :-1] & ~ended[:, :, 1:])), "go on after their end"
 
 
@@ -104,13 +104,13 @@ def _counts(r: Recording) -> Iterator[Finding]:
         yield name, bool(np.any(getattr(r, name) < least)), f"holds numbers below {least}"
 
 
-def _finite(values: Array) -> bool:
+def _is_finite(values: Array) -> bool:
     return bool(np.all(np.abs(values) <= FARTHEST))  # False for NaN
 
 
-def _definite(covariances: NDArray[np.float64]) -> bool:
+def _is_definite(covariances: NDArray[np.float64]) -> bool:
     """True if matrices (N, d, d) are finite and symmetric, with positive variances and definite position blocks."""
-    if not _finite(covariances):
+    if not _is_finite(covariances):
         return False
     variances = np.diagonal(covariances, axis1=1, axis2=2)
     scale = variances.max(axis=1, initial=0.0)[:, None, None]

@@ -20,8 +20,8 @@ from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import marked
-from sim.recording.dataframes import dataframe
+from sim.evaluation.summary import planner_title
+from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, arrays, columns, event_columns
 from sim.replay.event import Event, ends
@@ -72,7 +72,7 @@ class Flight:
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
         """A table, one of `TABLES`, as a pandas data frame, or a polars one if pandas is not installed."""
-        return dataframe(self.columns(table))
+        return make_dataframe(self.columns(table))
 
     def ospa_figure(self) -> Figure:
         """OSPA over time."""
@@ -116,7 +116,7 @@ class Flight:
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         return {
-            "planner": marked(r.planner, r.sees_truth),
+            "planner": planner_title(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
             "repeat": str(r.repeat),
             "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",

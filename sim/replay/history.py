@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from sim.evaluation.holding import episodes, hold_states
-from sim.evaluation.score import held_by
-from sim.evaluation.unmatched import standing
+from sim.evaluation.score import find_reported_tracks
+from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken, hiding_forest
 from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
@@ -67,7 +67,9 @@ class History:
             hidden_by=hidden_by,
             shown=(recording.visible > 0) & looked[:, :, None],
             detected=recording.matched & looked[:, :, None],
-            tracks=np.stack([standing(held_by(recording, i), recording.people) for i in uavs], axis=1),
+            tracks=np.stack(
+                [find_standing_tracks(find_reported_tracks(recording, i), recording.people) for i in uavs], axis=1
+            ),
         )
 
     @cached_property

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 from sim.drawing.film import AS_FLOWN, Film, Video
 from sim.drawing.lettering import Image
-from sim.evaluation.summary import marked
+from sim.evaluation.summary import planner_title
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.scenario import Scenario
@@ -38,7 +38,9 @@ def write_film(
     those of `understory run`, also in the film of a part of the mission. `progress` is called with each scan.
     """
     scenario = recording.setting
-    film = Film(scenario, recording.forest, planner=marked(recording.planner, recording.sees_truth), layout=layout)
+    film = Film(
+        scenario, recording.forest, planner=planner_title(recording.planner, recording.sees_truth), layout=layout
+    )
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
 

@@ -13,7 +13,7 @@ from sim.drawing.palette import uav_colour
 from sim.recording.recording import Recording
 from sim.scenario.environment import Area
 from sim.sensing.cameras import camera_of
-from sim.world.engine import Engine, pybullet, quiet, refusal_of, silenced
+from sim.world.engine import Engine, pybullet, refusal_of, silence, silence_c_code
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -59,7 +59,7 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
 def _world(recording: Recording) -> Iterator[World]:
     """The world of a recording in a window, without the engine's output."""
     options = f"--width={_SIZE[0]} --height={_SIZE[1]}"
-    with quiet():
+    with silence_c_code():
         client = pybullet.connect(pybullet.GUI, options=options)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
         people = recording.people.shape[1]
@@ -68,7 +68,7 @@ def _world(recording: Recording) -> Iterator[World]:
     try:
         yield world
     finally:
-        with silenced(1, 2), quiet():  # no other C code of the process prints here
+        with silence(1, 2), silence_c_code():  # no other C code of the process prints here
             world.close()
 
 

@@ -19,7 +19,7 @@ from sim.analysis.metric_choice import RUNTIME, available, choose_metrics, metri
 from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import baseline_of, entrant
 from sim.evaluation.metric import Metric
-from sim.recording.atomic_files import whole
+from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
 from sim.report.html_parts import bullet_list, command_line, page, paragraph
@@ -78,7 +78,7 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:  # files get their names when all are written
             for name, data in files.items():
-                stack.enter_context(whole(folder / name)).write_bytes(data)
+                stack.enter_context(write_whole(folder / name)).write_bytes(data)
         for path in (folder / "figures").iterdir():
             if re.fullmatch(_FIGURES, path.name) and f"figures/{path.name}" not in files:
                 path.unlink()

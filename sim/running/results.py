@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from planning.planner_loading import load_planner
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import save as save_figure
-from sim.evaluation.catalogue import metric
-from sim.evaluation.summary import marked, summarise
+from sim.evaluation.catalogue import find_metric
+from sim.evaluation.summary import planner_title, summarise
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
@@ -109,7 +109,7 @@ def _check_plug_ins(trial: Trial, metrics: Sequence[str]) -> None:
             registry.find(name)
     load_planner(trial.planner)
     for name in metrics:
-        metric(name)
+        find_metric(name)
 
 
 @contextmanager
@@ -118,7 +118,7 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
     if path is None:
         yield lambda snapshot: None
         return
-    title = marked(trial.planner, mission.sees_truth)
+    title = planner_title(trial.planner, mission.sees_truth)
     film = Film(trial.scenario, mission.forest, planner=title)
     video = Video(path, film, fps=trial.scenario.rates.sensing)
 

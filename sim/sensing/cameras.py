@@ -46,7 +46,7 @@ def camera_pose(uav: Uav, body: Pose) -> Pose:
     On such a body it looks straight down with north up, or is pitched towards the body's x axis by its mounting angle.
     """
     carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
-    return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))
+    return Pose(body.position, _pitch(carrier, math.radians(uav.tilt_deg)))
 
 
 def _planned_attitude(uav: Uav, body: Pose) -> Array:
@@ -58,10 +58,10 @@ def _planned_attitude(uav: Uav, body: Pose) -> Array:
     if uav.mount == "body" and uav.tilt_deg:
         heading = arctan2(body.rotation[1, 0], body.rotation[0, 0])
     level = np.array([0.0, 0.0, sin(heading / 2), cos(heading / 2)])
-    return _pitched(level, math.radians(uav.tilt_deg))
+    return _pitch(level, math.radians(uav.tilt_deg))
 
 
-def _pitched(quaternion: Array, angle: float) -> Array:
+def _pitch(quaternion: Array, angle: float) -> Array:
     """A carrier's attitude (4,), turned about its y axis such that a downward view rises towards its x axis."""
     if angle == 0.0:
         return quaternion

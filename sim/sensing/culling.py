@@ -15,7 +15,7 @@ _PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that enclos
 
 
 @compiled
-def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> Flags:
+def find_in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> Flags:
     """Mask (B,) of spheres at centres (B, 3) m with radii (B,) m that may show in the image of a camera.
 
     position (3,) m and rotation (3, 3) from camera to world; fov in rad. Spheres with centres NaN do not show.
@@ -32,7 +32,7 @@ def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, f
 
 
 @compiled
-def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
+def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
     """Mask (T,) of trees that hide their own trunk from a camera at position (3,) m; trees (T, 6) as in `Tree`."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
@@ -42,7 +42,7 @@ def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
 
 
 @compiled
-def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> Flags:
+def find_hidden_people(people: Array, trees: Array, position: Array, fov: float) -> Flags:
     """Mask (M,) of people at (M, 2) m that a single tree of (T, 6) fully hides from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):

@@ -15,12 +15,12 @@ from tracking.numerics.distances import length
 GATE = 3.0  # pixels, largest distance from a detection to the nearest pixel of the detected person
 
 
-def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+def count_visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Number of pixels (M,) of each of `count` people in a mask (P, P)."""
     return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
 
 
-def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+def match_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Index (M,) of the detection of each of `count` people among detections (N, 2) at pixels (u, v); -1 for none.
 
     people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, as of a person

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.installation import ASSETS
-from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
+from sim.sensing.culling import FAR, NEAR, find_hidden_people, find_hidden_trunks, find_in_frustum
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
 from sim.world.world import World
@@ -76,7 +76,7 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
                 continue
             y, x = np.int64(ys[column]), np.int64(xs[column])
             a, b = np.uint64(y & 31), np.uint64(x & 31)
-            i, j = _wrapped(y >> 5, tile), _wrapped(x >> 5, tile)
+            i, j = _wrap(y >> 5, tile), _wrap(x >> 5, tile)
             # Negative differences wrap around, but the sum is still correct.
             upper = texels[i, j] * np.uint64(32) + b * (texels[i, j + _NEXT] - texels[i, j])
             lower = texels[i + _NEXT, j] * np.uint64(32) + b * (texels[i + _NEXT, j + _NEXT] - texels[i + _NEXT, j])
@@ -87,7 +87,7 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
 
 
 @compiled
-def _wrapped(index: np.int64, tile: int) -> np.uint64:
+def _wrap(index: np.int64, tile: int) -> np.uint64:
     """Index modulo tile, without a division if it is in range; unsigned, so that indexing skips the sign check."""
     return np.uint64(index if 0 <= index < tile else index % tile)
 
@@ -151,11 +151,11 @@ class Renderer:
     def in_view(self, camera: Camera, pose: Pose) -> Flags:
         """Mask (B,) of the world's bodies that may show in the image."""
         centres, position = self._world.centres, pose.position
-        seen = in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
+        seen = find_in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
         trees, people = len(self._trees), np.max(self._people) + 1
-        seen[trees : 2 * trees] &= ~trunks_hidden(self._trees, position, camera.fov)
+        seen[trees : 2 * trees] &= ~find_hidden_trunks(self._trees, position, camera.fov)
         of_people = slice(2 * trees, 2 * trees + people)
-        seen[of_people] &= ~people_hidden(centres[of_people, :2], self._trees, position, camera.fov)
+        seen[of_people] &= ~find_hidden_people(centres[of_people, :2], self._trees, position, camera.fov)
         return seen
 
     def _show(self, wanted: Flags) -> None:

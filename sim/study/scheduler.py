@@ -9,7 +9,7 @@ from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from sim.processes.workers import describe_end
-from sim.recording.atomic_files import whole
+from sim.recording.atomic_files import write_whole
 from sim.study.backends import GRACE, Backend
 from sim.study.store import Store, StoreError
 from sim.study.tasks import Row, Task
@@ -131,7 +131,7 @@ def _describe(task: Task, error: BaseException, backend: Backend, timeout: float
 def _write(path: Path, content: bytes) -> None:
     try:
         path.parent.mkdir(exist_ok=True)
-        with whole(path) as part:
+        with write_whole(path) as part:
             part.write_bytes(content)
     except OSError as error:
         raise StoreError(f"{path}: {error.strerror}") from error

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from sim.recording.dataframes import dataframe
+from sim.recording.dataframes import make_dataframe
 from sim.study.tasks import Row, Task
 from tracking.errors import InputError, one_line
 
@@ -173,7 +173,7 @@ def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
         columns[f"factor.{name}"] = [dict(row.factors).get(name) for row in rows]
     for name in names:
         columns[name] = [row.metrics.get(name, math.nan) for row in rows]
-    return dataframe(columns)
+    return make_dataframe(columns)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import numpy as np
 from msgspec import Struct
 
-from sim.evaluation.catalogue import evaluated
+from sim.evaluation.catalogue import evaluate
 from sim.evaluation.machine import machine
 from sim.evaluation.metric import Outcome
 from sim.mission.snapshot import Snapshot
@@ -81,7 +81,7 @@ def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
 def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
     """The metrics of a row and the time of every stage; NaN if there was nothing to count."""
     values = {
-        **evaluated(outcome, asked),
+        **evaluate(outcome, asked),
         "sees_truth": outcome.recording.sees_truth,
         **{f"seconds.{stage}": value for stage, value in outcome.seconds.items()},
     }

@@ -93,7 +93,7 @@ class Bodies:
                     shapes[key] = (self._cylinder(radius, height), self._mesh(kind, (radius, radius, height)))
                 id_ = self._fixed(*shapes[key], (tree.x, tree.y, base))
                 sphere = hypot(1.01 * radius, height / 2)
-                tint = _times(_foliage(k), self.style.canopies[k]) if canopy else _WHITE
+                tint = _multiply(_foliage(k), self.style.canopies[k]) if canopy else _WHITE
                 bodies.append(self._paint(Body(id_, "canopy" if canopy else "trunk", tint, sphere)))
         return bodies
 
@@ -104,7 +104,7 @@ class Bodies:
         solid = self._cylinder(_PERSON_RADIUS, 2 * TARGET_HEIGHT)
         ids = [self._fixed(solid, mesh, AWAY) for _ in range(count)]
         return [
-            self._paint(Body(id_, "person", _times(_WHITE, tint), 1.1))
+            self._paint(Body(id_, "person", _multiply(_WHITE, tint), 1.1))
             for id_, tint in zip(ids, self.style.clothes, strict=True)
         ]
 
@@ -121,13 +121,13 @@ def _foliage(k: int) -> tuple[float, float, float]:
     return colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))
 
 
-def _times(tint: tuple[float, float, float], factors: Array) -> tuple[float, float, float]:
+def _multiply(tint: tuple[float, float, float], factors: Array) -> tuple[float, float, float]:
     red, green, blue = (np.array(tint) * factors).tolist()
     return red, green, blue
 
 
 @compiled
-def rotated(quaternion: Array, spin: Array, dt: float) -> Array:
+def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
 
     Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,

@@ -18,13 +18,13 @@ class Contact(NamedTuple):
     other: int
 
 
-def touched(kind: str, other: int) -> str:
+def describe_body(kind: str, other: int) -> str:
     """Description of the body that a UAV touched; arguments as in `Contact`."""
     return "the ground" if kind == "ground" else f"{_NAMES[kind]} {other}"
 
 
 @compiled
-def nearest(positions: Array, commands: Array, seconds: float) -> float:
+def nearest_approach(positions: Array, commands: Array, seconds: float) -> float:
     """Lower bound [m] of distances between UAVs at positions (n, 3) m that fly commands (n, 2) m/s for some seconds."""
     least = math.inf
     for i in range(len(positions)):

@@ -11,7 +11,7 @@ from typing import Any
 
 
 @contextmanager
-def silenced(*descriptors: int) -> Iterator[None]:
+def silence(*descriptors: int) -> Iterator[None]:
     """Discard whatever is written to these file descriptors within the block."""
     kept, nowhere = [os.dup(number) for number in descriptors], os.open(os.devnull, os.O_WRONLY)
     try:
@@ -26,19 +26,19 @@ def silenced(*descriptors: int) -> Iterator[None]:
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def silence_c_code() -> Iterator[None]:
     """Discard what C code writes to standard output and error within the block, but not what it wrote before."""
     c = ctypes.CDLL(None)
     c.fflush(None)
-    with silenced(1, 2):
+    with silence(1, 2):
         yield
         c.fflush(None)
 
 
-with silenced(2):
+with silence(2):
     import pybullet
 
-__all__ = ["Engine", "pybullet", "quiet", "refusal_of", "silenced"]
+__all__ = ["Engine", "pybullet", "refusal_of", "silence", "silence_c_code"]
 
 
 def refusal_of(what: str, trial: str, *arguments: str) -> str:

@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.world.engine import pybullet, quiet, refusal_of
+from sim.world.engine import pybullet, refusal_of, silence_c_code
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
 
@@ -43,7 +43,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
     if _open:
         raise RuntimeError("EGL renders one world at a time: close the other one first")
     client = int(pybullet.connect(pybullet.DIRECT))
-    with quiet():
+    with silence_c_code():
         pybullet.loadPlugin(_plugin(), _PLUGIN, physicsClientId=client)
         for _ in range(2):  # the plug-in prints at the first and the second image
             pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
@@ -54,7 +54,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
 def disconnect(client: int) -> None:
     """Close a client of `connect`."""
     _open.discard(client)
-    with quiet():
+    with silence_c_code():
         pybullet.disconnect(physicsClientId=client)
 
 

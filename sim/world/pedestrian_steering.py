@@ -43,7 +43,7 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
     positions = np.empty((len(paces), len(states), 2))
     decisions, progress = states[:, 2].copy(), np.zeros(len(states), dtype=np.int64)
     for first in range(0, len(paces), _BLOCK):
-        near = _surroundings(states, paces[first : first + _BLOCK], trunks)
+        near = _find_surroundings(states, paces[first : first + _BLOCK], trunks)
         for k in range(first, min(first + _BLOCK, len(paces))):
             for i in range(len(states)):
                 positions[k, i, 0], positions[k, i, 1] = states[i, 0], states[i, 1]
@@ -59,7 +59,7 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
 
 
 @compiled
-def _surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
+def _find_surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
     """Rows of all trunks and people that each person may meet while all walk at these paces (K, M) m/s."""
     fastest = thickest = 0.0
     for pace in paces.flat:
@@ -68,11 +68,11 @@ def _surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
         thickest = max(thickest, trunk[2])
     way = fastest * (len(paces) * _STEP + _HORIZON * _ROLLOUT_STEP)  # m, longest way that a person walks and foresees
     bark, apart = thickest + 1 + _SLACK, SEPARATION + 1 + _SLACK
-    return [(_within(state, trunks, way + bark), _within(state, states, 2 * way + apart)) for state in states]
+    return [(_find_near(state, trunks, way + bark), _find_near(state, states, 2 * way + apart)) for state in states]
 
 
 @compiled
-def _within(state: Array, places: Array, reach: float) -> Indices:
+def _find_near(state: Array, places: Array, reach: float) -> Indices:
     """Ascending rows of the places (n, 2 or more) m that are less than `reach` m from a person."""
     rows, count = np.empty(len(places), dtype=np.int64), 0
     for k in range(len(places)):
@@ -129,7 +129,7 @@ def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Ar
     costs = np.empty(_HEADINGS)
     for n in range(_HEADINGS):
         heading = state[2] + (n - _HEADINGS // 2) * _SPREAD
-        to_goal, to_decision = _wrapped(heading - goal), _wrapped(heading - decision)
+        to_goal, to_decision = _wrap(heading - goal), _wrap(heading - decision)
         costs[n] = to_goal * to_goal + _PERSISTENCE * to_decision * to_decision
         costs[n] += _conflict(state, heading, pace, hazards, half)
     best = np.argmin(costs)
@@ -142,7 +142,7 @@ def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Ar
 
 
 @compiled
-def _wrapped(angle: float) -> float:
+def _wrap(angle: float) -> float:
     """The same angle in [-π, π) [rad]."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
@@ -194,7 +194,7 @@ def _nearest(x: float, y: float, dx: float, dy: float) -> float:
 @compiled
 def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
     """Turn a person's state towards `heading` for dt s, in place."""
-    rate = state[3] + dt * _RESPONSE * (_RESPONSE * _wrapped(heading - state[2]) - 2 * state[3])
+    rate = state[3] + dt * _RESPONSE * (_RESPONSE * _wrap(heading - state[2]) - 2 * state[3])
     limit = _LATERAL / pace
     state[3] = min(max(rate, -limit), limit)
     state[2] += dt * state[3]
@@ -211,7 +211,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: 
         side = (n + 1) // 2 if n % 2 else -(n // 2)
         turned = heading + side * math.radians(5.0)
         x, y = states[i, 0] + length * cos(turned), states[i, 1] + length * sin(turned)
-        if _free(i, states, (x, y), trunks, near) and abs(x) <= half[0] and abs(y) <= half[1]:
+        if _is_free(i, states, (x, y), trunks, near) and abs(x) <= half[0] and abs(y) <= half[1]:
             states[i, 0], states[i, 1], states[i, 2] = x, y, turned
             return
     states[i, 0] += length * cos(heading)
@@ -219,7 +219,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: 
 
 
 @compiled
-def _free(i: int, states: Array, place: tuple[float, float], trunks: Array, near: _Near) -> bool:
+def _is_free(i: int, states: Array, place: tuple[float, float], trunks: Array, near: _Near) -> bool:
     """True if person i may stand at a place [m]."""
     x, y = place
     for t in near[0]:

@@ -143,11 +143,11 @@ def glide(positions: Array, quaternions: Array, commands: Array, dt: float, step
     """Positions (n, 3) m and quaternions (n, 4) after steps of dt s by [Li22] eq. (5).
 
     UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine turns quaternions
-    into matrices and back, like `settled`. The returned ones are those given to the engine at the last step.
+    into matrices and back, like `settle`. The returned ones are those given to the engine at the last step.
     """
     moved, put = positions.copy(), quaternions
     for _ in range(steps):
-        turned, put = settled(put), np.zeros_like(quaternions)
+        turned, put = settle(put), np.zeros_like(quaternions)
         for i in range(len(moved)):
             east, north = commands[i]
             moved[i, 0] += east * dt
@@ -158,7 +158,7 @@ def glide(positions: Array, quaternions: Array, commands: Array, dt: float, step
 
 
 @compiled
-def settled(quaternions: Array) -> Array:
+def settle(quaternions: Array) -> Array:
     """Quaternions (n, 4) of turns about z as the engine returns them, which converts them to matrices and back."""
     out = np.zeros_like(quaternions)
     for i in range(len(quaternions)):

@@ -49,7 +49,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
     positions = simulate(states, speeds, drifts, _routes(paths), trunks, half)
     if people.stay is not None:
         (presence,) = rng.spawn(1)
-        positions[~_present(count, samples, people.stay, presence)] = np.nan
+        positions[~_draw_presence(count, samples, people.stay, presence)] = np.nan
     return Trajectories(np.arange(samples) / SAMPLES_PER_SECOND, positions)
 
 
@@ -84,7 +84,7 @@ def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
             raise ValueError(f"waypoints are not n x 2 finite numbers within {half.tolist()} m, n = 0 or n > 1")
 
 
-def _present(count: int, samples: int, stay: float, rng: np.random.Generator) -> Flags:
+def _draw_presence(count: int, samples: int, stay: float, rng: np.random.Generator) -> Flags:
     """Mask (K, M) of the samples at which people are present; each person comes and leaves once."""
     last = (samples - 1) / SAMPLES_PER_SECOND
     stays = stay * rng.uniform(0.5, 1.5, count)
@@ -113,11 +113,11 @@ def _smooth_noise(count: int, samples: int, time: float, rng: np.random.Generato
     kernel = exp_each(-0.5 * np.square(np.arange(-reach, reach + 1) / width))
     kernel /= length(kernel)
     # Drawn sample by sample, so that a longer mission begins like a shorter one.
-    return _smoothed(standard_normal(rng, (samples + 2 * reach, count)), kernel)
+    return _smooth(standard_normal(rng, (samples + 2 * reach, count)), kernel)
 
 
 @compiled
-def _smoothed(white: Array, kernel: Array) -> Array:
+def _smooth(white: Array, kernel: Array) -> Array:
     """Moving averages (K, M) of white noise (K + L - 1, M) along the first axis, weighted by a kernel (L,)."""
     smooth = np.zeros((len(white) - len(kernel) + 1, white.shape[1]))
     for k in range(len(smooth)):
@@ -140,7 +140,7 @@ def _starts(
         for attempt in range(_ATTEMPTS):
             drawn = path[0] + 0.01 * attempt * standard_normal(rng, 2) if len(path) else rng.uniform(-half, half)
             # In dense forests the required room shrinks from attempt to attempt.
-            if _clear(drawn, states[:i], trunks, half, room=room * (1 - 0.9 * attempt / _ATTEMPTS)):
+            if _is_clear(drawn, states[:i], trunks, half, room=room * (1 - 0.9 * attempt / _ATTEMPTS)):
                 break
         else:
             text = f"no free place for person {i} to start; allowed are {i} people in a forest and area as these"
@@ -152,7 +152,7 @@ def _starts(
     return states, paths
 
 
-def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: float) -> bool:
+def _is_clear(point: Array, others: Array, trunks: Array, half: Array, *, room: float) -> bool:
     """True if a point (2,) m is in the area and `room` m more than the least distance from trunks and others."""
     return bool(
         np.all(np.abs(point) <= half)

@@ -39,7 +39,7 @@ class Levy:
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """One itinerary per column of `paces` (K, M) m/s, with waypoints where |position| <= half (2,) m."""
         count = paces.shape[1]
-        paths = [_jittered(i, path, half, rng) for i, path in enumerate(people.paths[:count])]
+        paths = [_jitter(i, path, half, rng) for i, path in enumerate(people.paths[:count])]
         nowhere = [np.zeros((0, 2))] * (count - len(paths))
         return [Itinerary(path, pace) for path, pace in zip([*paths, *nowhere], paces.T, strict=True)]
 
@@ -49,7 +49,7 @@ class Waypoints:
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Levy.itineraries`."""
-        return [Itinerary(_wandering(rng.uniform(-half, half), pace, half, rng), pace) for pace in paces.T]
+        return [Itinerary(_draw_walk(rng.uniform(-half, half), pace, half, rng), pace) for pace in paces.T]
 
 
 class StopAndGo:
@@ -57,8 +57,8 @@ class StopAndGo:
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Levy.itineraries`."""
-        slowed = np.column_stack([paces[:, :0], *(np.maximum(_STANDING, p * _going(len(p), rng)) for p in paces.T)])
-        return Waypoints().itineraries(people, half, slowed, rng)
+        slowed = [np.maximum(_STANDING, pace * _draw_stops(len(pace), rng)) for pace in paces.T]
+        return Waypoints().itineraries(people, half, np.column_stack([paces[:, :0], *slowed]), rng)
 
 
 class Groups:
@@ -69,26 +69,26 @@ class Groups:
         found = []
         for first in range(0, paces.shape[1], people.group):
             size = min(people.group, paces.shape[1] - first)
-            found += _group(size, paces[:, first], half, rng)
+            found += _draw_group(size, paces[:, first], half, rng)
         return found
 
 
-def _group(size: int, pace: Array, half: Array, rng: np.random.Generator) -> list[Itinerary]:
+def _draw_group(size: int, pace: Array, half: Array, rng: np.random.Generator) -> list[Itinerary]:
     """Itineraries of a group that parts at a random time."""
     radius = 0.0 if size == 1 else _GAP / (2 * sin(math.pi / size))
     ring = [radius * np.array([cos(2 * math.pi * i / size), sin(2 * math.pi * i / size)]) for i in range(size)]
     inner = np.maximum(half - radius, 1.0)  # half edges for the group's centre, so that all members are in the area
     together = pace[: max(1, int(len(pace) * rng.uniform(*_PART)))]
-    shared = _wandering(rng.uniform(-inner, inner), together, inner, rng)
+    shared = _draw_walk(rng.uniform(-inner, inner), together, inner, rng)
     found = []
     for offset in ring:
-        own = _wandering(shared[-1] + offset, pace, half, rng)
+        own = _draw_walk(shared[-1] + offset, pace, half, rng)
         points = np.clip(np.vstack([shared[:-1] + offset, own]), -half, half)
         found.append(Itinerary(points, pace, _CLOSE))
     return found
 
 
-def _wandering(start: Array, pace: Array, half: Array, rng: np.random.Generator) -> Array:
+def _draw_walk(start: Array, pace: Array, half: Array, rng: np.random.Generator) -> Array:
     """Start and random places (n, 2) m to walk to in turn, as many as a person with paces (K,) m/s can reach."""
     points, left = [start], float(np.sum(pace)) / SAMPLES_PER_SECOND
     while left > 0:
@@ -99,7 +99,7 @@ def _wandering(start: Array, pace: Array, half: Array, rng: np.random.Generator)
     return np.array(points)
 
 
-def _going(samples: int, rng: np.random.Generator) -> Array:
+def _draw_stops(samples: int, rng: np.random.Generator) -> Array:
     """Factor (K,) of a person's pace over time: 1 while walking, 0 during stops, with ramps in between."""
     going, k, goes = np.ones(samples), 0, rng.uniform() < 0.7
     while k < samples:
@@ -111,7 +111,7 @@ def _going(samples: int, rng: np.random.Generator) -> Array:
     return np.asarray((sums[width:] - sums[:-width]) / width)
 
 
-def _jittered(i: int, path: tuple[tuple[float, float], ...], half: Array, rng: np.random.Generator) -> Array:
+def _jitter(i: int, path: tuple[tuple[float, float], ...], half: Array, rng: np.random.Generator) -> Array:
     """Start and waypoints (n, 2) m of person i, moved at random but kept inside."""
     points = np.array(path, dtype=float).reshape(-1, 2)
     if len(points) < 2:

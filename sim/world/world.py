@@ -12,10 +12,10 @@ import numpy as np
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.bodies import AWAY, Bodies, Body, rotated
-from sim.world.contacts import Contact, nearest
+from sim.world.bodies import AWAY, Bodies, Body, rotate
+from sim.world.contacts import Contact, nearest_approach
 from sim.world.engine import Engine, pybullet
-from sim.world.quadrotor import ROTORS, drag, glide, rotor_thrusts, settled, steady_thrusts
+from sim.world.quadrotor import ROTORS, drag, glide, rotor_thrusts, settle, steady_thrusts
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
@@ -129,7 +129,7 @@ class World:
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies; axes: x forward (east at yaw 0), y left, z up."""
         if self._kinematic:
-            return [Pose(*pose) for pose in zip(self._positions.copy(), settled(self._quaternions), strict=True)]
+            return [Pose(*pose) for pose in zip(self._positions.copy(), settle(self._quaternions), strict=True)]
         found = [self.engine.getBasePositionAndOrientation(body.id) for body in self._bodies.uavs]
         return [Pose(*map(np.array, pose)) for pose in found]
 
@@ -236,7 +236,7 @@ class World:
         """Recompute a body's attitude after a step from its quaternion (4,) before, so that all processors agree."""
         position, _ = self.engine.getBasePositionAndOrientation(body.id)
         velocity, spin = self.engine.getBaseVelocity(body.id)
-        quaternion = rotated(before, np.array(spin), self._dt)
+        quaternion = rotate(before, np.array(spin), self._dt)
         self.engine.resetBasePositionAndOrientation(body.id, position, quaternion.tolist())
         self.engine.resetBaseVelocity(body.id, velocity, spin)
 
@@ -248,7 +248,7 @@ class World:
 
     def _apart(self, commands: Array, steps: int) -> bool:
         """True if UAVs stay clear of one another during these steps."""
-        return nearest(self._positions, commands, steps / self._scenario.rates.physics) > _CLEAR
+        return nearest_approach(self._positions, commands, steps / self._scenario.rates.physics) > _CLEAR
 
     def _glide(self, commands: Array, steps: int) -> None:
         """Move UAVs by [Li22] eq. (5); at zero velocity the heading is kept."""

@@ -18,7 +18,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_of
-from sim.sensing.culling import in_frustum
+from sim.sensing.culling import find_in_frustum
 from sim.sensing.renderer import Renderer, capture
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
@@ -67,7 +67,7 @@ def least(*functions, rounds):
 def in_field_of_view(world, view):
     """Bodies that touch the pyramid that a camera sees, as flags."""
     radii = np.array([body.radius for body in world.bodies])
-    return in_frustum(world.centres, radii, view.pose.position, view.pose.rotation, view.camera.fov)
+    return find_in_frustum(world.centres, radii, view.pose.position, view.pose.rotation, view.camera.fov)
 
 
 def only(world, bodies):

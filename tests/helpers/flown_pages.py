@@ -6,10 +6,10 @@ import numpy as np
 
 from helpers import synthetic
 from helpers.flights import IDEAL
-from helpers.flights import recorded as recorded_in_flight
+from helpers.flights import encode_faults as recorded_in_flight
 from helpers.recordings import broken, record
 from sim.drawing.film import Film, Video
-from sim.recording.fault_text import recorded
+from sim.recording.fault_text import encode_faults
 from sim.sensing.fault import Fault
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
@@ -29,7 +29,7 @@ def eventful():
     scan = np.repeat(np.arange(63), np.diff(recording.track_offsets)) // 3
     for person, first, last in LOST:
         means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
-    return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=recorded(FAULTS))
+    return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=encode_faults(FAULTS))
 
 
 def lost_between_tenths():

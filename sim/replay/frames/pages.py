@@ -12,7 +12,7 @@ from sim.drawing.lettering import Group, Image, TextStyle, lay_out_groups, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
-from sim.evaluation.summary import titled
+from sim.evaluation.summary import recording_title
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.annotation import annotate, marks_of
@@ -37,7 +37,7 @@ def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     view, shown = annotate(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
-    notes = [titled(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
+    notes = [recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
     if not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
     elif not scenario.has_frame(uav, k):

@@ -18,8 +18,8 @@ import msgspec
 from sim.drawing.film import HEIGHT, WIDTH, parts_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import titled
-from sim.recording.atomic_files import whole
+from sim.evaluation.summary import recording_title
+from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
@@ -48,7 +48,7 @@ def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None,
     video: the film of the run with a frame for each scan, or None for a page without a film; InputError if it is the
     film of another mission. place: name of the run's folder in the commands on the page.
     """
-    with whole(path) as part:
+    with write_whole(path) as part:
         part.write_text(page(flight, video=video, place=place), encoding="utf-8")
 
 
@@ -67,7 +67,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     return Template(_asset("page.html")).substitute(
         policy=policy,
-        title=escape(titled(recording)),
+        title=escape(recording_title(recording)),
         warnings=_warnings(recording, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),
         settings=_settings(scenario),

@@ -11,8 +11,8 @@ import msgspec
 import rerun as rr
 import rerun.blueprint as rrb
 
-from sim.evaluation.summary import titled
-from sim.recording.atomic_files import whole
+from sim.evaluation.summary import recording_title
+from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
@@ -45,7 +45,7 @@ def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequenc
     planning_s: seconds that each decision took, which are in `summary.json` but not in the recording.
     """
     stream = _stream(flight.recording)
-    with whole(path) as part:
+    with write_whole(path) as part:
         try:
             part.touch()
         except OSError as error:
@@ -99,7 +99,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
     recording = flight.recording
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.send_recording_name(titled(recording))
+    stream.send_recording_name(recording_title(recording))
     known = len(planning_s) == len(recording.plan_times) > 0
     stream.send_blueprint(layout(flight, planning=known))
     log_ground(stream, flight)

@@ -9,8 +9,8 @@ from helpers.views import CAMERA
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from sim.calibration.consistency import Bin, nees, nees_bins, pair_bins, tilt_bins
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
-from sim.calibration.nees import Bin, nees, nees_bins, pair_bins, tilt_bins
 from sim.calibration.scenes import tilted
 from tracking.detection.blob_detector import blobs_of, located_detections
 from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes

@@ -13,7 +13,7 @@ from helpers.summaries import SECONDS, hand_made, shown, summary
 
 from sim.cli.run import show_run
 from sim.evaluation.metric import UNKNOWN
-from sim.evaluation.score import held_by, score, velocities
+from sim.evaluation.score import find_reported_tracks, score, velocities
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.metrics.gospa import gospa
@@ -71,7 +71,7 @@ def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     np.testing.assert_allclose(found[:, 1, 0], np.array([nan, nan, nan, 1, 1.5, 2]) * 5)
     np.testing.assert_allclose(found[..., 1], -2 * found[..., 0])
     flown = recorded(walk(), HELD)
-    held = held_by(flown, 0)
+    held = find_reported_tracks(flown, 0)
     assert held.ids.tolist() == [7, 8, 9]
     np.testing.assert_array_equal(held.means[3, 1], track(-30.0))
     assert np.isnan(held.means[..., 0]).tolist() == [[0, 1, 1], [0, 1, 1], [1, 1, 0], [1, 0, 0]]

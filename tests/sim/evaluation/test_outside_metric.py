@@ -14,7 +14,7 @@ from helpers.summaries import hand_made, shown, summary
 from helpers.trials import row
 from rich.console import Console
 
-from sim.evaluation.catalogue import evaluated, metric
+from sim.evaluation.catalogue import evaluate, find_metric
 from sim.evaluation.metric import Outcome
 from sim.report.report import About
 from sim.report.terminal import show
@@ -76,7 +76,7 @@ def test_the_metric_of_the_page_is_the_way_that_uavs_flew(tmp_path, monkeypatch)
     poses = np.zeros((3, 2, 7))
     poses[1:, 0, :3], poses[:, 1, 0] = (3.0, 0.0, 4.0), (0.0, 1.0, 0.0)  # 5 m and 2 m
     outcome = SimpleNamespace(recording=SimpleNamespace(poses=poses))
-    assert "--metric mymetrics:DISTANCE" in page and metric("mymetrics:DISTANCE").of(outcome) == 3.5
+    assert "--metric mymetrics:DISTANCE" in page and find_metric("mymetrics:DISTANCE").of(outcome) == 3.5
 
 
 def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):
@@ -103,7 +103,7 @@ def test_a_metric_that_raises_is_undefined_and_a_fault():
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]
     assert fault["message"].startswith("metric mine:BROKEN: ZeroDivisionError") and math.isfinite(fault["time"])
-    row = evaluated(Outcome(hand_made()), ["mine:BROKEN", "mine:FARTHEST"])
+    row = evaluate(Outcome(hand_made()), ["mine:BROKEN", "mine:FARTHEST"])
     assert row["mine:BROKEN"] is None and row["faults"] == 1  # of which tables of a study warn
 
 

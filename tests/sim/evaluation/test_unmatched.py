@@ -7,8 +7,8 @@ import pytest
 from helpers.identities import DUPLICATE, FALSE, SCANS, at_random, standing_still, swapping
 from helpers.summaries import shown, summary
 
-from sim.evaluation.score import FAR, HELD, held_by
-from sim.evaluation.unmatched import standing, unmatched_tracks
+from sim.evaluation.score import FAR, HELD, find_reported_tracks
+from sim.evaluation.unmatched import find_standing_tracks, find_unmatched_tracks
 from sim.replay.flight import Flight
 from tracking.metrics.clearmot import correspondence
 from tracking.metrics.gospa import gospa
@@ -19,13 +19,13 @@ YOUNG = 6  # scans in the first second of a track, both ends included
 def alone(recording):
     """Number of tracks (K, n) that stand for no person."""
     found = np.zeros(recording.working.shape, dtype=int)
-    for track in unmatched_tracks(recording):
+    for track in find_unmatched_tracks(recording):
         found[track.first : track.last + 1] += track.alone
     return found
 
 
 def test_false_tracks_and_duplicates_are_those_made_by_hand():
-    found = {track.id: track for track in unmatched_tracks(swapping())}
+    found = {track.id: track for track in find_unmatched_tracks(swapping())}
     assert sorted(found) == [90, 95]
     assert (found[90].first, found[90].last, found[90].duplicate, found[90].nearest) == (*FALSE, False, 0)
     assert found[90].gap == 50.0
@@ -38,8 +38,8 @@ def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
     recording = at_random(seed)
     counts = alone(recording)
     for i in range(2):
-        held = held_by(recording, i)
-        stand = standing(held, recording.people)
+        held = find_reported_tracks(recording, i)
+        stand = find_standing_tracks(held, recording.people)
         matched = correspondence(held.means[:, :, :2], recording.people, HELD)
         np.testing.assert_array_equal(stand >= 0, matched >= 0)
         rest = held.means[:, :, :2].copy()
@@ -93,7 +93,7 @@ def test_a_duplicate_is_so_by_its_median_distance_where_the_first_uav_has_it():
 
     def found(usual, once):
         scans = [[{70: (0.0, 0.0)}, {70: (0.0, 0.0), 90: (once if k == 2 else usual, 0.0)}] for k in range(5)]
-        (track,) = unmatched_tracks(standing_still(scans, np.zeros((1, 2))))
+        (track,) = find_unmatched_tracks(standing_still(scans, np.zeros((1, 2))))
         return track
 
     near, far = found(0.9, 9.0), found(9.0, 0.9)
@@ -104,8 +104,8 @@ def test_a_duplicate_is_so_by_its_median_distance_where_the_first_uav_has_it():
 def test_a_false_track_tells_that_its_person_left():
     recording = standing_still([[{70: (0.0, 0.0), 80: (20.0, 0.0)}]] * 12, np.array([[0.0, 0.0], [20.0, 0.0]]))
     recording.people[6:, 1] = np.nan
-    (track,) = unmatched_tracks(recording)
+    (track,) = find_unmatched_tracks(recording)
     assert (track.id, track.first, track.last, track.left) == (80, 6, 11, 1)
     (event,) = (e for e in Flight(recording).events if e.kind == "false track")
     assert "after its person 1 left" in event.why
-    assert all(track.left is None for track in unmatched_tracks(swapping()))
+    assert all(track.left is None for track in find_unmatched_tracks(swapping()))

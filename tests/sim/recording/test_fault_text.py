@@ -11,7 +11,7 @@ from planning.planner_loading import load_planner
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
-from sim.recording.fault_text import LONGEST, MOST, read, recorded
+from sim.recording.fault_text import LONGEST, MOST, decode_faults, encode_faults
 from sim.recording.recorder import Recorder
 from sim.running.results import run_mission
 from sim.scenario.loading import load
@@ -44,7 +44,7 @@ def test_faults_are_recorded_and_come_back_at_their_scans(tmp_path):
     mission, recording = flown()
     bad = "ValueError: bad [31mday <object object at 0x...>"
     broke = Fault(1.1, 1, "broke down, hovers from now on")
-    assert read(recording.faults) == (Fault(0.0, None, bad), broke, Fault(2.0, None, bad))
+    assert decode_faults(recording.faults) == (Fault(0.0, None, bad), broke, Fault(2.0, None, bad))
     assert [f.time for f in mission.faults] == [0.0, 1.1, 2.0]
     at = {k: [f.time for f in recording.faults_at(k)] for k in range(len(recording.times))}
     assert {k: times for k, times in at.items() if times} == {0: [0.0], 6: [1.1], 10: [2.0]}
@@ -59,21 +59,23 @@ def test_faults_are_recorded_and_come_back_at_their_scans(tmp_path):
 
 def test_a_planner_that_faults_always_fills_no_disk():
     many = [Fault(k / 5, k % 3, f"{k} " + "x" * 5000) for k in range(3 * MOST)]
-    text = recorded(many)
-    kept = read(text)
+    text = encode_faults(many)
+    kept = decode_faults(text)
     assert len(kept) == MOST and len(text) < MOST * (LONGEST + 60)
     assert [(f.time, f.uav) for f in kept[:-1]] == [(f.time, f.uav) for f in many[: MOST - 1]]
     assert all(len(f.message) <= LONGEST and " ... xx" in f.message for f in kept[:-1])
     assert kept[-1] == Fault((MOST - 1) / 5, None, f"{2 * MOST + 1} more faults are not recorded")
-    assert recorded(kept) == text
-    assert len(read(recorded(many[:MOST]))) == MOST and read(recorded(many[:MOST]))[-1].uav is not None
+    assert encode_faults(kept) == text
+    all_kept = decode_faults(encode_faults(many[:MOST]))
+    assert len(all_kept) == MOST and all_kept[-1].uav is not None
 
 
 def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path):
     run_mission(Trial(SETTING, "hover", 4), tmp_path / "run", video=False)
     kept = load_recording(tmp_path / "run" / "mission.npz")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert [{"time": f.time, "uav": f.uav, "message": f.message} for f in read(kept.faults)] == summary["faults"] != []
+    faults = decode_faults(kept.faults)
+    assert [{"time": f.time, "uav": f.uav, "message": f.message} for f in faults] == summary["faults"] != []
     assert len(summary["planning_s"]) == len(kept.plan_times) == 3
     assert sum(summary["planning_s"]) == pytest.approx(summary["seconds"]["planning"], abs=1e-5)
     assert np.all(np.array(summary["planning_s"]) > 0)

@@ -17,7 +17,7 @@ from helpers.summaries import shown, summary
 from planning.planner import Plan
 from sim.recording import recording as recording_module
 from sim.recording.archive import load, save
-from sim.recording.fault_text import recorded
+from sim.recording.fault_text import encode_faults
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.replay.export import export
@@ -54,9 +54,9 @@ def test_snapshots_and_accessors_give_back_what_was_recorded():
 
 def test_faults_are_decoded_once_however_many_scans_are_asked_for(monkeypatch):
     times = (0.3, 0.6, 0.6, 1.9)
-    recording = dataclasses.replace(record(), faults=recorded([Fault(time, 0, "stuck") for time in times]))
-    decoded, read = [], recording_module.read
-    monkeypatch.setattr(recording_module, "read", lambda text: decoded.append(text) or read(text))
+    recording = dataclasses.replace(record(), faults=encode_faults([Fault(time, 0, "stuck") for time in times]))
+    decoded, decode = [], recording_module.decode_faults
+    monkeypatch.setattr(recording_module, "decode_faults", lambda text: decoded.append(text) or decode(text))
     found = [fault.time for k in range(len(recording.times)) for fault in recording.snapshot(k).faults]
     assert found == list(times) and len(decoded) == 1
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from sim.drawing.labels import with_numbers
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
-from sim.recording.fault_text import recorded
+from sim.recording.fault_text import encode_faults
 from sim.replay import events as events_module
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight, load
@@ -153,7 +153,7 @@ def test_wrong_questions_are_answered_in_one_line(flight, ask, reason):
 
 
 def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
-    faults = recorded([Fault(1.0, None, "x")])
+    faults = encode_faults([Fault(1.0, None, "x")])
     mine = Flight(dataclasses.replace(flight.recording, planner="<b>:Mine", faults=faults))
     page = mine._repr_html_()
     assert "&lt;b&gt;:Mine" in page and "<b>" not in page and len(page) < 60_000

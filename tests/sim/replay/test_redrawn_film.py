@@ -18,7 +18,7 @@ from helpers.recordings import record
 from sim.drawing.film import Film, Video
 from sim.mission.trial import Trial
 from sim.recording.archive import load, save
-from sim.recording.atomic_files import unused
+from sim.recording.atomic_files import unused_path
 from sim.replay import redrawn_film as module
 from sim.replay import window
 from sim.replay.redrawn_film import write_film
@@ -63,7 +63,7 @@ def pictures(monkeypatch, tmp_path):
 
     def of(recording, scans, **options):
         drawn.clear()
-        write_film(recording, scans, unused(tmp_path / "film", ".mp4"), progress=lambda k: None, **options)
+        write_film(recording, scans, unused_path(tmp_path / "film", ".mp4"), progress=lambda k: None, **options)
         return list(drawn)
 
     return of

@@ -5,7 +5,7 @@ import numpy as np
 from helpers.poses import tilted
 from helpers.views import CAMERA
 
-from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
+from sim.sensing.culling import FAR, NEAR, find_hidden_people, find_hidden_trunks, find_in_frustum
 from tracking.geometry.visibility import Forest, Tree
 
 
@@ -20,14 +20,14 @@ def test_a_sphere_is_in_the_frustum_if_a_point_is_in_the_image():
         _, depths = CAMERA.project(pose, points.reshape(-1, 3))
         inside = CAMERA.sees(pose, points.reshape(-1, 3)) & (depths >= NEAR) & (depths <= FAR)
         inside = inside.reshape(200, 50).any(axis=1)
-        found = in_frustum(centres, radii, pose.position, pose.rotation, CAMERA.fov)
+        found = find_in_frustum(centres, radii, pose.position, pose.rotation, CAMERA.fov)
         assert not np.any(inside & ~found)
         # Only spheres near a plane of the frustum, or a corner, are kept for nothing.
         assert np.mean(found & ~inside) < 0.15
         seen += inside.sum()
     assert seen > 1000
     pose = tilted(np.random.default_rng(0), [0, 0, 20.0], 0.0)
-    assert not in_frustum(np.full((1, 3), np.nan), np.ones(1), pose.position, pose.rotation, CAMERA.fov)[0]
+    assert not find_in_frustum(np.full((1, 3), np.nan), np.ones(1), pose.position, pose.rotation, CAMERA.fov)[0]
 
 
 def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_it():
@@ -38,7 +38,7 @@ def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_it():
         base = rng.uniform(1, 5)
         tree = Tree(*rng.uniform(-3, 3, 2), rng.uniform(1, 6), base, base + rng.uniform(0.5, 4), rng.uniform(0.1, 0.5))
         camera = rng.uniform([-20, -20, 0], [20, 20, 25])
-        hidden[k] = trunks_hidden(np.array([astuple(tree)]), camera, CAMERA.fov)[0]
+        hidden[k] = find_hidden_trunks(np.array([astuple(tree)]), camera, CAMERA.fov)[0]
         x, y = 1.01 * tree.trunk_radius * np.array([np.cos(angle), np.sin(angle)])
         bark = [np.column_stack([tree.x + x, tree.y + y, np.full(24, h)]) for h in 0.999 * base * height]
         canopy = Forest((Tree(tree.x, tree.y, 0.99 * tree.canopy_radius, base, tree.canopy_top, 0.0),))
@@ -47,9 +47,9 @@ def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_it():
     assert not np.any(hidden & seen) and np.mean((hidden | seen)[above]) > 0.95
     assert np.sum(hidden) > 100 and np.sum(seen & above) > 50
     tree = np.array([astuple(Tree(0.0, 0.0))])
-    assert not trunks_hidden(tree, np.array([0.0, 0.0, 6.0 + NEAR]), CAMERA.fov)[0]
-    assert trunks_hidden(tree, np.array([0.0, 0.0, 6.0 + 2 * NEAR]), CAMERA.fov)[0]
-    assert not trunks_hidden(tree, np.array([0.0, 0.0, 2.0]), CAMERA.fov)[0]
+    assert not find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + NEAR]), CAMERA.fov)[0]
+    assert find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + 2 * NEAR]), CAMERA.fov)[0]
+    assert not find_hidden_trunks(tree, np.array([0.0, 0.0, 2.0]), CAMERA.fov)[0]
 
 
 def test_a_person_is_left_out_only_where_a_canopy_hides_all_of_them():
@@ -61,7 +61,7 @@ def test_a_person_is_left_out_only_where_a_canopy_hides_all_of_them():
         base = rng.uniform(1, 5)
         tree = Tree(0.0, 0.0, rng.uniform(2, 6), base, base + rng.uniform(0.5, 4), 0.0)
         camera, person = rng.uniform([-20, -20, 0], [20, 20, 25]), rng.uniform(-5, 5, 2)
-        hidden[k] = people_hidden(person[None], np.array([astuple(tree)]), camera, CAMERA.fov)[0]
+        hidden[k] = find_hidden_people(person[None], np.array([astuple(tree)]), camera, CAMERA.fov)[0]
         body = np.concatenate([np.column_stack([person + ring, np.full(24, h)]) for h in height])
         seen[k] = Forest((tree,)).visible(camera, body).any()
     assert not np.any(hidden & seen) and np.sum(hidden) > 50 and np.sum(seen) > 200

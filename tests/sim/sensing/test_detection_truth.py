@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from sim.sensing.detection_truth import GATE, matched_detections, visible_pixels
+from sim.sensing.detection_truth import GATE, count_visible_pixels, match_detections
 
 
 def segmentation(*blobs, size=24):
@@ -33,7 +33,7 @@ def brute_force(pixels, people, count):
 
 def found_people(pixels, people, count):
     """List whether each person is found by a detection."""
-    return (matched_detections(pixels, people, count) >= 0).tolist()
+    return (match_detections(pixels, people, count) >= 0).tolist()
 
 
 def test_matches_equal_brute_force():
@@ -44,7 +44,7 @@ def test_matches_equal_brute_force():
         centres = rng.integers(6, 14, (count, 2))
         people = segmentation(*[c + rng.integers(-1, 2, (4, 2)) for c in centres])
         pixels = rng.uniform(4, 16, (detections, 2))
-        found = matched_detections(pixels, people, count) >= 0
+        found = match_detections(pixels, people, count) >= 0
         assert found.tolist() == brute_force(pixels, people, count)
         outcomes.add((int(detections), int(found.sum())))
     assert outcomes == {(n, k) for n in (1, 2, 3) for k in range(n + 1)}
@@ -58,7 +58,7 @@ def test_matches_and_pixels_of_few_people_are_those_by_hand():
     assert found_people(np.array([[10.5, 10.5], [8.0, 10.8]]), people, 2) == [True, True]
     people = segmentation([(11, 11)], [(3, 3)])
     pixels = np.array([[11.5, 11.0], [19.0, 1.0], [3.0, 5.0]])
-    assert matched_detections(pixels, people, 3).tolist() == [0, 2, -1]
+    assert match_detections(pixels, people, 3).tolist() == [0, 2, -1]
     people = segmentation([(0, 5)])  # in the first row
     for pixel, expected in (([5.5, -4.0], True), ([9.0, -4.0], False), ([5.5, 4.0], False)):
         assert found_people(np.array([pixel]), people, 1) == [expected]
@@ -68,8 +68,8 @@ def test_matches_and_pixels_of_few_people_are_those_by_hand():
     assert found_people(np.zeros((0, 2)), segmentation([(3, 3)]), 1) == [False]
     assert found_people(np.array([[3.0, 3.0]]), segmentation(), 0) == []
     people = segmentation([(1, 1), (1, 2)], [], [(4, 4), (4, 5), (9, 9)])
-    assert visible_pixels(people, 4).tolist() == [2, 0, 3, 0]
-    assert visible_pixels(segmentation(), 0).tolist() == []
+    assert count_visible_pixels(people, 4).tolist() == [2, 0, 3, 0]
+    assert count_visible_pixels(segmentation(), 0).tolist() == []
 
 
 @pytest.mark.parametrize(("distance", "expected"), [(GATE, True), (GATE + 1e-6, False)])

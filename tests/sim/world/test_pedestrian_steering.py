@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose
 from sim.world.pedestrian_steering import (
     _BLOCK,
     SEPARATION,
+    _find_surroundings,
     _move,
     _nearest,
-    _surroundings,
     _to_border,
     _turn,
     simulate,
@@ -100,7 +100,7 @@ def test_distances_to_segments_and_borders_agree_with_brute_force():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_person_about_to_touch_a_trunk_turns_to_the_nearer_side(side):
     states, trunks = np.zeros((1, 4)), np.array([[0.615, side * 0.05, 0.6]])
-    _move(0, states, 1.5, trunks, np.array([50.0, 50.0]), _surroundings(states, np.array([[1.5]]), trunks)[0])
+    _move(0, states, 1.5, trunks, np.array([50.0, 50.0]), _find_surroundings(states, np.array([[1.5]]), trunks)[0])
     assert -100 < side * math.degrees(states[0, 2]) < -60 and math.hypot(*states[0, :2]) == pytest.approx(1.5 / 60)
 
 
@@ -110,7 +110,7 @@ def test_trunks_and_people_that_one_may_meet_are_found_beforehand():
     states = np.column_stack([rng.uniform(-half, half, (count, 2)), rng.uniform(-3, 3, count), np.zeros(count)])
     trunks = np.column_stack([rng.uniform(-half, half, (400, 2)), rng.uniform(0.5, 1.5, 400)])
     paces = rng.uniform(2.5, 3.0, (_BLOCK, count))
-    near = _surroundings(states, paces, trunks)
+    near = _find_surroundings(states, paces, trunks)
     assert max(len(rows) for rows, _ in near) < len(trunks) / 2
     routes = np.full((count, 1, 2), np.nan)
     walk = simulate(states, paces, np.zeros_like(paces), routes, trunks, half)

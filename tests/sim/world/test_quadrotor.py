@@ -11,7 +11,7 @@ from planning.prediction.response import mean_velocities, response
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import vehicle_of
-from sim.world.bodies import rotated
+from sim.world.bodies import rotate
 from sim.world.quadrotor import (
     _ATTITUDE_GAINS,
     COMMAND_LAG,
@@ -125,7 +125,7 @@ def test_a_body_turns_as_the_rotation_vector_of_its_spin_says():
     rng = np.random.default_rng(3)
     for spin in (np.zeros(3), *rng.normal(0, (1e-5, 0.1, 5.0), (50, 3)).T.reshape(-1, 3)):
         before = Rotation.random(random_state=rng)
-        found = rotated(before.as_quat(), spin, 0.01)
+        found = rotate(before.as_quat(), spin, 0.01)
         assert (Rotation.from_rotvec(0.01 * spin) * before * Rotation.from_quat(found).inv()).magnitude() < 1e-15
 
 
@@ -137,14 +137,14 @@ def test_a_quadrotor_turns_as_in_the_engine_but_by_our_sine_and_cosine():
             before = world.poses()[0]
             world.step(rng.uniform(-5, 5, (1, 2)))
             after, spin = world.poses()[0], engine.getBaseVelocity(uav.id)[1]
-            world.place_uavs([replace(after, quaternion=rotated(before.quaternion, np.array(spin), 1 / RATE))])
+            world.place_uavs([replace(after, quaternion=rotate(before.quaternion, np.array(spin), 1 / RATE))])
             np.testing.assert_array_equal(world.poses()[0].quaternion, after.quaternion)
             # The engine by itself, from the same place at the same spin.
             world.place_uavs([before])
             engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
             engine.stepSimulation()
             by_itself, spin_then = world.poses()[0].quaternion, engine.getBaseVelocity(uav.id)[1]
-            off.append(np.abs(by_itself - rotated(before.quaternion, np.array(spin_then), 1 / RATE)).max())
+            off.append(np.abs(by_itself - rotate(before.quaternion, np.array(spin_then), 1 / RATE)).max())
             world.place_uavs([after])
             engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
     assert 0.0 < max(off) < 2e-15

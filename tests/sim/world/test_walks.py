@@ -6,8 +6,8 @@ import pytest
 from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
-from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _present, walk
-from sim.world.walks import Groups, Itinerary, Levy, _going
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _draw_presence, walk
+from sim.world.walks import Groups, Itinerary, Levy, _draw_stops
 from tracking.geometry.visibility import Forest
 
 AREA, RATE = Area(), 60
@@ -46,7 +46,7 @@ def test_people_who_stop_and_go_stand_still_for_a_part_of_the_time():
 
 def test_stops_and_the_times_between_them_are_as_long_as_the_reference_says():
     rng = np.random.default_rng(9)
-    courses = [_going(120 * RATE, rng) for _ in range(300)]
+    courses = [_draw_stops(120 * RATE, rng) for _ in range(300)]
     assert np.mean([course[0] for course in courses]) == pytest.approx(0.7, abs=0.08)
     stops, walks = [], []
     for course in courses:
@@ -109,7 +109,7 @@ def test_people_appear_and_leave_once_and_stay_as_long_as_asked():
 
 @pytest.mark.parametrize("stay", [0.5, 1.0, 4.0])
 def test_as_many_people_are_there_at_the_start_as_later(stay):
-    there = _present(8000, RATE + 1, stay, np.random.default_rng(7))
+    there = _draw_presence(8000, RATE + 1, stay, np.random.default_rng(7))
     # In a mission of 1 s those who stay for s seconds are there at any time with probability s / (s + 1).
     expected = 1 - math.log((1.5 * stay + 1) / (0.5 * stay + 1)) / stay
     assert there[[0, RATE // 2, RATE]].mean(axis=1) == pytest.approx([expected] * 3, abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 from helpers.frames import photographed
 from helpers.poses import turned
 
-from sim.sensing.detection_truth import matched_detections
+from sim.sensing.detection_truth import match_detections
 from tracking.detection.blob_detector import _joined, _one_person
 from tracking.detection.detector import Frame
 from tracking.detection.person_size import sizes_at
@@ -105,5 +105,5 @@ def test_tilted_cameras_find_people_and_only_people():
             places, headings = camera.ground_points(pose, pixels, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 3)
             rendered, seen = shoot(pose, places, headings, camera)
             people, detections = people + 3, detections + len(seen.pixels)
-            found += np.sum(matched_detections(seen.pixels, rendered.people, 3) >= 0)
+            found += np.sum(match_detections(seen.pixels, rendered.people, 3) >= 0)
     assert people > 60 and found / people >= 0.98 and found / detections >= 0.98

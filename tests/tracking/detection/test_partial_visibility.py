@@ -10,7 +10,7 @@ from helpers.frames import WIDE, photographed, touching
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from sim.scenario.environment import Appearance
-from sim.sensing.detection_truth import matched_detections
+from sim.sensing.detection_truth import match_detections
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
@@ -36,7 +36,7 @@ class Score:
 
     def count(self, asked, pixels, mask):
         """Detections at pixels, by the mask of people, in a frame with some people (M,) selected."""
-        matched = matched_detections(pixels, mask, PEOPLE) >= 0
+        matched = match_detections(pixels, mask, PEOPLE) >= 0
         self.people += int(asked.sum())
         self.found += int(matched[asked].sum())
         self.false += len(pixels) - int(matched.sum())

@@ -10,7 +10,7 @@ from helpers.identities import FALSE, swapping
 from helpers.recordings import broken
 from msgspec import structs
 
-from sim.evaluation.score import held_by
+from sim.evaluation.score import find_reported_tracks
 from sim.recording.archive import save
 from sim.replay.explain.explanation import explanation
 from sim.replay.explain.observation import Observer
@@ -53,7 +53,7 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
 def test_errors_in_flight_are_those_of_reported_tracks(mission):
     recording = mission[0]
     assert not recording.reported.all()
-    told = held_by(recording, 0).means[..., :2]
+    told = find_reported_tracks(recording, 0).means[..., :2]
     for k, places in enumerate(told):
         error = ospa(places[~np.isnan(places[:, 0])], recording.people[k])
         np.testing.assert_array_equal(recording.ospa[k, 0], error)

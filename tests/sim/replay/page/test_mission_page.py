@@ -19,7 +19,7 @@ from sim.drawing.film import parts_of
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
 from sim.mission.trial import Trial
-from sim.recording.fault_text import recorded
+from sim.recording.fault_text import encode_faults
 from sim.replay.flight import Flight
 from sim.replay.frames.pages import scans_between
 from sim.replay.frames.sightings import Sight
@@ -222,7 +222,7 @@ def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     recording = flown(scans=6)
     faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
-    text = page(Flight(dataclasses.replace(recording, faults=recorded(faults))))
+    text = page(Flight(dataclasses.replace(recording, faults=encode_faults(faults))))
     header = text.partition("</header>")[0]
     assert re.findall(r'<p class="warning">(.*?)</p>', header) == [
         "2 faults of the team 0.0 to 0.2 s: &lt;i&gt;a&lt;/i&gt;",
@@ -231,11 +231,11 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
         "1 more kind of fault is listed below.",
     ]
     faults = [*(Fault(0.0, uav, "a") for uav in (2, 0)), *(Fault(0.2, None, message) for message in "abcd")]
-    header = page(Flight(dataclasses.replace(recording, faults=recorded(faults)))).partition("</header>")[0]
+    header = page(Flight(dataclasses.replace(recording, faults=encode_faults(faults)))).partition("</header>")[0]
     warnings = re.findall(r'<p class="warning">(.*?)</p>', header)
     assert warnings[0] == "2 faults of UAVs 0 and 2 at 0.0 s: a" and warnings[1] == "fault of the team at 0.2 s: a"
     assert warnings[3:] == ["2 more kinds of fault are listed below."]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
-    header = page(Flight(dataclasses.replace(still, faults=recorded([broken])))).partition("</header>")[0]
+    header = page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]
     assert 'class="warning"' not in header
