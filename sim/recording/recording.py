@@ -82,7 +82,7 @@ class Recording:
             found = decode(json.loads(self.scenario))
         except (ValueError, RecursionError, OverflowError) as error:
             other = "made by another understory? its summary.json names the version that reads it"
-            raise InputError(f"recording: its scenario: {one_line(error)}; {other}") from error
+            raise InputError(f"recording: its scenario: {one_line(error, 400)}; {other}") from error
         _check_setting(self, found)
         return found
 

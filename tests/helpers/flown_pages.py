@@ -6,7 +6,7 @@ import numpy as np
 
 from helpers import synthetic
 from helpers.flights import IDEAL
-from helpers.flights import encode_faults as recorded_in_flight
+from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
 from sim.drawing.film import Film, Video
 from sim.recording.fault_text import encode_faults

@@ -54,5 +54,5 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refu
 
 def test_the_default_place_for_a_picture_may_not_be_there_any_more(refused, tmp_path, monkeypatch):
     """As of a folder that may be read only, which stops no superuser."""
-    monkeypatch.setattr("sim.cli.explain.unused", lambda path, suffix: tmp_path / "file" / "new.png")
+    monkeypatch.setattr("sim.cli.explain.unused_path", lambda path, suffix: tmp_path / "file" / "new.png")
     assert "Not a directory; nothing is kept" in refused(*COMMANDS["picture"])

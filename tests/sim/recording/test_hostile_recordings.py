@@ -147,7 +147,7 @@ DAMAGED = {
     "a huge number": (setting(duration=10**4000), "recording: its scenario: "),
     "a huge float": (text("scenario", json.dumps(FLEET).replace("40.0", "1e999")), "'scenario': is no JSON object"),
     "a future key": (setting(submarines=3), "submarines: unknown key; allowed are"),
-    "a key of two lines": (setting(**{"a\nb\x1b[2J": 3}), "recording: its scenario: a b?[2J: unknown key"),
+    "a key of two lines": (setting(**{"a\nb\x1b[2J": 3}), "recording: its scenario: a b [2J: unknown key"),
 }
 
 

@@ -177,8 +177,10 @@ def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
 
 
 def test_events_are_worked_out_once_for_list_table_and_timeline(monkeypatch):
-    made, find = [], events_module.unmatched_tracks
-    monkeypatch.setattr(events_module, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    made, find = [], events_module.find_unmatched_tracks
+    monkeypatch.setattr(
+        events_module, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording)
+    )
     flight = Flight(losing())
     assert len(flight.columns("events")["kind"]) == len(flight.events) > 0
     flight.timeline_figure()

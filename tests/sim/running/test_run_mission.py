@@ -86,8 +86,8 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
 
 
 def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch):
-    made, find = [], events.unmatched_tracks
-    monkeypatch.setattr(events, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    made, find = [], events.find_unmatched_tracks
+    monkeypatch.setattr(events, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording))
     run_mission(trial(duration=0.2), tmp_path / "out")
     assert len(made) == 1
 
