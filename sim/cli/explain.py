@@ -11,7 +11,7 @@ from rich.table import Table
 from sim.cli.recordings import check_new, folder_of
 from sim.drawing.lettering import Group
 from sim.drawing.plots import save
-from sim.recording.atomic_files import unused, whole
+from sim.recording.atomic_files import unused_path, write_whole
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, when_text
 from sim.replay.explain.explanation import explanation, stretches
 from sim.replay.explain.observation import Observer
@@ -65,7 +65,7 @@ def explain(
         _explain_mission(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
     else:
         name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-        _explain_moment(flight, scan, person, out or unused(folder_of(recorded) / name, ".png"))
+        _explain_moment(flight, scan, person, out or unused_path(folder_of(recorded) / name, ".png"))
 
 
 def _read_time(text: str) -> float:
@@ -87,7 +87,7 @@ def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
         facts = PersonFacts.of(observer, scan, person)
         groups = explanation(facts)
         page = draw_explanation(observer, facts, groups)
-    with whole(path) as part:
+    with write_whole(path) as part:
         part.write_bytes(png(page))
     _print(groups)
     show_place("Picture", path)

@@ -8,12 +8,12 @@ import numpy as np
 
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.score import HELD
-from sim.evaluation.unmatched import unmatched_tracks
+from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, ends, lasting
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.replay.recorded_fleet import links_of
-from sim.world.contacts import touched
+from sim.world.contacts import describe_body
 from tracking.numerics.arrays import Indices
 
 
@@ -69,7 +69,7 @@ def _faults(recording: Recording) -> Iterator[Event]:
 def _contacts(recording: Recording) -> Iterator[Event]:
     for entry in contacts(recording):
         first, last = (int(np.argmin(np.abs(recording.times - entry[name]))) for name in ("time", "until"))
-        text = f"UAV {entry['uav']} touched {touched(entry['kind'], entry['other'])}"
+        text = f"UAV {entry['uav']} touched {describe_body(entry['kind'], entry['other'])}"
         yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(entry["uav"],))
 
 
@@ -224,7 +224,7 @@ def _nearest(recording: Recording, history: History, loss: Loss) -> int:
 
 def _unmatched(recording: Recording) -> Iterator[Event]:
     """False tracks and duplicates, as `sim.evaluation.unmatched` finds them."""
-    for found in unmatched_tracks(recording):
+    for found in find_unmatched_tracks(recording):
         number, span = recording.track_numbers[found.id], (found.first, found.last)
         uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
         near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"

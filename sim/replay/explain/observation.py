@@ -11,7 +11,7 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
-from sim.sensing.detection_truth import matched_detections, visible_pixels
+from sim.sensing.detection_truth import count_visible_pixels, match_detections
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import pairs_within
@@ -85,7 +85,7 @@ class Observer(ExitStack):
         if not self._renders(k, uav) or not sighting.in_image:
             return None
         people = self._treeless.rendered(k, uav).people
-        return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
+        return int(count_visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 
     def _owners(self, k: int, uav: int) -> Indices:
         """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.
@@ -96,7 +96,7 @@ class Observer(ExitStack):
         seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)
         if len(seen) and self._renders(k, uav):
             mask = self.again.rendered(k, uav).people
-            rows = matched_detections(recording.pixels_at(k, uav), mask, recording.people.shape[1])[seen]
+            rows = match_detections(recording.pixels_at(k, uav), mask, recording.people.shape[1])[seen]
             found[rows[rows >= 0]] = seen[rows >= 0]
         elif len(seen):
             gaps = z[None] - recording.people[k][seen][:, None]
