@@ -15,7 +15,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import DETECTORS
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose
-from sim.sensing.detection_truth import MaskDetector, matched_detections
+from sim.sensing.detection_truth import MaskDetector, match_detections
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.sensor_output_check import check_detections
 from sim.world.world import World
@@ -56,7 +56,7 @@ class StagedFrame:
 
     def match(self, found: Detections) -> Indices:
         """Index (M,) of each person's detection, -1 for none."""
-        return matched_detections(found.pixels, self.rendered.people, len(self.people))
+        return match_detections(found.pixels, self.rendered.people, len(self.people))
 
 
 @cache
