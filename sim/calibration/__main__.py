@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
+from sim.calibration.consistency import nees_bins, pair_bins, tilt_bins
+from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
 from sim.terminal.commands import run_alone
 from sim.terminal.console import console
 
@@ -14,13 +16,11 @@ def calibrate() -> None:
 
     A table of the NEES of the constants in force, on 5000 other detections, follows.
     """
-    # Imported here, because help needs no arithmetic.
-    from sim.calibration.consistency import nees_bins, pair_bins, tilt_bins
-    from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
-
-    console.print("tracking.detection.detection_errors.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
-    console.print("tracking.detection.detection_errors.SplitError\n" + _rounded(fit_split(0, 800)))
-    console.print("tracking.detection.partial_visibility.PartError\n" + _rounded(fit_part(1, 500)))
+    console.print(
+        "tracking.detection.detection_errors.WholeError\n" + _list_constants(fit_powers(fit_whole(0, 1200), 0, 600))
+    )
+    console.print("tracking.detection.detection_errors.SplitError\n" + _list_constants(fit_split(0, 800)))
+    console.print("tracking.detection.partial_visibility.PartError\n" + _list_constants(fit_part(1, 500)))
     table = Table("bin", "detections", "mean NEES", "95 % interval", "")
     for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
         interval = f"{row.low:.2f} to {row.high:.2f}"
@@ -28,7 +28,7 @@ def calibrate() -> None:
     console.print(table)
 
 
-def _rounded(constants: NamedTuple) -> str:
+def _list_constants(constants: NamedTuple) -> str:
     return "\n".join(f"  {name} = {np.round(value, 3).tolist()}" for name, value in constants._asdict().items())
 
 

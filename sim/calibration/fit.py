@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -26,7 +27,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
         rng = np.random.default_rng([seed, 2, k])
         count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
         people += samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
-    tangent, footprints, errors = _errors(people)
+    tangent, footprints, errors = _sight_errors(people)
     gsd, (radial, tangential) = footprints[:, 0], errors.T  # level cameras have square pixels on the ground
     powers = tangent[:, None] ** np.arange(3)
 
@@ -38,14 +39,22 @@ def fit_whole(seed: int, frames: int) -> WholeError:
             return math.inf
         return float(np.mean(np.log(along) + radial**2 / along + np.log(across) + tangential**2 / across))
 
-    error = _whole(_minimum(surprise, np.hstack(WHOLE[:7]), 12000))
+    error = _whole(_minimise(surprise, np.hstack(WHOLE[:7]), 12000))
     along, across = ((variances * powers).sum(axis=1) for variances in error.variances(gsd))
-    excess, _ = _excess(_between(tangent, error.tangents), radial**2 / along + tangential**2 / across)
-    return error._replace(excess=excess)
+    squares = radial**2 / along + tangential**2 / across
+    return error._replace(excess=_fit_factors(_interpolation_weights(tangent, error.tangents), squares))
 
 
-def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
-    """Tangents (N,) off nadir, and pixel footprints and errors (N, 2) m by `sight_axes`, of people taken as whole."""
+class _SightErrors(NamedTuple):
+    """Errors of N detections along and across the line of sight."""
+
+    tangents: Array  # (N,) of the angle off nadir
+    footprints: Array  # (N, 2) m, of a pixel
+    errors: Array  # (N, 2) m, along the axes from `sight_axes`
+
+
+def _sight_errors(people: Sequence[Sample]) -> _SightErrors:
+    """Errors of the people who are detected as whole."""
     rows = []
     for sample in people:
         if places_of(sample.frame, sample.blob, sample.forest) is None:
@@ -54,8 +63,7 @@ def _errors(people: Sequence[Sample]) -> tuple[Array, Array, Array]:
             axes, tangents = sight_axes(lens, ground)
             error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
             rows.append((tangents, pixel_footprints(lens, ground), error_along))
-    tangents, footprints, errors = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return tangents, footprints, errors
+    return _SightErrors(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
 def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
@@ -65,9 +73,9 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
         rng = np.random.default_rng([seed, 3, k])
         views = tilted(rng, tilt, frames, sway)
         people += samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
-    tangents, pixels, errors = _errors([sample for sample in people if len(sample.blobs) == 1])
+    tangents, pixels, errors = _sight_errors([sample for sample in people if len(sample.blobs) == 1])
     start = np.array([*WHOLE.powers, WHOLE.stretch])
-    found = _minimum(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
+    found = _minimise(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
     return _with_powers(error, found)
 
 
@@ -94,7 +102,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     def added_by(x: Array) -> Array:
         return SplitError(*x.tolist()).variances(tangents, gaps)
 
-    likeliest = _minimum(lambda x: _surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
+    likeliest = _minimise(lambda x: _surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
     added = added_by(likeliest)
     # A few errors are much larger, so that the likeliest constants underestimate the mean square of level cameras.
     base, more, squares = alone[level], added[level], errors[level] ** 2
@@ -129,14 +137,21 @@ def fit_part(seed: int, frames: int) -> PartError:
     cases = [(places, person) for places, person in found if places is not None]
 
     def surprise(x: Array) -> float:
-        return math.inf if np.min(x) < 0.0 else _with_excess(x, cases[::5])[1]
+        return math.inf if np.min(x) < 0.0 else _fit_excess(x, cases[::5]).surprise
 
     start = np.array(PART[:4])
-    return _with_excess(np.round(_minimum(surprise, start, 100), 3), cases)[0]
+    return _fit_excess(np.round(_minimise(surprise, start, 100), 3), cases).error
 
 
-def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:
-    """The constants with the likeliest factors of the covariance, and their negative log-likelihood."""
+class _PartFit(NamedTuple):
+    """Constants for people seen in part, and their negative log-likelihood."""
+
+    error: PartError
+    surprise: float
+
+
+def _fit_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> _PartFit:
+    """The constants with the likeliest factors of the covariance."""
     plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
     error = PartError(*x.tolist())._replace(excess=plain)
     rows = []
@@ -146,28 +161,29 @@ def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartE
     u, v, uu, uv, _, vv, shares = np.array(rows).T
     volume = uu * vv - uv * uv
     squares = (vv * u * u - 2 * uv * u * v + uu * v * v) / volume
-    pixel = _between([places.pixel for places, _ in cases], error.pixel)
-    basis = (pixel[:, None] * _between(shares, error.hidden)).reshape(-1, len(cases))
-    excess, factor = _excess(basis, squares)
+    pixel = _interpolation_weights([places.pixel for places, _ in cases], error.pixel)
+    basis = (pixel[:, None] * _interpolation_weights(shares, error.hidden)).reshape(-1, len(cases))
+    excess = _fit_factors(basis, squares)
+    factor = np.array(excess) @ basis
     surprise = float(np.mean(squares / factor + np.log(volume) + 2 * np.log(factor)))
     table = tuple(tuple(row) for row in np.reshape(excess, (len(error.pixel), -1)).tolist())
-    return error._replace(excess=table), surprise
+    return _PartFit(error._replace(excess=table), surprise)
 
 
-def _between(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
+def _interpolation_weights(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
     """Weights (K, N) of the knots at `where` (N,) in linear interpolation."""
     return np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
 
 
-def _excess(basis: Array, squares: Array) -> tuple[tuple[float, ...], Array]:
-    """The likeliest factors (K,) of covariances, and factors @ basis (K, N) for each of the squares (N,)."""
+def _fit_factors(basis: Array, squares: Array) -> tuple[float, ...]:
+    """The likeliest factors (K,) of covariances, where the square k (N,) has the covariance factors @ basis (K, N)."""
     excess = np.ones(len(basis))
     for _ in range(50):  # weighted least squares of squares / 2 on the factors
         weights = basis / (excess @ basis) ** 2
         excess = np.maximum(np.linalg.solve(weights @ basis.T, weights @ (squares / 2)), 0.1)
-    return tuple(excess.tolist()), excess @ basis
+    return tuple(excess.tolist())
 
 
-def _minimum(function: Callable[[Array], float], start: Array, calls: int) -> Array:
+def _minimise(function: Callable[[Array], float], start: Array, calls: int) -> Array:
     found = minimize(function, start, method="Nelder-Mead", options={"maxfev": calls, "adaptive": True})
     return np.asarray(found.x)

@@ -1,6 +1,7 @@
 """Score of each UAV: its tracks compared with the people of a recording, scan by scan."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,8 +63,16 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
-def _pair_tracks(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
-    """Scans, tracks and people of the pairs that NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
+class _Pairs(NamedTuple):
+    """Pairs of a track and a person at a scan, as indices (E,)."""
+
+    scans: Indices
+    tracks: Indices
+    people: Indices
+
+
+def _pair_tracks(tracks: Array, people: Array, near: Indices) -> _Pairs:
+    """The pairs that NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
 
     near (K, M): tracks that hold people, -1 for none. These are pairs, even if GOSPA's sum were smaller otherwise; all
     other tracks are paired as in GOSPA, scan by scan. Labels do not matter, because two exchanged tracks may still be
@@ -76,8 +85,7 @@ def _pair_tracks(tracks: Array, people: Array, near: Indices) -> tuple[Indices, 
         pairs += [(scan, int(held[m]), int(m)) for m in taken]
         squares[held[taken]] = squares[:, taken] = np.inf
         pairs += [(scan, a, m) for a, m in pairs_within(squares, FAR * FAR) if squares[a, m] < FAR * FAR]
-    k, a, m = np.array(pairs, dtype=np.int64).reshape(-1, 3).T
-    return k, a, m
+    return _Pairs(*np.array(pairs, dtype=np.int64).reshape(-1, 3).T)
 
 
 def score(recording: Recording, uav: int) -> Score:

@@ -1,6 +1,7 @@
 """Culling of bodies that cannot show in an image."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,15 @@ NEAR, FAR = 0.5, 500.0  # m, near plane, which leaves out the camera's own UAV, 
 # Radii of meshes relative to their nominal cylinders: corners lie outside of the cylinder, and faces inside.
 _OUTER, _INNER = 1.01, 0.99
 _PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
+
+
+class _Cylinder(NamedTuple):
+    """An upright cylinder that stands on the ground [m]."""
+
+    x: float
+    y: float
+    radius: float
+    height: float
 
 
 @compiled
@@ -37,7 +47,7 @@ def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
         x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
-        hidden[k] = _covers(trees[k], (x, y, trunk, base), position, fov)
+        hidden[k] = _covers(trees[k], _Cylinder(x, y, trunk, base), position, fov)
     return hidden
 
 
@@ -46,7 +56,7 @@ def find_hidden_people(people: Array, trees: Array, position: Array, fov: float)
     """Mask (M,) of people at (M, 2) m that a single tree of (T, 6) fully hides from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):
-        body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]
+        body = _Cylinder(people[i, 0], people[i, 1], _PERSON[0], _PERSON[1])
         for k in range(len(trees)):
             # Canopies that do not reach the person's x are many and seldom hide a whole person: they are not checked.
             if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
@@ -56,20 +66,20 @@ def find_hidden_people(people: Array, trees: Array, position: Array, fov: float)
 
 
 @compiled
-def _covers(tree: Array, body: tuple[float, float, float, float], position: Array, fov: float) -> bool:
-    """True if a tree's canopy hides an upright cylinder (x, y, radius, height) from a camera at position (3,) m."""
+def _covers(tree: Array, body: _Cylinder, position: Array, fov: float) -> bool:
+    """True if a tree's canopy hides a body from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
     # At this height above a canopy the near plane cuts off no part of it.
     clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
-    if position[2] < top + clearance or body[3] > base:
+    if position[2] < top + clearance or body.height > base:
         return False
     # Offsets of body and camera from the tree's axis. Lines of sight from the body's foot and head cross the plane of
     # the canopy's base in two discs, and lines from points between them in discs between these.
-    x, y = body[0] - tree[0], body[1] - tree[1]
+    x, y = body.x - tree[0], body.y - tree[1]
     dx, dy = position[0] - tree[0], position[1] - tree[1]
-    foot, head = base / position[2], (base - body[3]) / (position[2] - body[3])
+    foot, head = base / position[2], (base - body.height) / (position[2] - body.height)
     farthest = max(
         hypot(x + foot * (dx - x), y + foot * (dy - y)),
         hypot(x + head * (dx - x), y + head * (dy - y)),
     )
-    return bool(farthest + body[2] <= radius)
+    return bool(farthest + body.radius <= radius)

@@ -38,7 +38,7 @@ class RenderedMode:
             rendered = self._renderer.take(uav, time, camera, pose)
         with clock.measure("detection"):
             frame = Frame(uav, time, camera, pose, rendered.image)
-            found, faults = self._detected(frame, rendered)
+            found, faults = self._detect(frame, rendered)
         return SensorOutput(
             ground=found.ground,
             matched=lambda kept: matched_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
@@ -50,7 +50,7 @@ class RenderedMode:
             faults=faults,
         )
 
-    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
+    def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
         """Detections and the faults of the detector; a frame with a fault has no detections."""
         if isinstance(self._detector, MaskDetector):
             return self._detector.detect(frame, rendered.people), ()

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -167,14 +167,21 @@ class Renderer:
         self._shown = wanted
 
 
+class Capture(NamedTuple):
+    """A raw view.
+
+    A value b of the depth buffer means the depth far NEAR / (far - (far - NEAR) b) along the optical axis.
+    """
+
+    image: NDArray[np.uint8]  # (P, P, 3) RGB
+    depth: NDArray[np.float32]  # (P, P)
+    bodies: NDArray[np.int32]  # (P, P) ids, -1 for the background
+
+
 def capture(
     client: int, camera: Camera, pose: Pose, *, light: Mapping[str, Any] = _LIGHT, opengl: bool = False
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
-    """Raw view of a client: RGB (P, P, 3), depth buffer (P, P) and body ids (P, P), -1 for the background.
-
-    A value b of the depth buffer means the depth far NEAR / (far - (far - NEAR) b) along the optical axis, where far is
-    `FAR` or, if greater, ten times the camera's height above ground.
-    """
+) -> Capture:
+    """Raw view of a client, up to a depth far of `FAR` or, if greater, ten times the camera's height above ground."""
     rotation, position = pose.rotation, pose.position
     view = np.eye(4)
     view[:3, :3] = rotation.T
@@ -192,7 +199,7 @@ def capture(
     # If PyBullet was compiled without NumPy, these are flat tuples.
     size = camera.pixels, camera.pixels
     colours = np.asarray(rgba, dtype=np.uint8).reshape(*size, 4)
-    return (
+    return Capture(
         np.asarray(cv2.cvtColor(colours, cv2.COLOR_RGBA2RGB), dtype=np.uint8),
         np.asarray(depth, dtype=np.float32).reshape(size),
         np.asarray(bodies, dtype=np.int32).reshape(size),

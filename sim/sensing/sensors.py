@@ -2,6 +2,7 @@
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,15 +37,15 @@ class Clutter:
         self._missed = sensing.miss_probability
         self._alarms, self._misses, self._order = rng.spawn(3)
 
-    def kept(self, count: int) -> Flags:
+    def draw_kept(self, count: int) -> Flags:
         """Mask (count,) of a frame's detections that are not missed."""
         return np.asarray(self._misses.random(count) >= self._missed)
 
-    def order(self, count: int) -> NDArray[np.int64]:
+    def draw_order(self, count: int) -> NDArray[np.int64]:
         """Random order (count,) of a scan's measurements, which does not reveal identities."""
         return self._order.permutation(count)
 
-    def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
+    def draw_false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms, all of them below the horizon."""
         count = poisson(self._alarms, self._expected)
         if not count:
@@ -68,6 +69,14 @@ class Observation:
     faults: tuple[Fault, ...] = ()  # faults of the detector
 
 
+class _Sensed(NamedTuple):
+    """Output of a sensor mode, and what is missed."""
+
+    output: SensorOutput
+    kept: Flags  # (N,) mask of detections that are not missed
+    matched: Flags  # (M,) mask of people whom these detect
+
+
 class Sensors:
     """The sensors of a fleet in one world."""
 
@@ -84,13 +93,13 @@ class Sensors:
 
     def look(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
         """Observation of one camera at `pose`; people (M, 2) m in the world now, NaN if absent."""
-        output, kept, matched = self._sensed(uav, time, pose, people)
+        output, kept, matched = self._sense(uav, time, pose, people)
         with self._clock.measure("detection"):
             if output.covariances is None:
-                scan = self._sampled(uav, time, pose, output)
+                scan = self._draw_scan(uav, time, pose, output)
             else:
                 scan = Scan(uav, time, pose, output.ground, output.covariances)
-            scan, pixels = self._cluttered(scan, output, kept)
+            scan, pixels = self._add_clutter(scan, output, kept)
         image = output.frame.image if output.frame else None
         return Observation(scan, pixels, image, output.visible, matched, faults=output.faults)
 
@@ -101,38 +110,35 @@ class Sensors:
         unseen = np.zeros(len(people), dtype=np.int64)
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
-    def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> tuple[SensorOutput, Flags, Flags]:
-        """Output of the mode, mask (N,) of detections that are not missed, and mask (M,) of people that these detect.
-
-        InputError if a plug-in mode fails or its output cannot be used.
-        """
+    def _sense(self, uav: int, time: float, pose: Pose, people: Array) -> _Sensed:
+        """Output of the mode and what is missed; InputError if a plug-in mode fails or its output cannot be used."""
         if self._name in SENSOR_MODES.built_in:
             output = self._mode.sense(uav, time, pose, people)
-            kept = self._clutter.kept(len(output.ground))
-            return output, kept, output.matched(kept)
+            kept = self._clutter.draw_kept(len(output.ground))
+            return _Sensed(output, kept, output.matched(kept))
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
             output = check_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
-            kept = self._clutter.kept(len(output.ground))
-            return output, kept, check_matches(output.matched(kept.copy()), people)
+            kept = self._clutter.draw_kept(len(output.ground))
+            return _Sensed(output, kept, check_matches(output.matched(kept.copy()), people))
 
-    def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
+    def _add_clutter(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections but with false alarms, and its pixels (N, 2) in the same order.
 
         A false alarm has the covariance of a person in plain view at its place.
         """
         camera, pose = self.cameras[scan.uav], scan.pose
-        places, ground = self._clutter.false_alarms(camera, pose)
+        places, ground = self._clutter.draw_false_alarms(camera, pose)
         whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
         exact = output.frame is not None and output.covariances is not None
         alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
         if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
-            order = self._clutter.order(len(z))
+            order = self._clutter.draw_order(len(z))
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels
 
-    def _sampled(self, uav: int, time: float, pose: Pose, output: SensorOutput) -> Scan:
+    def _draw_scan(self, uav: int, time: float, pose: Pose, output: SensorOutput) -> Scan:
         """Scan of the ground points plus a sample of the UAV's noise model, with the covariance of the whole error.
 
         The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.

@@ -1,6 +1,7 @@
 """Pedestrian steering: people walk to their goals and avoid trunks, borders and one another, only by turning."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,12 @@ _PERSISTENCE = 0.5  # weight of the last decision; the weight of the goal is 1
 _BLOCK = 120  # samples for which nearby trunks and people are found at once
 _FORESIGHT = 2.0  # s, time over which the weight of a future conflict falls to 1/e; not used for the border
 
-_Near = tuple[Indices, Indices]  # ascending rows of the trunks and of the people that one person may meet
+
+class _Near(NamedTuple):
+    """Ascending rows of the trunks and of the people that one person may meet."""
+
+    trunks: Indices
+    people: Indices
 
 
 @compiled
@@ -68,7 +74,9 @@ def _find_surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near
         thickest = max(thickest, trunk[2])
     way = fastest * (len(paces) * _STEP + _HORIZON * _ROLLOUT_STEP)  # m, longest way that a person walks and foresees
     bark, apart = thickest + 1 + _SLACK, SEPARATION + 1 + _SLACK
-    return [(_find_near(state, trunks, way + bark), _find_near(state, states, 2 * way + apart)) for state in states]
+    return [
+        _Near(_find_near(state, trunks, way + bark), _find_near(state, states, 2 * way + apart)) for state in states
+    ]
 
 
 @compiled
@@ -105,14 +113,14 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
 @compiled
 def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) -> Array:
     """Trunks and people that person i may meet soon (n, 5): position m, velocity m/s, distance to keep m."""
-    hazards, n = np.zeros((len(near[0]) + len(near[1]), 5)), 0
+    hazards, n = np.zeros((len(near.trunks) + len(near.people), 5)), 0
     time = _HORIZON * _ROLLOUT_STEP
-    for t in near[0]:
+    for t in near.trunks:
         trunk = trunks[t]
         if hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
             hazards[n, 0], hazards[n, 1], hazards[n, 4] = trunk[0], trunk[1], trunk[2] + _SLACK
             n += 1
-    for j in near[1]:
+    for j in near.people:
         away = hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
         if j != i and away < (paces[i] + paces[j]) * time + SEPARATION + 1:
             hazards[n, 0], hazards[n, 1] = states[j, 0], states[j, 1]
@@ -211,7 +219,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: 
         side = (n + 1) // 2 if n % 2 else -(n // 2)
         turned = heading + side * math.radians(5.0)
         x, y = states[i, 0] + length * cos(turned), states[i, 1] + length * sin(turned)
-        if _is_free(i, states, (x, y), trunks, near) and abs(x) <= half[0] and abs(y) <= half[1]:
+        if _is_free(i, states, x, y, trunks, near) and abs(x) <= half[0] and abs(y) <= half[1]:
             states[i, 0], states[i, 1], states[i, 2] = x, y, turned
             return
     states[i, 0] += length * cos(heading)
@@ -219,13 +227,12 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: 
 
 
 @compiled
-def _is_free(i: int, states: Array, place: tuple[float, float], trunks: Array, near: _Near) -> bool:
-    """True if person i may stand at a place [m]."""
-    x, y = place
-    for t in near[0]:
+def _is_free(i: int, states: Array, x: float, y: float, trunks: Array, near: _Near) -> bool:
+    """True if person i may stand at (x, y) m."""
+    for t in near.trunks:
         if hypot(trunks[t, 0] - x, trunks[t, 1] - y) < trunks[t, 2] + _SLACK:
             return False
-    for j in near[1]:
+    for j in near.people:
         if j != i and hypot(states[j, 0] - x, states[j, 1] - y) < SEPARATION + _SLACK:
             return False
     return True

@@ -158,7 +158,7 @@ def flown(mode, **sensing):
 def test_false_alarms_are_poisson_and_uniform_over_the_ground_in_view():
     clutter = Clutter(Sensing(false_alarms=3.0), np.random.default_rng(0))
     pose = Pose.level(5.0, -7.0, 20.0)
-    frames = [clutter.false_alarms(CAMERA, pose) for _ in range(2000)]
+    frames = [clutter.draw_false_alarms(CAMERA, pose) for _ in range(2000)]
     counts = np.array([len(pixels) for pixels, _ in frames])
     assert counts.mean() == pytest.approx(3.0, abs=4 * math.sqrt(3.0 / 2000))
     assert counts.var() == pytest.approx(3.0, abs=0.45)
@@ -170,7 +170,7 @@ def test_false_alarms_are_poisson_and_uniform_over_the_ground_in_view():
     assert ((cells - expected) ** 2 / expected).sum() < 37.7  # chi-square, 15 degrees of freedom, 0.1 %
     clutter = Clutter(Sensing(false_alarms=50.0), np.random.default_rng(0))
     level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
-    pixels, ground = clutter.false_alarms(CAMERA, level)
+    pixels, ground = clutter.draw_false_alarms(CAMERA, level)
     assert 5 < len(pixels) < 45 and pixels[:, 1].min() > 64.0 and ground[:, 1].min() > 0.0
 
 
