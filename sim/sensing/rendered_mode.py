@@ -5,7 +5,7 @@ from copy import deepcopy
 import numpy as np
 
 from sim.scenario.sensing import DETECTORS
-from sim.sensing.detection_truth import MaskDetector, matched_detections, visible_pixels
+from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, match_detections
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.sensor_mode import SensorOutput, SensorSetup
@@ -41,8 +41,8 @@ class RenderedMode:
             found, faults = self._detect(frame, rendered)
         return SensorOutput(
             ground=found.ground,
-            matched=lambda kept: matched_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
-            visible=visible_pixels(rendered.people, len(people)),
+            matched=lambda kept: match_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
+            visible=count_visible_pixels(rendered.people, len(people)),
             covariances=found.covariances if self._calibrated else None,
             errors=found.covariances,
             frame=frame,

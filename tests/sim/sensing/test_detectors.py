@@ -12,7 +12,7 @@ from sim.scenario.environment import People, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import DETECTORS, Sensing
 from sim.scenario.uavs import Uav
-from sim.sensing.detection_truth import MaskDetector, matched_detections
+from sim.sensing.detection_truth import MaskDetector, match_detections
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
@@ -147,7 +147,7 @@ def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
     for frame, mask, people in shown(rng, forest, 12):
         ids = np.unique(mask[mask >= 0])
         found = MaskDetector(forest).detect(frame, mask)
-        assert np.sum(matched_detections(found.pixels, mask, 12) >= 0) == len(ids)
+        assert np.sum(match_detections(found.pixels, mask, 12) >= 0) == len(ids)
         # Each stands on a person of its own, at the pixel nearest to the middle of all of them, and, whatever hides it,
         # lies within a body's length of one person.
         columns, rows = found.pixels.astype(int).T

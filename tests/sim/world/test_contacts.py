@@ -20,7 +20,7 @@ from sim.recording.archive import save
 from sim.recording.recorder import Recorder
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.world.contacts import KINDS, Contact, touched
+from sim.world.contacts import KINDS, Contact, describe_body
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree
 
@@ -103,7 +103,7 @@ def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
 
 def test_the_map_says_in_words_what_was_touched(monkeypatch):
     words = ["UAV 4", "the canopy of tree 4", "the trunk of tree 4", "person 4", "the ground"]
-    assert [touched(kind, 0 if kind == "ground" else 4) for kind in KINDS] == words
+    assert [describe_body(kind, 0 if kind == "ground" else 4) for kind in KINDS] == words
     setting, texts = synthetic.scenario(), []
     (snapshot,) = synthetic.snapshots(setting, Forest(()), 1)
     touching = dataclasses.replace(snapshot, contacts=(Contact(0, "uav", 1), Contact(2, "ground", 0)))

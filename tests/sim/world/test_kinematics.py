@@ -10,7 +10,7 @@ from planning.planner import Plan
 from sim.recording.archive import digest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.world.contacts import nearest
+from sim.world.contacts import nearest_approach
 from sim.world.world import World
 from tracking.geometry.visibility import Forest
 
@@ -46,11 +46,11 @@ def test_no_pair_comes_nearer_than_the_bound_says():
     rng = np.random.default_rng(1)
     for _ in range(200):
         positions, commands = rng.uniform(-5, 5, (4, 3)), rng.uniform(-5, 5, (4, 2))
-        bound, seconds = nearest(positions, commands, 0.7), np.linspace(0, 0.7, 50)
+        bound, seconds = nearest_approach(positions, commands, 0.7), np.linspace(0, 0.7, 50)
         ways = positions[:, None] + np.pad(commands, ((0, 0), (0, 1)))[:, None] * seconds[:, None]
         gaps = np.linalg.norm(ways[:, None] - ways[None], axis=-1)
         assert bound <= gaps[~np.eye(4, dtype=bool)].min() + 1e-12
-    assert nearest(np.zeros((1, 3)), np.zeros((1, 2)), 1.0) == math.inf
+    assert nearest_approach(np.zeros((1, 3)), np.zeros((1, 2)), 1.0) == math.inf
 
 
 class Wanderer:
