@@ -24,6 +24,7 @@ from sim.analysis.normalised_score import SCORE, NormalisedScore, Scored, score_
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
+from sim.report.formats import markdown_table
 from sim.study.cells import VIEW, cells
 from sim.study.store import read_rows
 from sim.study.study import read
@@ -107,7 +108,7 @@ def scores_table() -> str:
         columns.append([_name(cell), *means, *(texts.get((cell, name), "") for name in planners)])
     columns.append(["mean of these", "", "", *(texts.get((None, name), "") for name in planners)])
     heads, *lines = zip(*columns, strict=True)
-    return _markdown(heads, lines)
+    return markdown_table(heads, lines)
 
 
 def ends_table() -> str:
@@ -118,7 +119,7 @@ def ends_table() -> str:
     for cell, own in _by_world(groups):
         means = (map_means(own[key], metric).text(metric) for key in (floor, bound, DEFAULT, "oracle"))
         lines.append((f"[{_name(cell)}](#{dict(cell)['scenario']})", *means))
-    return _markdown(("world", f"`{floor}`", "bound", f"`{DEFAULT}`", "`oracle`"), lines)
+    return markdown_table(("world", f"`{floor}`", "bound", f"`{DEFAULT}`", "`oracle`"), lines)
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
@@ -144,7 +145,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
     texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
     lines = [[f"`{planner}`", *line] for planner, line in zip(planners, texts, strict=True)]
-    return _markdown(heads, [means, *lines])
+    return markdown_table(heads, [means, *lines])
 
 
 def _marked(gap: Difference, metric: Metric, survives: bool) -> str:
@@ -177,10 +178,6 @@ def _by_world(groups: Sequence[Group]) -> Iterator[tuple[Cell, dict[str, Group]]
 
 def _name(cell: Cell) -> str:
     return f"`{dict(cell)['scenario']}`"
-
-
-def _markdown(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(line) + " |" for line in (heads, ["---"] * len(heads), *lines))
 
 
 def draw() -> None:

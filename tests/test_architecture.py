@@ -30,7 +30,7 @@ LAYERS = {
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
-# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, planned_visibility.py where they lead,
+# Of these, planned_visibility.py asks where plans that were flown lead,
 # and teammates.py where they have brought a UAV out of contact.
 PLANNING = {
     "sim/mission/plan_check.py",
@@ -47,7 +47,6 @@ PLANNING = {
     "sim/cli/compare.py",
     "sim/cli/lists.py",
     "sim/replay/explain/planned_visibility.py",
-    "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",
     "sim/calibration/future_errors.py",
 }

@@ -8,7 +8,7 @@ import numpy as np
 from planning.objective.camera_lanes import CameraLanes, camera_lanes
 from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
-from planning.objective.mwtp import Match, mark_in_view, matches
+from planning.objective.mwtp import mark_in_view
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
@@ -70,15 +70,6 @@ def objective(
         return _costs(eased, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
 
     return values
-
-
-def terminal_matches(belief: PredictedBelief, velocities: Array) -> tuple[Array, tuple[Match, ...]]:
-    """Targets (T, 3) m and their matches in the MWTP after mean velocities (n, H, 2) m/s; the belief has one sample."""
-    none = np.empty(0, dtype=np.int64)
-    others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), none, TRACE)
-    targets = np.ascontiguousarray(belief.points[-1, :, 0])
-    traces = belief.weights * others.costs.reshape(belief.points.shape[:3])[-1].mean(axis=1)
-    return targets, matches(targets, traces, others.seen, others.ends, belief.views)
 
 
 class _Others(NamedTuple):

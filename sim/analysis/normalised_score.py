@@ -31,12 +31,19 @@ class NormalisedScore:
     maps: int
 
 
+class Ends(NamedTuple):
+    """Labels of the planners with the scores 0 and 100 %."""
+
+    floor: str
+    bound: str
+
+
 class Scored(NamedTuple):
     """Scores of planners, with their metric and their ends."""
 
     scores: list[NormalisedScore]
     metric: Metric
-    ends: tuple[str, str]  # labels of floor and bound
+    ends: Ends
 
 
 def score_planners(
@@ -46,17 +53,20 @@ def score_planners(
     if score is None:
         return None
     ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
-    found = scores(groups, metric, *ends)
+    found = scores(groups, metric, ends)
     return Scored(found, metric, ends) if found else None
 
 
-def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> tuple[str, str]:
+def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> Ends:
     """Labels of floor and bound; InputError if the rows lack one."""
     bound = with_options(score.bound, {VIEW: "unlimited"})
-    return baseline_of(rows, score.floor, given, "score.floor"), baseline_of(rows, bound, given, "score.bound")
+    return Ends(
+        floor=baseline_of(rows, score.floor, given, "score.floor"),
+        bound=baseline_of(rows, bound, given, "score.bound"),
+    )
 
 
-def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[NormalisedScore]:
+def scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[NormalisedScore]:
     """Scores of each planner, cell by cell, then the mean over cells of planners that are in all of them.
 
     A score is (m - f) / (b - f), where m, f and b are the means of planner, floor and bound over the maps that all
@@ -69,8 +79,11 @@ def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> l
     values: dict[str, list[dict[int, float]]] = {}
     found = []
     for group in groups:
-        low, high = by_key.get((group.cell, floor)), by_key.get((group.cell, bound))
-        if group.planner not in (floor, bound) and low and high and (own := _by_map(group, low, high, metric)):
+        floor = by_key.get((group.cell, ends.floor))
+        bound = by_key.get((group.cell, ends.bound))
+        if group.planner in ends or floor is None or bound is None:
+            continue
+        if own := _by_map(group, floor, bound, metric):
             found.append(_score(group.cell, group.planner, own))
             values.setdefault(group.planner, []).append(own)
     for planner, tables in values.items():

@@ -13,10 +13,11 @@ import numpy as np
 
 from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, Parts, parts_in
-from sim.drawing.legend import Sparkline, draw_legend
+from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, map_extent
-from sim.drawing.palette import FAINT, PAPER
+from sim.drawing.palette import FAINT, PAPER, VERMILLION
+from sim.drawing.strokes import disc, stroke
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
@@ -24,11 +25,12 @@ from sim.recording.atomic_files import part_path
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Indices
+from tracking.numerics.arrays import Array, Indices
 
 AS_FLOWN = "map+cameras"  # the layout of a run's film
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
+_LOW, _HIGH = 0.1, 50.0  # m, range of the curve of OSPA
 _PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _OPTIONS = {"preset": "veryfast", "crf": "23"}
 _BT601 = 6  # OpenCV's colour matrix, which the file must name because players assume another one for HD
@@ -55,7 +57,7 @@ class Film:
         self._planner = planner
         self._numbers: dict[int, int] = {}
         self._holding: Holding | None = None
-        self._sparkline = Sparkline(scenario.duration)
+        self._sparkline = _Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         rate = scenario.rates.sensing
@@ -117,6 +119,34 @@ class Film:
         label = TextStyle(13, FAINT)
         write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
         self._sparkline.draw(image[6:-4, right:])
+
+
+class _Sparkline:
+    """The mean OSPA of the fleet so far, on a logarithmic scale."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._points: list[Array] = []  # (2,): shares of the width and of the height
+
+    def add(self, time: float, ospa: float) -> None:
+        """Add one value [m], or NaN for none."""
+        if not math.isnan(ospa):
+            self._points.append(np.array([min(time / self._duration, 1.0), self._level(ospa)]))
+
+    def draw(self, image: Image) -> None:
+        """Draw all values into an RGB image."""
+        height, extent = image.shape[0], image.shape[1] - 34
+        metre = self._level(1.0)
+        stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
+        write(image, "1 m", (extent + 6, metre * height), TextStyle(12, FAINT))
+        line = np.array(self._points) * [extent, height]
+        stroke(image, line, VERMILLION)
+        disc(image, line[-1], 3.0, VERMILLION)
+
+    def _level(self, ospa: float) -> float:
+        """Height from the top as a share, 0.08 to 0.92."""
+        share = math.log(min(max(ospa, _LOW), _HIGH) / _LOW) / math.log(_HIGH / _LOW)
+        return 0.92 - 0.84 * share
 
 
 class Video(AbstractContextManager["Video"]):

@@ -73,29 +73,32 @@ def _arrange(panel: Box, aspect: float, tiles: int) -> Parts:
         for lines in range(1, tiles + 1):
             # Tiles have to fit along their lines, and to leave the map at least a third of the panel across them.
             most = min((along + GAP) // math.ceil(tiles / lines), int(across * 2 / 3) // lines) - GAP
-            options += [_beside(panel, aspect, (tiles, lines, side), below) for side in range(40, most + 1, 4)]
+            for side in range(40, most + 1, 4):
+                options.append(_place_tiles(panel, aspect, tiles=tiles, lines=lines, side=side, below=below))
 
-    def merit(option: tuple[Box, list[Box]]) -> float:
-        room, boxes = option
-        return float(room.width * room.height * (tiles * boxes[0].width ** 2) ** 0.75)
+    def merit(parts: Parts) -> float:
+        assert parts.map is not None
+        return float(parts.map.width * parts.map.height * (tiles * parts.tiles[0].width ** 2) ** 0.75)
 
-    room, boxes = max(options, key=merit)
-    return Parts(room, dict(enumerate(boxes)))
+    return max(options, key=merit)
 
 
-def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> tuple[Box, list[Box]]:
-    tiles, lines, side = grid
-    per_line, pitch = math.ceil(tiles / lines), side + GAP
+def _place_tiles(panel: Box, aspect: float, *, tiles: int, lines: int, side: int, below: bool) -> Parts:
+    """The map with tiles in so many lines: rows below it, or columns right of it."""
+    per_line = math.ceil(tiles / lines)
+    pitch = side + GAP
     taken = lines * pitch
     if below:
         room = Box(panel.x, panel.y, panel.width, panel.height - taken)
-        left, top = panel.x + (panel.width - per_line * pitch + GAP) // 2, panel.y + room.height + GAP
+        left = panel.x + (panel.width - per_line * pitch + GAP) // 2
+        top = panel.y + room.height + GAP
     else:
         room = Box(panel.x, panel.y, panel.width - taken, panel.height)
-        left, top = panel.x + room.width + GAP, panel.y + (panel.height - per_line * pitch + GAP) // 2
+        left = panel.x + room.width + GAP
+        top = panel.y + (panel.height - per_line * pitch + GAP) // 2
     cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
     boxes = [Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells]
-    return _fit(room, aspect), boxes
+    return Parts(_fit(room, aspect), dict(enumerate(boxes)))
 
 
 def _fit(room: Box, aspect: float) -> Box:

@@ -1,20 +1,18 @@
-"""The legend below the map, the running error above it, and the order of legends of figures."""
+"""The legend of a film, below the map."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from matplotlib.artist import Artist
 
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, detection, person, quadrotor
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, FAINT, INK, TRUNK, UNHELD_COLOURS, VERMILLION, track_colour
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, TRUNK, UNHELD_COLOURS, track_colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
 _TEXT = TextStyle(13)
-_LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
@@ -42,11 +40,6 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
         x += 34 + width(text, _TEXT) + 8
     if owner:
         _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
-
-
-def by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
-    """Entries of a legend in the order that Matplotlib, which fills its columns one by one, shows row by row."""
-    return [entry for column in range(columns) for entry in entries[column::columns]]
 
 
 def _scale_bar(image: Image, scale: float, right: Array) -> None:
@@ -81,31 +74,3 @@ def _intent(image: Image, at: Array) -> None:
     for dx in (-12.0, -5.0, 2.0):
         disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
     disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)
-
-
-class Sparkline:
-    """The mean OSPA of the fleet so far, on a logarithmic scale."""
-
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
-        self._points: list[tuple[float, float]] = []
-
-    def add(self, time: float, ospa: float) -> None:
-        """Add one value [m], or NaN for none."""
-        if not math.isnan(ospa):
-            self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
-
-    def draw(self, image: Image) -> None:
-        """Draw all values into an RGB image."""
-        height, extent = image.shape[0], image.shape[1] - 34
-        metre = self._level(1.0)
-        stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
-        write(image, "1 m", (extent + 6, metre * height), TextStyle(12, FAINT))
-        line = np.array(self._points) * [extent, height]
-        stroke(image, line, VERMILLION)
-        disc(image, line[-1], 3.0, VERMILLION)
-
-    def _level(self, ospa: float) -> float:
-        """Height from the top as a share, 0.08 to 0.92."""
-        share = math.log(min(max(ospa, _LOW), _HIGH) / _LOW) / math.log(_HIGH / _LOW)
-        return 0.92 - 0.84 * share

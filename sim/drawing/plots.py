@@ -1,16 +1,16 @@
 """Figures of a mission."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
 from sim.evaluation.fleet_facts import mean_ospa
 from sim.recording.atomic_files import write_whole
@@ -67,6 +67,11 @@ def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)  # a canvas whose pixels can be read
         yield figure
+
+
+def by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
+    """Entries of a legend in the order that Matplotlib, which fills its columns one by one, shows row by row."""
+    return [entry for column in range(columns) for entry in entries[column::columns]]
 
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:

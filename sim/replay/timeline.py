@@ -1,7 +1,7 @@
 """The timeline of a mission: states of each person in the cameras and to the tracks, above the error of the fleet."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,9 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sim.drawing import palette
-from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
-from sim.drawing.plots import draw_mean, new_figure, rgb
+from sim.drawing.plots import by_rows, draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.replay.event import IDENTITIES, Event, ends, lanes
@@ -29,7 +28,16 @@ _UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALS
 _MEANT = {"held": f"held within {HELD:g} m by all", "held by some": "held by some UAVs"}
 
 Shade = tuple[float, float, float]
-Box = tuple[float, float, float, float]  # left, right [s], top, height [lanes]
+
+
+class Bar(NamedTuple):
+    """A rectangle of one colour."""
+
+    start: float  # s
+    end: float
+    top: float  # lanes
+    height: float
+    shade: Shade
 
 
 def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
@@ -65,17 +73,24 @@ def _draw_people(
     """Draw the rows and return the colours in them."""
     uavs, people = history.tracks.shape[1:]
     pitch, times = uavs + _BAR + _GAP, history.times
-    boxes = [_box(times, event, max(people, 1) * pitch + lane * _BAR) for event, lane in unmatched]
+    bars = []
+    for event, lane in unmatched:
+        top = max(people, 1) * pitch + lane * _BAR + 0.2
+        shade = rgb(_UNMATCHED[event.kind])
+        bars.append(Bar(*ends(times, event.first, event.last), top, _BAR - 0.2, shade))
     for event in events:
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [event.person * pitch + uavs + _BAR / 2], **_SWITCHED)
     for m in range(people):
-        boxes += _bar(times, history.hold_states[:, m], m * pitch, uavs)
+        bars += _hold_bars(times, history.hold_states[:, m], m * pitch, uavs)
         for i in range(uavs):
-            boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
-    corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
-    axes.add_collection(PolyCollection(corners, facecolors=[shade for _, shade in boxes], lw=0))
-    return {shade for _, shade in boxes}
+            bars += _lane_bars(times, history.camera_states[:, i, m], m * pitch + i, i)
+    corners = [
+        [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
+        for bar in bars
+    ]
+    axes.add_collection(PolyCollection(corners, facecolors=[bar.shade for bar in bars], lw=0))
+    return {bar.shade for bar in bars}
 
 
 def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
@@ -98,29 +113,29 @@ def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
         axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
 
 
-def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
-    return (*ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_UNMATCHED[event.kind])
-
-
-def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box, Shade]]:
-    colour, boxes = uav_colour(uav), []
+def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
+    """The states of a person in a camera."""
+    colour, bars = uav_colour(uav), []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
     for first, last, value in episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
-            boxes.append(((*ends(times, first, last), top + inset, 1 - 2 * inset), rgb(shades[STATES[value]])))
-    return boxes
+            shade = rgb(shades[STATES[value]])
+            bars.append(Bar(*ends(times, first, last), top + inset, 1 - 2 * inset, shade))
+    return bars
 
 
-def _bar(times: Array, states: Indices, top: float, uavs: int) -> list[tuple[Box, Shade]]:
-    """Boxes of a person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all while lost."""
-    boxes: list[tuple[Box, Shade]] = []
+def _hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
+    """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
+    bars: list[Bar] = []
     for first, last, value in episodes(states):
-        span, hold = ends(times, first, last), HOLDS[value]
-        boxes += [((*span, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (hold == "lost")
+        start, end = ends(times, first, last)
+        hold = HOLDS[value]
+        if hold == "lost":
+            bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
         if hold in _HOLDS:
-            boxes.append(((*span, top + uavs + 0.2, _BAR - 0.2), rgb(_HOLDS[hold])))
-    return boxes
+            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(_HOLDS[hold])))
+    return bars
 
 
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
@@ -129,10 +144,16 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
         axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
             late = start > sum(axes.get_xlim()) / 2
-            side, place = "right" if late else "left", axes.get_xaxis_transform()
-            text, paper = f"  {event.text}  ", {"color": "white", "alpha": 0.8, "lw": 0, "pad": 1}
-            height = 1.0 - 0.14 * (n % 6)
-            axes.text(start, height, text, transform=place, ha=side, va="top", fontsize=9, bbox=paper)
+            axes.text(
+                start,
+                1.0 - 0.14 * (n % 6),
+                f"  {event.text}  ",
+                transform=axes.get_xaxis_transform(),
+                ha="right" if late else "left",
+                va="top",
+                fontsize=9,
+                bbox={"color": "white", "alpha": 0.8, "lw": 0, "pad": 1},
+            )
 
 
 def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:

@@ -15,23 +15,22 @@ from sim.report.tables import Table, notes, shortfalls, tables
 def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
     """Markdown with one table per metric, after the table of scores if there is one."""
     parts = [_table_section(table) for table in ([scored] if scored else []) + tables(found, baseline)]
-    said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
+    said = "\n".join(f"- {escape_markdown(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
 
 
 def _table_section(table: Table) -> str:
-    names = _factors(cell for cell, _ in table.rows)
-    head = [*names, *table.heads]
-    rows = [[*_levels(cell, names), *texts] for cell, texts in table.rows]
-    rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
-    return "\n".join(
-        [f"**{table.title}**", "", *([table.note, ""] if table.note else []), markdown_table([head, rule, *rows])]
-    )
+    names = _factors(line.cell for line in table.lines)
+    lines = [map(escape_markdown, [*_levels(line.cell, names), *line.texts]) for line in table.lines]
+    shown = markdown_table(map(escape_markdown, [*names, *table.heads]), lines, texts=len(names) + 1)
+    return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), shown])
 
 
-def markdown_table(lines: Iterable[Sequence[str]]) -> str:
-    """A table of Markdown from its lines."""
-    return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in lines)
+def markdown_table(heads: Iterable[str], lines: Iterable[Iterable[str]], *, texts: int | None = None) -> str:
+    """A table in Markdown; columns after the first `texts`, by default none, are aligned to the right."""
+    names = list(heads)
+    rule = ["---" if texts is None or n < texts else "---:" for n in range(len(names))]
+    return "\n".join(f"| {' | '.join(line)} |" for line in (names, rule, *lines))
 
 
 def _factors(cells: Iterable[Cell | None]) -> list[str]:
@@ -42,7 +41,8 @@ def _levels(cell: Cell | None, names: Sequence[str]) -> list[str]:
     return [dict(cell).get(name, "") if cell is not None else "all" for name in names]
 
 
-def _plain(text: str) -> str:
+def escape_markdown(text: str) -> str:
+    """A text whose special characters Markdown shows as they are."""
     return text.replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")
 
 

@@ -5,14 +5,20 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
+from typing import NamedTuple
 
 
-def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
-    """The page from its sections, given by heading and HTML; the first is before the contents and has no heading."""
-    (_, opening), *rest = sections
-    names = [f"section-{i}" for i in range(1, len(rest) + 1)]
-    links = "\n".join(f'<a href="#{n}">{escape(h)}</a>' for n, (h, _) in zip(names, rest, strict=True))
-    parts = [f'<h2 id="{n}">{escape(h)}</h2>\n{text}' for n, (h, text) in zip(names, rest, strict=True)]
+class Section(NamedTuple):
+    """A part of the page."""
+
+    heading: str
+    html: str
+
+
+def page(title: str, opening: str, sections: Sequence[Section]) -> str:
+    """The page: the HTML before the contents, the contents, and the sections."""
+    links = "\n".join(f'<a href="#section-{n}">{escape(s.heading)}</a>' for n, s in enumerate(sections, start=1))
+    parts = [f'<h2 id="section-{n}">{escape(s.heading)}</h2>\n{s.html}' for n, s in enumerate(sections, start=1)]
     body = "\n".join([opening, f"<nav>\n{links}\n</nav>", *parts])
     template, style = ((files("sim.report") / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     return Template(template).substitute(title=escape(title), style=style.rstrip(), body=body)

@@ -6,21 +6,22 @@ from html import escape
 from itertools import groupby
 
 from sim.analysis.answers import Answer
-from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cell_text import cell_text
 from sim.analysis.differences import Difference
 from sim.evaluation.metric import Metric
 from sim.report.html_parts import table
-from sim.report.tables import Table
+from sim.report.tables import Line, Table
 
 
 def html_table(shown: Table) -> str:
     """A table as HTML, with a heading line above the lines of each cell."""
     rows = []
-    for cell, lines in groupby(shown.rows, lambda row: row[0]):
+    for cell, lines in groupby(shown.lines, lambda line: line.cell):
         if cell != ():
             place = "all cells, seed by seed" if cell is None else cell_text(cell)
             rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(place)}</th></tr>')
-        for _, (first, *rest) in lines:
+        for line in lines:
+            first, *rest = line.texts
             entries = "".join(f"<td>{escape(text)}</td>" for text in rest)
             rows.append(f'<tr><td class="name">{escape(first)}</td>{entries}</tr>')
     return table(shown.heads, rows)
@@ -32,11 +33,12 @@ def runtime_tables(found: Sequence[Answer]) -> str:
     planners = list(dict.fromkeys(answer.planner for answer in own))
     made = []
     for metric, of_metric in groupby(own, lambda answer: answer.metric):
-        rows: list[tuple[Cell | None, list[str]]] = []
-        for cell, lines in groupby(of_metric, lambda answer: answer.cell):
-            means = {answer.planner: answer.mean.text(metric) for answer in lines}
-            rows.append(((), [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]))
-        made.append(Table(metric.title, ["cell", *planners], rows, metric))
+        lines = []
+        for cell, of_cell in groupby(of_metric, lambda answer: answer.cell):
+            means = {answer.planner: answer.mean.text(metric) for answer in of_cell}
+            texts = [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]
+            lines.append(Line((), texts))
+        made.append(Table(metric.title, ["cell", *planners], lines, metric))
     return titled_tables(made)
 
 

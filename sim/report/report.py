@@ -22,7 +22,7 @@ from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
-from sim.report.html_parts import bullet_list, command_line, page, paragraph
+from sim.report.html_parts import Section, bullet_list, command_line, page, paragraph
 from sim.report.page_tables import html_table, runtime_tables, titled_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, score_table, shortfalls, tables
@@ -101,18 +101,18 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
     full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
     sections = [
-        ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
-        ("In short", _in_short(found, baseline, metrics[0])),
-        ("What was run", _what_was_run(rows, every, about, baseline)),
-        *([("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        ("Results", f"{bullet_list(notes(found))}\n{titled_tables(tables(found, baseline))}"),
-        ("Figures", _figures(drawn)),
-        *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
+        Section("In short", _in_short(found, baseline, metrics[0])),
+        Section("What was run", _what_was_run(rows, every, about, baseline)),
+        *([Section("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
+        Section("Results", f"{bullet_list(notes(found))}\n{titled_tables(tables(found, baseline))}"),
+        Section("Figures", _figures(drawn)),
+        *([Section("Run time", _figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, metrics[0]),
-        ("How to read this", bullet_list(_HOW_TO_READ)),
+        Section("How to read this", bullet_list(_HOW_TO_READ)),
     ]
+    opening = f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"
     files = {
-        "report.html": page(f"{about.study}: understory", sections).encode(),
+        "report.html": page(f"{about.study}: understory", opening, sections).encode(),
         "table.csv": comma_separated(full_answers, baseline).encode(),
         "table.md": markdown(found, baseline, table).encode(),
     }
@@ -134,16 +134,16 @@ def _figures(pictures: Sequence[Picture]) -> str:
     return "\n".join(parts)
 
 
-def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[tuple[str, str]]:
+def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[Section]:
     table, places = maps(groups, metric)
     failed = sum(len(group.failed) for group in every)
     heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     of_each = f"Of each planner by itself, in {metric.title}."
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([(heading, paragraph(of_each) + table)] if places else []),
-        *([(f"Failures: {failed}", failures(every))] if failed else []),
-        *([("Fly them again", paragraph(hint) + places)] if places else []),
+        *([Section(heading, paragraph(of_each) + table)] if places else []),
+        *([Section(f"Failures: {failed}", failures(every))] if failed else []),
+        *([Section("Fly them again", paragraph(hint) + places)] if places else []),
     ]
 
 

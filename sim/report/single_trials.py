@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Sequence
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,14 @@ def command(row: Row) -> str:
     return shlex.join(words)
 
 
+class _Extreme(NamedTuple):
+    """A trial that is shown for its value."""
+
+    name: str  # "best, ", for example, or empty if all trials are equal
+    row: Row
+    remark: str  # on equal trials
+
+
 def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     """Tables of best and worst maps and, linked from these, their commands; groups without a finite value are left out.
 
@@ -36,9 +45,11 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     rows: list[str] = []
     places: list[str] = []
     for group in groups:
-        cells, ends = [], _extremes(group, metric, names)
+        cells = []
+        ends = _extremes(group, metric, names)
         for what, row, remark in ends:
-            value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
+            value = metric.text(row.metrics[metric.name])
+            flown = numbered(row.seed, row.repeat)
             name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
             link = f'<a href="#{name}">{flown}</a>{remark}'
             one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
@@ -55,19 +66,20 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     return table(heads, rows, "left"), "\n".join(places)
 
 
-def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[tuple[str, Row, str]]:
-    """The best and the worst trial, each with its name and a remark on equal ones; only one if all are equal."""
+def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:
+    """The best and the worst trial; only one if all are equal."""
     values = group.values(metric.name)
     finite = np.flatnonzero(np.isfinite(values))
     ends = np.unique(values[finite])[:: -1 if metric.better == "higher" else 1]
     if not len(ends):
         return []
     if len(ends) == 1:
-        return [("", group.done[finite[0]], f", all {len(finite)} equal" if len(finite) > 1 else ", the only one")]
+        remark = f", all {len(finite)} equal" if len(finite) > 1 else ", the only one"
+        return [_Extreme("", group.done[finite[0]], remark)]
     found = []
     for name, end in zip(names, ends[[0, -1]], strict=True):
         first, *others = np.flatnonzero(values == end)
-        found.append((f"{name}, ", group.done[first], f" and {len(others)} equal" if others else ""))
+        found.append(_Extreme(f"{name}, ", group.done[first], f" and {len(others)} equal" if others else ""))
     return found
 
 

@@ -25,12 +25,19 @@ _NEEDED = f"Maps needed: with so many, a difference as large is found with a pro
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
 
+class Line(NamedTuple):
+    """A line of a table."""
+
+    cell: Cell | None  # empty if the study has no cells; None means all cells
+    texts: list[str]
+
+
 class Table(NamedTuple):
-    """A table of the report, with the cell of each line, which is empty if the study has no cells."""
+    """A table of the report."""
 
     title: str
     heads: list[str]
-    rows: list[tuple[Cell | None, list[str]]]
+    lines: list[Line]
     metric: Metric | None = None  # set if this is the metric's main table
     note: str = ""
 
@@ -39,16 +46,16 @@ def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
     """The tables of each metric: results and, if maps were repeated, spreads."""
     listed = []
     for metric, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        compared = any(answer.difference for answer in lines)
+        own = list(group)
+        compared = any(answer.difference for answer in own)
         heads = ["planner", "maps", "mean", "median"]
         heads += [f"minus {baseline}", "won, tied, lost", "maps needed"] if compared else []
-        listed.append(Table(metric.title, heads, [(a.cell, _texts(a, compared)) for a in lines], metric))
-        if _has_repeats(lines):
+        listed.append(Table(metric.title, heads, [Line(a.cell, _texts(a, compared)) for a in own], metric))
+        if _has_repeats(own):
             heads = ["planner", "between maps", "within maps"]
             heads += [f"minus {baseline}: between", "within", "maps needed"] if compared else []
-            rows = [(a.cell, _spread_texts(a, compared)) for a in lines]
-            listed.append(Table(f"{metric.title}: spread", heads, rows))
+            lines = [Line(a.cell, _spread_texts(a, compared)) for a in own]
+            listed.append(Table(f"{metric.title}: spread", heads, lines))
     return listed
 
 
@@ -65,13 +72,13 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
         else:
             means = [map_means(by_key[cell, end], metric).value for end in ends]
             start = [cell_text(cell) or "all missions", *map(metric.text, means)]
-        lines.append([*start, *(texts.get(planner, UNKNOWN) for planner in planners)])
+        lines.append(Line((), [*start, *(texts.get(planner, UNKNOWN) for planner in planners)]))
     note = (
-        f"{metric.label}: 0 is that of {ends[0]}, 100 that of {ends[1]}, on the maps that all three flew. In brackets: "
-        "95 % intervals over the maps; how often these hold was not counted."
+        f"{metric.label}: 0 is that of {ends.floor}, 100 that of {ends.bound}, on the maps that all three flew. "
+        "In brackets: 95 % intervals over the maps; how often these hold was not counted."
     )
     heads = ["cell", *(f"{end} [{metric.unit}]" for end in ends), *planners]
-    return Table(SCORES, heads, [((), line) for line in lines], note=note)
+    return Table(SCORES, heads, lines, note=note)
 
 
 def _has_repeats(found: Sequence[Answer]) -> bool:

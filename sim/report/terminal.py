@@ -61,15 +61,15 @@ def _terminal_table(shown: Table, width: int) -> rich.table.Table:
     heads = {i: shown.heads[i].replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded") for i in kept}
     # Names make room for numbers, if that shows these whole. Heads may be folded between words if they are planners.
     cut = "\n" if shown.metric else None
-    widths = (max(map(len, (*heads[i].split(cut), *(texts[i] for _, texts in shown.rows)))) for i in kept[1:])
+    widths = (max(map(len, (*heads[i].split(cut), *(line.texts[i] for line in shown.lines)))) for i in kept[1:])
     room = width - sum(widths) - (2 * len(kept) + 1)  # less the gaps
     for i, head in heads.items():
         most = room if i == 0 and room >= _NAMES else None
         table.add_column(escape(head), justify="left" if i == 0 else "right", overflow="fold", max_width=most)
-    for cell, lines in groupby(shown.rows, lambda row: row[0]):
+    for cell, lines in groupby(shown.lines, lambda line: line.cell):
         table.add_section()
         if cell != ():
             table.add_row(f"[bold]{escape(cell_text(cell))}[/bold]")
-        for _, texts in lines:
-            table.add_row(*(escape(texts[i]) for i in kept))
+        for line in lines:
+            table.add_row(*(escape(line.texts[i]) for i in kept))
     return table

@@ -18,7 +18,7 @@ from sim.analysis.groups import Group, drop_constant_factors, group_rows, varyin
 from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.report.formats import markdown_table
+from sim.report.formats import escape_markdown, markdown_table
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
@@ -46,7 +46,7 @@ def table(
     levels = list(dict.fromkeys([*by[columns], *(level for _, level in places)]))
     symbol = "" if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = "
     head = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in levels)]
-    text = [head, ["---"] * len(head)]
+    texts = []
     for before, line in zip([(), *lines], lines, strict=False):
         entries = []
         for level in levels:
@@ -54,8 +54,8 @@ def table(
             base = {"left": (line, levels[0]), "above": (before, level) if related else None}[less]
             group, other = places.get((line, level)), places.get(base) if base else None
             entries.append(_entry(group, None if other is group else other, known))
-        text.append([*line, *entries])
-    return markdown_table(text)
+        texts.append(map(escape_markdown, [*line, *entries]))
+    return markdown_table(map(escape_markdown, head), texts)
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -34,6 +35,13 @@ def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
     view = _View(image, sight)
     view.draw()
     return image, view.shown
+
+
+class _Scale(NamedTuple):
+    """Lines (N, 2), and words at pixels (2,), of the scale bar and the north arrow."""
+
+    lines: list[Array]
+    words: dict[str, Array]
 
 
 class _View:
@@ -72,12 +80,12 @@ class _View:
         self._draw_measurements()
         with self._drawing(TRACK):
             self._draw_tracks()
-        scale = self._scale_marks()
+        scale = self._place_scale()
         for sighting in people:
             self._name_person(sighting)
         self._name_tracks()
         self._name_trees()
-        self._draw_scale(*scale)  # on top, because in a crowd names may be placed here
+        self._draw_scale(scale)  # on top, because in a crowd names may be placed here
 
     def _pixels(self, ground: Array) -> Array:
         """Pixels (N, 2) of points (N, 2) m at `TARGET_HEIGHT`; NaN behind the camera."""
@@ -131,15 +139,12 @@ class _View:
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
                 self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))
 
-    def _scale_marks(self) -> tuple[list[Array], list[tuple[str, Array]]]:
-        """Lines (N, 2) and words at pixels (2,) of the scale bar and the north arrow in the lower corners.
-
-        The bar has a round length on the ground. Names keep clear of both.
-        """
+    def _place_scale(self) -> _Scale:
+        """The scale bar, of a round length on the ground, and the north arrow in the lower corners; reserves both."""
         camera, pose, n = self._sight.camera, self._sight.pose, self._sight.camera.pixels
         corners = np.array([[0.04 * n, 0.96 * n], [0.34 * n, 0.96 * n], [0.96 * n, 0.96 * n]])
         if not looks_down(camera, pose, corners):
-            return [], []
+            return _Scale([], {})
         left, right, last = camera.ground_points(pose, corners)
         room = float(np.hypot(*(right - left)))
         length = max((m for m in _LENGTHS if m <= room), default=_LENGTHS[0])
@@ -151,13 +156,13 @@ class _View:
         arrow, letter = _arrow(foot - 26.0, (ahead - foot) / np.hypot(*(ahead - foot)))
         self._labels.reserve(foot - 26.0, 26.0)
         self._labels.reserve(letter, 9.0)
-        return [bar, *ticks, *arrow], [(f"{length:g} m", bar.mean(axis=0) - (0.0, 14.0)), ("N", letter)]
+        return _Scale([bar, *ticks, *arrow], {f"{length:g} m": bar.mean(axis=0) - (0.0, 14.0), "N": letter})
 
-    def _draw_scale(self, lines: list[Array], words: list[tuple[str, Array]]) -> None:
+    def _draw_scale(self, scale: _Scale) -> None:
         for colour, thickness in ((INK, 5), (PANEL, 2)):
-            for line in lines:
+            for line in scale.lines:
                 stroke(self._image, line, colour, thickness=thickness)
-        for text, (x, y) in words:
+        for text, (x, y) in scale.words.items():
             write(self._image, text, (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
 
 

@@ -18,7 +18,6 @@ from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.flight import Flight
-from sim.replay.rerun.mwtp_matches import matches_at
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -114,9 +113,6 @@ class Scene:
         for i in snapshot.working:
             self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # once, because UAVs normally agree
         self._log_gaps(gaps_at(self._recording, k))
-        if snapshot.plans is not None:
-            for i in snapshot.working:
-                self._log_matches(k, i, snapshot)
         self._log_intents(snapshot)
 
     def _log_people(self, snapshot: Snapshot, holds: Sequence[str]) -> None:
@@ -143,7 +139,7 @@ class Scene:
 
     def _log_breakdown(self, uav: int) -> None:
         """Clear the entities that a UAV no longer has after its breakdown."""
-        for name in ("tracks", "intents", "mwtp"):
+        for name in ("tracks", "intents"):
             self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
         self._log_name(uav, f"UAV {uav}, broken down", ALARM)
 
@@ -191,18 +187,6 @@ class Scene:
             self._stream.log(f"world/intents/{i}", line)
             end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])
             self._stream.log(f"world/intents/{i}/end", end)
-
-    def _log_matches(self, k: int, uav: int, snapshot: Snapshot) -> None:
-        """Log lines from a UAV to the expected positions of its matches at the plans' end; bold if penalised."""
-        matches = [(m, end) for m, end in matches_at(self._recording, k, uav) if m.uav == uav]
-        numbers = [self._recording.track_numbers[match.target] for match, _ in matches]
-        lines = rr.LineStrips3D(
-            [np.array([snapshot.poses[uav].position, (*end, TARGET_HEIGHT)]) for _, end in matches],
-            colors=[on_dark(track_colour(number)) for number in numbers],
-            radii=[0.12 if match.penalty > 0 else 0.05 for match, _ in matches],
-            labels=[f"track {n}, {match.distance:.0f} m" for n, (match, _) in zip(numbers, matches, strict=True)],
-        )
-        self._stream.log(f"world/mwtp/{uav}", lines)
 
 
 def broken_at(recording: Recording, k: int) -> list[int]:

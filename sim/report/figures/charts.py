@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +15,8 @@ from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.distributions import bands, ecdf
 from sim.analysis.groups import Group
 from sim.analysis.normalised_score import NormalisedScore
-from sim.drawing.legend import by_rows
 from sim.drawing.palette import FAINT
-from sim.drawing.plots import new_figure, rgb
+from sim.drawing.plots import by_rows, new_figure, rgb
 from sim.evaluation.metric import Metric
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, Sheet, Style
 from tracking.numerics.arrays import Array
@@ -98,7 +97,14 @@ def _grid(
     return figure
 
 
-_Dot = tuple[Cell | None, str, Array]  # a cell, a planner, and its value with both ends of the interval
+class _Dot(NamedTuple):
+    """A planner's value in a cell, and its interval, in the unit of the axis."""
+
+    cell: Cell | None  # None means all cells
+    planner: str
+    value: float
+    low: float
+    high: float
 
 
 def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
@@ -106,8 +112,8 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
 
     def dot(group: Group) -> _Dot:
         mean = map_means(group, metric)
-        values = metric.scale * np.array([mean.value, mean.low, mean.high])
-        return group.cell, group.planner, values if mean.value > 0 else np.full(3, np.nan)
+        scale = metric.scale if mean.value > 0 else np.nan  # zero has no place on a logarithmic axis
+        return _Dot(group.cell, group.planner, scale * mean.value, scale * mean.low, scale * mean.high)
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -121,12 +127,12 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
 
 def score_figure(found: Sequence[NormalisedScore]) -> Figure:
     """Normalised scores with intervals, with a line per cell and a dot per planner."""
-    dots = [(s.cell, s.planner, 100 * np.array([s.estimate.value, s.estimate.low, s.estimate.high])) for s in found]
+    dots = [_Dot(s.cell, s.planner, 100 * s.estimate.value, 100 * s.estimate.low, 100 * s.estimate.high) for s in found]
 
     def dress(axes: Axes) -> None:
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        values = [dot[0] for _, _, dot in dots]
+        values = [dot.value for dot in dots]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
         axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
 
@@ -135,18 +141,18 @@ def score_figure(found: Sequence[NormalisedScore]) -> Figure:
 
 def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     """Dots with intervals: a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
-    cells = list(dict.fromkeys(cell for cell, _, _ in dots))
-    planners = list(dict.fromkeys(planner for _, planner, _ in dots))
+    cells = list(dict.fromkeys(dot.cell for dot in dots))
+    planners = list(dict.fromkeys(dot.planner for dot in dots))
     looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
     each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
     with _drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
-        for cell, planner, (value, low, high) in dots:
-            index = planners.index(planner)
-            height = cells.index(cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
-            colour, shape = looks[planner]
-            axes.plot([low, high], [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(value, height, shape, color=colour, ms=5)
+        for dot in dots:
+            index = planners.index(dot.planner)
+            height = cells.index(dot.cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
+            colour, shape = looks[dot.planner]
+            axes.plot([dot.low, dot.high], [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(dot.value, height, shape, color=colour, ms=5)
         dress(axes)
         axes.set_yticks(range(len(cells)), [_row_text(cell) for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)

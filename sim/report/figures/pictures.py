@@ -14,7 +14,7 @@ from sim.analysis.cell_text import slug, with_cell
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.groups import Group
 from sim.analysis.metric_choice import DECISION, metric_shown
-from sim.analysis.normalised_score import SCORE, NormalisedScore
+from sim.analysis.normalised_score import SCORE, Ends, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets
@@ -69,10 +69,10 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
 
 
-def score_picture(found: Sequence[NormalisedScore], ends: tuple[str, str]) -> Picture:
+def score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
     """Picture of the normalised scores of planners, cell by cell."""
     lines = [f"{with_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
-    caption = f"0 is {ends[0]}, 100 is {ends[1]}. Lines are 95 % intervals over the maps."
+    caption = f"0 is {ends.floor}, 100 is {ends.bound}. Lines are 95 % intervals over the maps."
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
 
 

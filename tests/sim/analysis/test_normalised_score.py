@@ -24,7 +24,7 @@ def flown(planner, values, factors=(), name="gospa.mean_m"):
 
 
 def scored(rows, metric=GOSPA):
-    return scores(group_rows(rows, "hover"), metric, *ends_of(rows, SCORED))
+    return scores(group_rows(rows, "hover"), metric, ends_of(rows, SCORED))
 
 
 def cell(own, floor=(8.0, 10.0, 12.0), bound=(2.0, 2.0, 2.0), factors=(), name="gospa.mean_m"):

@@ -15,7 +15,6 @@ from rerun.chunk import RrdReader  # noqa: E402
 from sim.replay.flight import Flight  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
-from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
 from sim.replay.rerun.scene import gaps_at  # noqa: E402
 from sim.replay.tracking_replay import replay_tracking  # noqa: E402
 from tracking.plugins.registry import InputError  # noqa: E402
@@ -103,16 +102,12 @@ def test_weights_are_those_of_the_association(recording, entities):
     assert lines > 5
 
 
-def test_beliefs_intents_and_matches_are_drawn(recording, entities):
+def test_beliefs_and_intents_are_drawn(recording, entities):
     numbers = recording.track_numbers
     for i in range(3):
         drawn = rows(entities, f"/world/tracks/{i}/ellipses", "labels")
         for k in np.flatnonzero(recording.working[:, i]).tolist():
             assert drawn[k] == [f"track {numbers[t.id]}" for t in recording.tracks_at(k, i)]
-        matched = rows(entities, f"/world/mwtp/{i}", "labels")
-        for k in [k for k in (0, 5, 10, 15) if recording.working[k, i]]:
-            told = [m for m, _ in matches_at(recording, k, i) if m.uav == i]
-            assert matched[k] == [f"track {numbers[m.target]}, {m.distance:.0f} m" for m in told]
         intents = rows(entities, f"/world/intents/{i}", "strips")
         np.testing.assert_allclose(intents[5][0][0], recording.poses[5, i, :3], atol=1e-5)
     apart = rows(entities, "/world/agreement", "labels")
