@@ -15,13 +15,13 @@ ERRORS = {
 }
 ENOUGH = 8  # number of maps from which on intervals of shares have the coverage that they claim
 COVERED = (
-    f"From {ENOUGH} maps on, intervals of shares of scans hold the true mean in at least 92 % of cases: counted by "
-    "drawing maps from trials that were flown.",
-    "Those of OSPA in metres do not, with any number of maps up to 50: in one map of fifty or so a planner "
-    "loses people for good, and such a map is worth as much as all others together. Samples without one miss the mean. "
-    "Medians over the maps, whose intervals hold from six maps on, and shares of scans tell more.",
-    "Those of mean GOSPA hold in 95 % of cases in the median over planners and worlds of bench-1, at worst in 76 %. "
-    "Of other metrics, run times among them, it was not counted how often intervals of means hold.",
+    f"With {ENOUGH} maps or more, intervals of shares of scans contain the true mean in at least 92 % of cases. "
+    "This was counted by drawing maps from trials that were flown.",
+    "Intervals of mean OSPA in metres do not, with any number of maps up to 50. On about one map in fifty a planner "
+    "loses people for good, and such a map outweighs all others; samples without one miss the mean. Shares of scans "
+    "tell more, and so do medians over the maps, whose intervals are reliable with six maps or more.",
+    "Intervals of mean GOSPA contain the true mean in 95 % of cases (median over planners and worlds of bench-1), at "
+    "worst in 76 %. For other metrics, such as run times, this was not counted.",
 )
 _SHARE = "ospa.share_under_1m"
 
@@ -38,13 +38,13 @@ def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
     few = min((maps for metric, maps in counted if metric.name == _SHARE), default=ENOUGH)
     if few < ENOUGH:
         least = min(SHARES[n] for n in _nearest(few))
-        found.append(f"Intervals over {few} maps, which are few, hold in {least} % of cases.")
+        found.append(f"Intervals over only {few} maps are right in {least} % of cases.")
     errors = [(maps, metric.name) for metric, maps in counted if metric.name in ERRORS]
     if errors:
         found.append(_of_errors(errors))
     unknown = [metric.label for metric in dict(counted) if metric.name not in (_SHARE, *ERRORS)]
     if unknown:
-        found.append(f"How often intervals of means hold was not counted for: {', '.join(unknown)}.")
+        found.append(f"It was not counted how often intervals are right for: {', '.join(unknown)}.")
     return found
 
 
@@ -59,4 +59,4 @@ def _of_errors(errors: Sequence[tuple[int, str]]) -> str:
     usual, least = (min(shares) for shares in zip(*counted, strict=True))
     fewest, most = min(errors)[0], max(errors)[0]
     many = str(most) if fewest == most else f"{fewest} to {most}"
-    return f"Intervals of mean errors over {many} maps hold in {usual} % of cases, at worst in {least} %."
+    return f"Intervals of mean errors over {many} maps are right in {usual} % of cases, at worst in {least} %."

@@ -75,9 +75,9 @@ def _remark(gap: Difference, shown: int) -> str:
     if gap.significant:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
-    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart, six at least are needed. "
-    needed = f"A difference as large takes some {gap.needed:.0f} maps." if math.isfinite(gap.needed) else ""
-    return (few if gap.pairs < 6 else "") + needed
+    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart; at least six are needed. "
+    needed = f"To find a difference of this size takes about {gap.needed:.0f} maps."
+    return (few if gap.pairs < 6 else "") + (needed if math.isfinite(gap.needed) else "")
 
 
 def _direction(metric: Metric, gap: Difference) -> str:

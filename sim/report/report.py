@@ -32,20 +32,21 @@ from tracking.errors import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
 _HOW_TO_READ = (
-    "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
-    "what the study varies.",
-    "Brackets hold 95 % intervals over the maps of a cell: Student's, lengthened for skewness, for means and mean "
-    "differences, and values of the sample for medians. Each holds for itself; of twenty, one is expected to miss.",
+    "A map is the forest and the people of one seed. Every planner flies the same maps. A cell is one combination of "
+    "the settings that the study varies.",
+    "Brackets show 95 % intervals over the maps of a cell. Those of means and mean differences are Student's t "
+    "intervals, extended for skewness; those of medians end at two values of the sample. They are not corrected for "
+    "their number: of twenty intervals, expect one to miss the true value.",
     *COVERED,
-    "Two planners are called apart where the interval of their difference leaves zero out and they share six maps at "
-    "least. Where several differences are shown, a star marks those that survive Holm's correction for all of them.",
-    "Maps needed is the number at which a paired t test of 5 % finds a difference as large as the one observed in four "
-    "comparisons of five. It is as uncertain as the difference itself.",
-    "Where maps are repeated, a map's value is the mean of its repeats, and the spreads are standard deviations of two "
-    "kinds: between maps, of what a map is worth, and within maps, of the chance of sensors, network and planner.",
-    "A difference is the planner less the baseline on the same map. The last lines of a table take the mean over all "
-    "cells for each seed, and compare seeds.",
-    "Trials that failed and values that are undefined do not count, and are listed wherever they are left out.",
+    "Two planners can be told apart if the interval of their difference excludes zero and they share at least six "
+    "maps. If several differences are shown, a star marks those that survive Holm's correction for all of them.",
+    "Maps needed is the number of maps with which a paired t test at 5 % finds a difference of the observed size in "
+    "four of five comparisons. It is as uncertain as the difference itself.",
+    "If maps are repeated, a map's value is the mean of its repeats. Spreads are standard deviations: between maps, "
+    "and within maps, where only the chance of sensors, network and planner differs.",
+    "A difference is the planner's value minus the baseline's on the same map. The last lines of a table compare means "
+    "over all cells, seed by seed.",
+    "Failed trials and undefined values do not count. They are listed wherever they are left out.",
 )
 
 

@@ -16,12 +16,12 @@ from sim.evaluation.metric import UNKNOWN, Metric
 
 SCORES = "Normalised score of each planner [%]"  # title of the table
 _NOTE = (
-    "In brackets: 95 % intervals over the maps (seeds). The mean over as many other maps lies as often in an interval "
-    "1.4 times as wide."
+    "In brackets: 95 % intervals over the maps (seeds). On a new set of as many maps, expect the mean within 1.4 times "
+    "this interval."
 )
-_MAPS = "Maps: those with a value, of all flown; mean and median are over them."
-_COMPARED = "Differences, and won, tied, lost, are over the maps on which the baseline has a value, too."
-_NEEDED = f"Maps needed: with so many, a difference as large is found with a probability of {100 * POWER:.0f} %."
+_MAPS = "Maps: the number with a value, of all flown. Mean and median are over those with a value."
+_COMPARED = "Differences, and won, tied, lost, are over the maps on which both planners have a value."
+_NEEDED = f"Maps needed: so many maps show a difference of this size with a probability of {100 * POWER:.0f} %."
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
 
@@ -127,8 +127,9 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
             lines[f"{place}: {what}"] = None
         gaps = answer.difference
         if gaps and gaps.unpaired:
-            what = "in every cell a pair" if answer.cell is None else "a pair"
-            lines[f"{place}: {gaps.pairs} of {gaps.pairs + gaps.unpaired} maps have {what} with the baseline's"] = None
+            where = " in every cell" if answer.cell is None else ""
+            counted = f"{gaps.pairs} of {gaps.pairs + gaps.unpaired} maps"
+            lines[f"{place}: {counted} have a value of this planner and of the baseline{where}"] = None
     return list(lines)
 
 

@@ -63,8 +63,8 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     flown, timed = shown[name], metric_shown(name)
     lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
     caption = (
-        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. "
-        "Processor times depend on the machine, wall times on its load, too."
+        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these contain the true mean was not "
+        "counted. Processor times depend on the machine, wall times also on its load."
     )
     return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
 
@@ -81,8 +81,8 @@ def _ecdf(sheet: Sheet) -> Picture:
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
-        "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
-        "left is better. The axis is logarithmic; dashed: 1 m."
+        "Share of scans with a mean OSPA of the UAVs of at most x, over all scans of all trials. "
+        "Further left is better. The axis is logarithmic; the dashed line is at 1 m."
     )
     return _picture("ecdf", "Distribution of OSPA", caption, alt, ecdf_figure(sheet), sheet.title)
 
@@ -105,7 +105,7 @@ def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Pictu
     above = {name: f"{np.sum(p[:, 1] > p[:, 0])} of {len(p)}" for name, p in points.items()}
     alt = "; ".join(f"{name}: {count} maps above {baseline}" for name, count in above.items())
     aim = {"lower": "Below the diagonal", "higher": "Above the diagonal", "neither": ""}[shown.better]
-    caption = f"A point for each map that both flew, of all cells: {baseline} across, the planner up."
+    caption = f"Each point is a map that both flew: across, the value of {baseline}; upwards, that of the planner."
     caption += f" {aim} the planner is better." if aim else ""
     figure = scatter_figure(points, baseline, shown)
     return _picture(f"maps-{slug(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)

@@ -118,19 +118,19 @@ def test_what_tables_say_follows_metric_and_number_of_maps():
     share, error = metric_shown("ospa.share_under_1m"), metric_shown("ospa.mean_m")
     assert caveats([(share, 8), (error, 1), (share, 0)]) == []
     (few,) = caveats([(share, 20), (share, 6)])
-    assert few == f"Intervals over 6 maps, which are few, hold in {SHARES[5]} % of cases."
+    assert few == f"Intervals over only 6 maps are right in {SHARES[5]} % of cases."
     told = caveats([(error, 12), (metric_shown("ospa.median_m"), 12)])
     between = [ERRORS[name][n] for name in ("ospa.mean_m", "ospa.median_m") for n in (10, 20)]  # 12 was not counted
     usual, least = (min(shares) for shares in zip(*between, strict=True))
-    assert told == [f"Intervals of mean errors over 12 maps hold in {usual} % of cases, at worst in {least} %."]
+    assert told == [f"Intervals of mean errors over 12 maps are right in {usual} % of cases, at worst in {least} %."]
     usual, least = MEAN[2]
-    assert caveats([(error, 2)])[0].endswith(f"over 2 maps hold in {usual} % of cases, at worst in {least} %.")
+    assert caveats([(error, 2)])[0].endswith(f"over 2 maps are right in {usual} % of cases, at worst in {least} %.")
     assert caveats([(error, 1000)])[0].endswith(f"at worst in {MEAN[50][1]} %.")
-    assert f"From {ENOUGH} maps on" in COVERED[0]
+    assert f"With {ENOUGH} maps or more" in COVERED[0]
     (told,) = caveats([(metric_shown("ospa.mean_m"), 4), (metric_shown("ospa.mean_m"), 10)])
-    assert told.endswith(f"over 4 to 10 maps hold in {MEAN[10][0]} % of cases, at worst in {MEAN[10][1]} %.")
+    assert told.endswith(f"over 4 to 10 maps are right in {MEAN[10][0]} % of cases, at worst in {MEAN[10][1]} %.")
     (told,) = caveats([(metric_shown("ospa.mean_m"), 50), (metric_shown("ospa.median_m"), 50)])
-    assert told.endswith(f"hold in {MEAN[50][0]} % of cases, at worst in {MEDIAN[50][1]} %.")
+    assert told.endswith(f"are right in {MEAN[50][0]} % of cases, at worst in {MEDIAN[50][1]} %.")
 
 
 @pytest.mark.parametrize("maps", [3, 50])
@@ -138,7 +138,7 @@ def test_metrics_of_which_nothing_was_counted_are_named(maps):
     names = "contacts", "identity_switches", "nees.position", "gospa.missed", "wall_s", "faults", "my_m"
     names += "recall", "precision", "share_held"
     labels = ", ".join(metric_shown(name).label for name in names)
-    said = f"How often intervals of means hold was not counted for: {labels}."
+    said = f"It was not counted how often intervals are right for: {labels}."
     assert caveats([(metric_shown(name), maps) for name in names]) == [said]
     assert caveats([(metric_shown("contacts"), 1)]) == []
-    assert "run times among them, it was not counted" in COVERED[-1]
+    assert "such as run times, this was not counted" in COVERED[-1]
