@@ -4,15 +4,16 @@ What is compared takes turns, so that the load of the machine falls on all of it
 In ordinary test runs each runs once, on little, and its times are not judged.
 """
 
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.timing import least
 
 from planning.planner_loading import load_planner
 from tracking.undetected import Intensity
 
+BOUND = 1.15  # exponent of the time of a decision, by UAVs or by targets
 EVALUATIONS = 12_288  # of every planner, for each plan or joint plan that it looks for
 # s, a whole trial of 40 decisions or more, R = 5, lambda = 75: [Li22], table of runtimes, by horizon.
 PAPER = {
@@ -29,35 +30,25 @@ LONGER = "mcr(samples=10, horizon=5)"  # which has more time than the others in 
 RIVALS = (*(f"{name}(horizon=5)" for name in COMPOSED), MCR, *FAST, LONGER)
 
 
-def timed(runs, rounds):
-    """The least CPU time [ms] of each of several functions, which take turns."""
-    least = np.full(len(runs), np.inf)
-    for _ in range(rounds):
-        for k, run in enumerate(runs):
-            start = time.process_time()
-            run()
-            least[k] = min(least[k], 1e3 * (time.process_time() - start))
-    return least
-
-
 def deciding(planner, team):
     return lambda: planner.plan(team, np.random.default_rng(0))
 
 
-def decisions(make, teams, names, rounds, options=""):
+def decisions(names, teams, rounds):
     """Mean over teams of the least time [ms] of a decision of each planner."""
-    planners = [load_planner(f"{name}({options})") for name in names]
+    planners = [load_planner(name) for name in names]
     for planner in planners:
         planner.plan(teams[0], np.random.default_rng(0))
-    return np.mean([timed([deciding(p, team) for p in planners], rounds) for team in teams], axis=0)
+    times = [least(*(deciding(planner, team) for planner in planners), rounds=rounds) for team in teams]
+    return 1e3 * np.mean(times, axis=0)
 
 
 def test_decisions(random_team, judged):
     """Three UAVs, four targets, five steps, 75 trees."""
-    names = ("sma-nbo-gospa", "sma-nbo-mwtp", "sma-nbo", "mcr")
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
-    options = "" if judged else "evaluations=64"
-    default, mwtp, nbo, mcr = decisions(random_team, teams, names, 10 if judged else 1, options)
+    options = "" if judged else "(evaluations=64)"
+    names = [name + options for name in ("sma-nbo-gospa", "sma-nbo-mwtp", "sma-nbo", "mcr")]
+    default, mwtp, nbo, mcr = decisions(names, teams, 10 if judged else 1)
     print(f"\nsma-nbo-gospa {default:.1f} ms, sma-nbo-mwtp {mwtp:.1f} ms, sma-nbo {nbo:.1f} ms, ", end="")
     print(f"mcr {mcr:.1f} ms: {mcr / nbo:.1f} x sma-nbo")
     assert not judged or (default < 25.0 and mwtp < 30.0 and mcr < 10.0 * nbo)
@@ -71,69 +62,54 @@ def test_decisions_with_people_to_find(random_team, judged):
     planner = load_planner("sma-nbo-gospa" if judged else "sma-nbo-gospa(evaluations=64)")
     planner.plan(searching[0], np.random.default_rng(0))
     pairs = zip(known, searching, strict=True)
-    times = [timed([deciding(planner, team) for team in pair], 10 if judged else 1) for pair in pairs]
-    without, searched = np.mean(times, axis=0)
+    times = [least(*(deciding(planner, team) for team in pair), rounds=10 if judged else 1) for pair in pairs]
+    without, searched = 1e3 * np.mean(times, axis=0)
     print(f"\nwithout {without:.1f} ms, with {searched:.1f} ms: {searched / without:.2f} x")
     assert not judged or searched < 1.4 * without
 
 
-def test_decisions_with_a_learned_cost_to_go(random_team, judged):
-    """Ratios to the default planner, in small and large teams."""
+@pytest.mark.parametrize(("uavs", "targets"), [(3, 4), (5, 15), (10, 30)])
+def test_decisions_with_a_learned_cost_to_go(random_team, judged, uavs, targets):
+    """Ratio to the default planner, in small and large teams."""
     options = "" if judged else ", evaluations=64"
-    planners = [load_planner(f"sma-nbo-gospa(cost_to_go={weight}{options})") for weight in (0, 0.03)]
-    ratios = []
-    for uavs, targets in ((3, 4), (5, 15), (10, 30)) if judged else ((2, 2),):
-        teams = [random_team(seed, uavs=uavs, targets=targets, trees=75, spread=40.0) for seed in range(3)]
-        for planner in planners:
-            planner.plan(teams[0], np.random.default_rng(0))
-        times = [timed([deciding(p, team) for p in planners], 8 if judged else 1) for team in teams]
-        without, with_one = np.mean(times, axis=0)
-        ratios.append(with_one / without)
-        print(
-            f"\n{uavs} UAVs, {targets} targets: {without:.1f} ms, with it {with_one:.1f} ms: {ratios[-1]:.2f} x", end=""
-        )
-    assert not judged or max(ratios) < 1.3
+    names = [f"sma-nbo-gospa(cost_to_go={weight}{options})" for weight in (0, 0.03)]
+    teams = [random_team(seed, uavs=uavs, targets=targets, trees=75, spread=40.0) for seed in range(3 if judged else 1)]
+    without, with_one = decisions(names, teams, 8 if judged else 1)
+    print(f"\n{without:.1f} ms, with it {with_one:.1f} ms: {with_one / without:.2f} x", end="")
+    assert not judged or with_one < 1.3 * without
 
 
 def test_decisions_of_rivals(random_team, judged):
     """Three UAVs, four targets, 75 trees: only the last planner takes much longer than the first, `sma-nbo-mwtp`."""
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
     few = [name.replace(", evaluations=9216)", ")").replace(")", ", evaluations=64)") for name in RIVALS]
-    names = RIVALS if judged else few
-    planners = [load_planner(name) for name in names]
-    for planner in planners:
-        planner.plan(teams[0], np.random.default_rng(0))
-    times = np.mean([timed([deciding(p, team) for p in planners], 10 if judged else 1) for team in teams], axis=0)
-    print("\n" + ", ".join(f"{name} {ms:.1f} ms" for name, ms in zip(names, times, strict=True)))
+    times = decisions(RIVALS if judged else few, teams, 10 if judged else 1)
+    print("\n" + ", ".join(f"{name} {ms:.1f} ms" for name, ms in zip(RIVALS, times, strict=True)))
     assert not judged or (times[:-1].max() < 1.25 * times[0] and times[-1] < 2.0 * times[0])
 
 
-@pytest.mark.parametrize(("what", "most", "bound"), [("uavs", 20, 1.15), ("targets", 50, 1.15)])
-def test_decisions_as_teams_and_scenes_grow(random_team, judged, what, most, bound):
+@pytest.mark.parametrize(("what", "counts"), [("uavs", (3, 6, 10, 20)), ("targets", (4, 10, 25, 50))])
+def test_decisions_as_teams_and_scenes_grow(random_team, judged, what, counts):
     """UAVs from 3, among 10 targets; targets from 4, with 3 UAVs. The exponent is that of a power law."""
-    counts = np.array([3, 6, 10, most] if what == "uavs" else [4, 10, 25, most]) if judged else np.array([2, 3])
+    counts = counts if judged else (2, 3)
     planner = load_planner("sma-nbo-mwtp" if judged else "sma-nbo-mwtp(evaluations=64)")
-    teams = [random_team(0, **({"targets": 10} | {what: int(n)}), trees=75, spread=40.0) for n in counts]
-    times = timed([deciding(planner, team) for team in teams], 10 if judged else 1)
+    teams = [random_team(0, **({"targets": 10} | {what: n}), trees=75, spread=40.0) for n in counts]
+    times = 1e3 * least(*(deciding(planner, team) for team in teams), rounds=10 if judged else 1)
     exponent = np.polyfit(np.log(counts), np.log(times), 1)[0]
-    print(f"\n{what} {counts.tolist()}: {np.round(times, 1).tolist()} ms, exponent {exponent:.2f}, bound {bound}")
-    assert not judged or exponent <= bound
+    print(f"\n{what} {counts}: {np.round(times, 1).tolist()} ms, exponent {exponent:.2f}, bound {BOUND}")
+    assert not judged or exponent <= BOUND
 
 
-def test_runtimes_beside_the_papers(random_team, judged):
+@pytest.mark.parametrize("horizon", [1, 3, 5])
+def test_runtimes_beside_the_papers(random_team, judged, horizon):
     """The paper's runtime table; its times are of whole trials, so ratios to its SMA-NBO are what compares."""
     teams = [random_team(seed, trees=75) for seed in range(3 if judged else 1)]
-    names = [*NAMES, "sma-nbo-mwtp(optimizer=particle-swarm"]
-    evaluations = EVALUATIONS if judged else 64
-    lines = []
-    for column, horizon in enumerate((1, 3, 5) if judged else (1,)):
-        options = f"horizon={horizon}, evaluations={evaluations}"
-        planners = [load_planner(f"{n}, {options})" if "(" in n else f"{n}({options})") for n in names]
-        times = np.mean([timed([deciding(p, team) for p in planners], 3 if judged else 1) for team in teams], axis=0)
-        for name, ms in zip(names, times, strict=True):
-            theirs = PAPER.get(name, (None,) * 3)[column]
-            ratio = f"{theirs / PAPER['sma-nbo'][column]:.1f}" if theirs else "-"
-            name += ")" * ("(" in name)
-            lines.append(f"H = {horizon} {name:40} {ms:8.1f} ms, {ms / times[0]:5.1f}, paper {ratio}")
-            assert np.isfinite(ms)
-    print("\n" + "\n".join(lines))
+    options = f"horizon={horizon}, evaluations={EVALUATIONS if judged else 64}"
+    names = [*(f"{name}({options})" for name in NAMES), f"sma-nbo-mwtp(optimizer=particle-swarm, {options})"]
+    times = decisions(names, teams, 3 if judged else 1)
+    column = (1, 3, 5).index(horizon)
+    for name, ms in zip([*NAMES, "sma-nbo-mwtp(optimizer=particle-swarm)"], times, strict=True):
+        theirs = PAPER.get(name, (None,) * 3)[column]
+        ratio = f"{theirs / PAPER['sma-nbo'][column]:.1f}" if theirs else "-"
+        print(f"H = {horizon} {name:40} {ms:8.1f} ms, {ms / times[0]:5.1f}, paper {ratio}")
+        assert np.isfinite(ms)

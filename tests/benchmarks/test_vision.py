@@ -6,10 +6,12 @@ In ordinary test runs each comparison runs once, on little, and its ratio is not
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice, product
 
 import numpy as np
 import pytest
+from helpers import timing
 
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
@@ -27,6 +29,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
+least = partial(timing.least, clock=time.perf_counter)
 ALONE = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
 
 
@@ -51,17 +54,6 @@ def flown(judged):
     snapshots = list(islice(mission.fly(), 0, 101 if judged else 6, 10 if judged else 5))
     views = [View(i, pose, s.people, s.headings) for s in snapshots for i, pose in enumerate(s.cameras)]
     return mission.forest, views
-
-
-def least(*functions, rounds):
-    """The least time of each function [s], which take turns."""
-    times = np.full((rounds, len(functions)), np.inf)
-    for row in times:
-        for k, function in enumerate(functions):
-            start = time.perf_counter()
-            function()
-            row[k] = time.perf_counter() - start
-    return times.min(axis=0)
 
 
 def in_field_of_view(world, view):
