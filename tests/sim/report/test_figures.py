@@ -46,7 +46,7 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
             assert drawn == set(np.round([*low, *high], 9))
 
 
-def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither():
+def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither(without_pictures):
     values = {"sma-nbo": (1.0, 1.0, 1.0), "greedy": (2.0, 1.0, 0.5)}
     rows = [row(p, s, metrics={"ospa.mean_m": v}) for p, own in values.items() for s, v in enumerate(own)]
     found = {p.name: p.alt for p in pictures(groups(rows), "sma-nbo", [metric_shown("ospa.mean_m")])}
@@ -130,7 +130,7 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
         assert content(figure, "svg").startswith(b"<?xml")
 
 
-def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own():
+def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own(without_pictures):
     cells = [tuple(zip(("drift", "a", "b"), cell, strict=True)) for cell in product(("-1", "1"), "xy", "xy")]
     rows = [row(planner, seed, cell) for planner in ("greedy", "hover") for cell in cells for seed in range(2)]
     drawn = [picture for picture in pictures(groups(rows, "greedy"), "greedy", ()) if picture.name.startswith("ecdf")]

@@ -126,7 +126,7 @@ def test_neither_names_nor_marks_hide_north_and_the_scale():
     without, _ = annotate(blank, bare(scene()), 512)
     rows, columns = np.nonzero((without == INK).all(axis=2) | (without == PANEL).all(axis=2))
     assert columns.min() < 100 and columns.max() > 400 and len(rows) > 300
-    for x, y in np.stack(np.meshgrid(np.arange(-9.5, 10), np.arange(-9.5, -4, 0.5)), axis=-1).reshape(-1, 2):
+    for x, y in np.stack(np.meshgrid(np.arange(-9.5, 10, 2), np.arange(-9.5, -4, 0.5)), axis=-1).reshape(-1, 2):
         track = Track(2, Gaussian(np.array([x, y, 0.0, 0.0]), np.diag([0.01, 0.01, 1.0, 1.0])))
         view, _ = annotate(blank, bare(scene(tracks=(track,), trees=[Tree(x, y, 1.0)])), 512)
         np.testing.assert_array_equal(view[rows, columns], without[rows, columns])
