@@ -30,8 +30,8 @@ LAYERS = {
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
-# Of these, planned_visibility.py asks where plans that were flown lead,
-# and teammates.py where they have brought a UAV out of contact.
+# Of these, planned_visibility.py asks where plans that were flown lead, and teammates.py where they have brought a UAV
+# out of contact.
 PLANNING = {
     "sim/mission/plan_check.py",
     "sim/mission/teammates.py",
