@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.cli.recordings import check_new, folder_of
-from sim.drawing.lettering import Group
+from sim.drawing.lettering import TextGroup
 from sim.drawing.plots import save
 from sim.recording.atomic_files import unused_path, write_whole
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, when_text
@@ -98,7 +98,7 @@ def _explain_track(flight: Flight, number: int) -> None:
         _print(track_story(TrackFacts(observer, number)))
 
 
-def _print(groups: list[Group]) -> None:
+def _print(groups: list[TextGroup]) -> None:
     for heading, facts in groups:
         console.print(f"[bold]{escape(heading)}[/bold]")
         for fact in facts:
@@ -150,7 +150,7 @@ def _print_stretches(flight: Flight, person: int) -> None:
 
 
 def _print_events(heading: str, events: list[Event]) -> None:
-    _print([(heading, [f"{event.when}: {event.sentence}" for event in events])])
+    _print([TextGroup(heading, [f"{event.when}: {event.sentence}" for event in events])])
 
 
 def _longest(events: list[Event]) -> Event | None:

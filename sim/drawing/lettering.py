@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import matplotlib
@@ -15,7 +16,6 @@ from sim.drawing.palette import FAINT, INK, Colour
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.float32]
-Group = tuple[str, list[str]]  # a heading, and sentences under it
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,21 @@ class TextStyle:
     colour: Colour = INK
     bold: bool = False
     halo: Colour | None = None
+
+
+class TextGroup(NamedTuple):
+    """A heading, and sentences under it."""
+
+    heading: str
+    sentences: list[str]
+
+
+class PlacedLine(NamedTuple):
+    """A line of text at its height in an image."""
+
+    text: str
+    middle: float  # pixels from the top
+    style: TextStyle
 
 
 _HEADING, _TEXT = TextStyle(13, FAINT), TextStyle(13)
@@ -50,18 +65,19 @@ def wrap(text: str, room: int, style: TextStyle) -> list[str]:
 
 
 def lay_out_groups(
-    groups: Sequence[Group], room: int, top: float, heading: TextStyle = _HEADING
-) -> tuple[list[tuple[str, float, TextStyle]], float]:
-    """Lines of groups of sentences from `top` down, each with the height of its middle; and the height below all.
+    groups: Sequence[TextGroup], room: int, top: float, heading: TextStyle = _HEADING
+) -> tuple[list[PlacedLine], float]:
+    """Lines of groups of sentences from `top` down, and the height below all of them.
 
     Lines are at most `room` pixels wide; `heading` is the style of the first heading.
     """
-    found: list[tuple[str, float, TextStyle]] = []
+    found: list[PlacedLine] = []
     y = top
-    for head, texts in groups:
-        lines = [(line, _TEXT) for text in texts for line in wrap(text, room, _TEXT)]
-        for text, style in ((head, _HEADING if found else heading), *lines):
-            found.append((text, y + _LINE / 2, style))
+    for group in groups:
+        found.append(PlacedLine(group.heading, y + _LINE / 2, _HEADING if found else heading))
+        y += _LINE
+        for line in (line for sentence in group.sentences for line in wrap(sentence, room, _TEXT)):
+            found.append(PlacedLine(line, y + _LINE / 2, _TEXT))
             y += _LINE
         y += _GAP
     return found, y

@@ -6,7 +6,7 @@ from itertools import groupby
 
 import numpy as np
 
-from sim.drawing.lettering import Group
+from sim.drawing.lettering import TextGroup
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
@@ -24,18 +24,18 @@ _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "
 _LEAST = 0.005  # least probability of a measurement that gets a line
 
 
-def explanation(facts: PersonFacts) -> list[Group]:
+def explanation(facts: PersonFacts) -> list[TextGroup]:
     """Sentences on one person at one scan: the person, each UAV, the tracks, events at that time, and intents."""
-    groups = [(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
+    groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
     if np.isnan(facts.place[0]):
         return groups
     if facts.note:
-        groups.append(("note", [facts.note]))
-    groups += [(f"UAV {w.uav}", _observation(w, facts)) for w in facts.observations]
-    groups += [(f"track {holder.number}", _track(holder, facts)) for holder in facts.holders]
+        groups.append(TextGroup("note", [facts.note]))
+    groups += [TextGroup(f"UAV {w.uav}", _observation(w, facts)) for w in facts.observations]
+    groups += [TextGroup(f"track {holder.number}", _track(holder, facts)) for holder in facts.holders]
     if now := _events(facts):
-        groups.append(("events", [f"{event.when}: {event.sentence}" for event in now]))
-    groups.append(("intents", _intents(facts)))
+        groups.append(TextGroup("events", [f"{event.when}: {event.sentence}" for event in now]))
+    groups.append(TextGroup("intents", _intents(facts)))
     return groups
 
 

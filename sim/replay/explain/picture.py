@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Group, Image, TextStyle, lay_out_groups, write
+from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, write
 from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
@@ -28,7 +28,7 @@ _FRAMES = 3  # largest number of frames
 _TITLE = TextStyle(14, bold=True)
 
 
-def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
+def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
     """The picture (H, W, 3) RGB: the map, the frames of up to three UAVs nearest to the person, and the words.
 
     Below the words are the cameras' original pixels around the person.
@@ -142,7 +142,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
     disc(image, person, 14.0, INK, 2)
 
 
-def _words(groups: Sequence[Group], shown: set[str]) -> Image:
+def _words(groups: Sequence[TextGroup], shown: set[str]) -> Image:
     """Image of the words, and of a legend of the marks with the names `shown`."""
     lines, bottom = lay_out_groups(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
     marks = marks_of(shown)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.drawing.lettering import Group
+from sim.drawing.lettering import TextGroup
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.event import UNMATCHED, Event, ends
@@ -115,18 +115,18 @@ class TrackFacts:
         return TrackMeasurement(k, uav, j, int(owner), place)
 
 
-def track_story(facts: TrackFacts) -> list[Group]:
+def track_story(facts: TrackFacts) -> list[TextGroup]:
     """Groups of sentences about one track over the whole mission."""
     own = [event for event in facts.observer.flight.events if event.track == facts.number]
     groups = [
-        ("note", list(filter(None, [facts.observer.replay.note]))),
-        (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
-        ("born", list(_birth(facts))),
-        ("fed by", list(_fed(facts))),
-        ("kept", list(_kept(facts, own))),
-        ("ended", list(_end(facts))),
+        TextGroup("note", list(filter(None, [facts.observer.replay.note]))),
+        TextGroup(f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
+        TextGroup("born", list(_birth(facts))),
+        TextGroup("fed by", list(_fed(facts))),
+        TextGroup("kept", list(_kept(facts, own))),
+        TextGroup("ended", list(_end(facts))),
     ]
-    return [group for group in groups if group[1]]
+    return [group for group in groups if group.sentences]
 
 
 def _birth(facts: TrackFacts) -> Iterator[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drawing.labels import track_name
 from sim.drawing.layout import GAP
-from sim.drawing.lettering import Group, Image, TextStyle, lay_out_groups, write
+from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
@@ -133,7 +133,7 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
     return image
 
 
-def _sections(sight: Sight, notes: list[str]) -> list[Group]:
+def _sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
@@ -143,10 +143,10 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
         for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]
     return [
-        ("mission", [*notes, *error]),
-        ("field of view", _field_of_view(sight.camera, sight.pose)),
-        ("truth", _people(sight, ideal)),
-        ("tracks, 95 %", _shorten(tracks)),
+        TextGroup("mission", [*notes, *error]),
+        TextGroup("field of view", _field_of_view(sight.camera, sight.pose)),
+        TextGroup("truth", _people(sight, ideal)),
+        TextGroup("tracks, 95 %", _shorten(tracks)),
     ]
 
 
