@@ -27,7 +27,10 @@ def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dic
 
 
 def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
-    """Label of each entrant: its text, or the shared part of its planner's texts if each cell has only one of these."""
+    """Label of each entrant: its text without the options that follow the cell.
+
+    A planner has such options if its texts differ from cell to cell, with one text in each cell.
+    """
     texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # texts of each planner, with their cells
     for row, cell in zip(rows, cells_of(rows), strict=True):
         texts[_key(row)].setdefault(row.planner, set()).add(cell)

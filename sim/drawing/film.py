@@ -63,7 +63,8 @@ class Film:
         rate = scenario.rates.sensing
         self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which each camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        legend, owner = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
+        legend = self._empty[-_LEGEND:, GAP:-GAP]
+        owner = first if self._layout.map else None
         draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
 
     @property
@@ -135,7 +136,8 @@ class _Sparkline:
 
     def draw(self, image: Image) -> None:
         """Draw all values into an RGB image."""
-        height, extent = image.shape[0], image.shape[1] - 34
+        height = image.shape[0]
+        extent = image.shape[1] - 34
         metre = self._level(1.0)
         stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
         write(image, "1 m", (extent + 6, metre * height), TextStyle(12, FAINT))

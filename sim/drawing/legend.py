@@ -33,7 +33,8 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
         entries += [(_uav, "UAV, view"), (_intent, "intent")]
     if tiles:
         entries.append((partial(detection, reach=10.0), "detection"))
-    middle, x = image.shape[0] / 2, 4.0
+    middle = image.shape[0] / 2
+    x = 4.0
     for mark, text in entries:
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)

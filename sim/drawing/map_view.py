@@ -53,7 +53,8 @@ class MapView:
         self._size = size
         width, height = map_extent(scenario)
         self.scale = min(size[0] / width, size[1] / height)
-        self._scenario, self._rate = scenario, scenario.rates.sensing
+        self._scenario = scenario
+        self._rate = scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)

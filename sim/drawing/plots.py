@@ -36,7 +36,9 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         )
         names = [f"UAV {i}" for i in range(4)] if ospa.shape[1] <= 4 else ["each UAV"]
         for i in range(ospa.shape[1]):
-            errors, colour, label = ospa[:, i, 0], rgb(uav_colour(i)), names[i] if i < len(names) else None
+            errors = ospa[:, i, 0]
+            colour = rgb(uav_colour(i))
+            label = names[i] if i < len(names) else None
             axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, marker=_dot(times), label=label)
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):

@@ -68,7 +68,8 @@ def _write_stonesoup(recording: Recording, folder: Path) -> None:
 
 def _write_mot(recording: Recording, folder: Path) -> None:
     """Files in MOTChallenge's 3-D text format: a sequence for each UAV, boxes -1, positions on the ground in m."""
-    scenario, truth = recording.setting, _truth(recording)
+    scenario = recording.setting
+    truth = _truth(recording)
     found, tracks = _measurements(recording), _tracks(recording)
     for uav, camera in enumerate(scenario.uavs):
         sequence = folder / f"uav{uav}"

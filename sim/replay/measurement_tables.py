@@ -39,7 +39,8 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     with a quaternion xyzw. A scan without measurements is one row without x, y, xx, xy and yy, which is negative
     information for a tracker. Rows are in the order of time. InputError names file, line and column of a wrong entry.
     """
-    time, scans = -math.inf, dict[int, _ScanRows]()
+    time = -math.inf
+    scans = dict[int, _ScanRows]()
     for row in read_rows(Path(path), "scans", SCAN_COLUMNS):
         now = row.number("time")
         if now < time:

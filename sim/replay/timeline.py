@@ -72,7 +72,8 @@ def _draw_people(
 ) -> set[Shade]:
     """Draw the rows and return the colours in them."""
     uavs, people = history.tracks.shape[1:]
-    pitch, times = uavs + _BAR + _GAP, history.times
+    pitch = uavs + _BAR + _GAP
+    times = history.times
     bars = []
     for event, lane in unmatched:
         top = max(people, 1) * pitch + lane * _BAR + 0.2
@@ -115,7 +116,8 @@ def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
 
 def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
     """The states of a person in a camera."""
-    colour, bars = uav_colour(uav), []
+    colour = uav_colour(uav)
+    bars = []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
     for first, last, value in episodes(states):
         if value != BROKEN and STATES[value] in shades:

@@ -99,7 +99,9 @@ def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
 
 def _moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
     """The times [s] to show from the first to the last, at the pace of the clock, until a key ends it."""
-    now, before, runs = float(times[0]), time.monotonic(), True
+    now = float(times[0])
+    before = time.monotonic()
+    runs = True
     yield now
     while now < times[-1]:
         time.sleep(0.01)

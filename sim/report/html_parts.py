@@ -1,4 +1,4 @@
-"""`report.html`: a study on one self-contained page, for readers who did not run it."""
+"""HTML of a report: the page, its tables and paragraphs."""
 
 import re
 from collections.abc import Iterable, Sequence

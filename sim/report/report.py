@@ -139,8 +139,10 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
     table, places = maps(groups, metric)
     failed = sum(len(group.failed) for group in every)
     heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
-    of_each = f"Of each planner by itself, in {metric.title}."
-    hint = "A click selects a command for the shell. It leaves film and recording under runs/."
+    of_each = f"For each planner separately, by {metric.title}."
+    hint = (
+        "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
+    )
     return [
         *([Section(heading, paragraph(of_each) + table)] if places else []),
         *([Section(f"Failures: {failed}", failures(every))] if failed else []),

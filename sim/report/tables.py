@@ -121,7 +121,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
         if answer.failed:
             lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.faulty:
-            lines[f"{place}: faults in {answer.faulty} of {answer.trials} trials; `understory run` tells which"] = None
+            lines[f"{place}: faults in {answer.faulty} of {answer.trials} trials; `understory run` shows them"] = None
         if answer.undefined:
             what = f"{answer.metric.label} is undefined in {answer.undefined} of {answer.trials} trials"
             lines[f"{place}: {what}"] = None

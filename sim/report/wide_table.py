@@ -52,7 +52,8 @@ def table(
         for level in levels:
             related = before[:-1] == line[:-1] and len(before) == len(line)
             base = {"left": (line, levels[0]), "above": (before, level) if related else None}[less]
-            group, other = places.get((line, level)), places.get(base) if base else None
+            group = places.get((line, level))
+            other = places.get(base) if base else None
             entries.append(_entry(group, None if other is group else other, known))
         texts.append(map(escape_markdown, [*line, *entries]))
     return markdown_table(map(escape_markdown, head), texts)

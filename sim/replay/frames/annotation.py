@@ -96,7 +96,8 @@ class _View:
         return np.asarray(self._scale * silhouette(self._sight.camera, self._sight.pose, body))
 
     def _draw_measurements(self) -> None:
-        scan, detections = self._sight.snapshot.scans[self._sight.uav], self._sight.snapshot.pixels[self._sight.uav]
+        scan = self._sight.snapshot.scans[self._sight.uav]
+        detections = self._sight.snapshot.pixels[self._sight.uav]
         rings = [
             self._pixels(np.vstack([z, ellipse(z, R)]))
             for z, R in zip(scan.measurements, scan.covariances, strict=True)
@@ -114,7 +115,8 @@ class _View:
 
     def _draw_tracks(self) -> None:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
-            mean, covariance = track.belief.mean[:2], track.belief.covariance[:2, :2]
+            mean = track.belief.mean[:2]
+            covariance = track.belief.covariance[:2, :2]
             at, ring = self._pixels(mean[None])[0], self._pixels(ellipse(mean, covariance))
             if np.all(np.isfinite(ring)):
                 _draw_track(self._image, at, ring, track.id)

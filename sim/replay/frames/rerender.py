@@ -67,7 +67,8 @@ def frames_taken(recording: Recording) -> Flags:
 
 def hiding_forest(recording: Recording) -> Forest:
     """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
-    sensing, exact = recording.setting.sensing, recording.forest
+    sensing = recording.setting.sensing
+    exact = recording.forest
     return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
 
 
@@ -88,5 +89,5 @@ def find(folder: Path) -> Recording:
 
 def _holds(folder: Path) -> str:
     if (folder / "study.sqlite").exists():
-        return "is a study's; its report.html has the commands that fly trials again, `--keep recordings` keeps them"
+        return "holds a study; its report.html has commands that fly its trials again, `--keep recordings` keeps them"
     return "holds no mission.npz"

@@ -19,7 +19,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 
-NO_TREE = "though no tree is in the way"  # of a person who is small, or covered by a person or a UAV
+NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
 PERSON_RADIUS = 0.25  # m, radius of the cylinder that represents a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
 
@@ -55,7 +55,8 @@ class Sighting:
     @staticmethod
     def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
         """All people in a camera at the pose of a UAV's camera at scan k."""
-        pose, people = recording.camera_at(k, uav), recording.people[k]
+        pose = recording.camera_at(k, uav)
+        people = recording.people[k]
         looked = recording.setting.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, hiding_forest(recording))
         # Without a frame, geometry decides who would have been shown.

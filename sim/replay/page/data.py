@@ -70,7 +70,8 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
     number = recording.numbers_of(recording.track_ids)
     rows = _round(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]))
-    uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
+    uavs = recording.poses.shape[1]
+    offsets = recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
 

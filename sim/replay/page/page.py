@@ -141,7 +141,8 @@ def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
 
 def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     """Facts for the top of the page: results first, then the setting."""
-    outcome, scenario = Outcome(recording), recording.setting
+    outcome = Outcome(recording)
+    scenario = recording.setting
     for label, metric in _RESULTS.items():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
     if name := _packaged_name(scenario):
@@ -155,7 +156,8 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     yield "UAVs", f"{len(scenario.uavs)}, {views}"
     yield "sensing", scenario.sensing.mode
     loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
-    tracker, fusion = scenario.tracking.tracker, scenario.network.fusion
+    tracker = scenario.tracking.tracker
+    fusion = scenario.network.fusion
     yield ("fusion", fusion + loss) if tracker in TRACKERS.built_in else ("tracker", tracker + loss)
     yield "initial tracks", scenario.tracking.initial_tracks
     yield "page by", f"understory {version('understory')}"
@@ -170,7 +172,8 @@ def _span(lengths: Iterable[float]) -> str:
 
 def _packaged_name(scenario: Scenario) -> str | None:
     """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
-    settings, flown = msgspec.to_builtins(scenario), {"duration": scenario.duration}
+    settings = msgspec.to_builtins(scenario)
+    flown = {"duration": scenario.duration}
     return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
 
 
@@ -214,7 +217,8 @@ def _item(event: Event, recording: Recording, place: str) -> str:
 
 
 def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
-    time, folder = f"{recording.times[event.first]:.9g}", shlex.quote(place)
+    time = f"{recording.times[event.first]:.9g}"
+    folder = shlex.quote(place)
     if event.track is not None:
         yield f"understory explain {folder} --track {event.track}"
     if event.person is not None:

@@ -60,7 +60,8 @@ class Cameras:
         self._stream.log(f"world/camera/{uav}/image", encoded)
 
     def _log_breakdown(self, uav: int) -> None:
-        tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._uavs[uav].pixels
+        tile = np.empty((_TILE, _TILE, 3), dtype=np.uint8)
+        pixels = self._uavs[uav].pixels
         draw_broken(tile, uav)
         self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
         root = f"world/camera/{uav}"

@@ -95,8 +95,10 @@ class Scene:
     """Logs the world scan by scan."""
 
     def __init__(self, stream: rr.RecordingStream, flight: Flight) -> None:
-        self._stream, self._recording = stream, flight.recording
-        self._holds, self._intents = flight.history.hold_states, Intents(flight.scenario)
+        self._stream = stream
+        self._recording = flight.recording
+        self._holds = flight.history.hold_states
+        self._intents = Intents(flight.scenario)
 
     def log(self, k: int) -> None:
         """Log scan k: ground truth, intents and tracks."""

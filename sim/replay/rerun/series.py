@@ -51,7 +51,8 @@ def _ospa(recording: Recording) -> list[Series]:
 
 def _tracks(recording: Recording) -> list[Series]:
     """For each track, the mean trace of its position covariance over UAVs, and the largest gap between their means."""
-    numbers, scans = recording.track_numbers, len(recording.times)
+    numbers = recording.track_numbers
+    scans = len(recording.times)
     traces, gaps = np.full((len(numbers), scans), np.nan), np.full((len(numbers), scans), np.nan)
     for k in range(scans):
         held = [track for i in range(recording.poses.shape[1]) for track in recording.tracks_at(k, i)]
@@ -93,7 +94,8 @@ def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Seq
 
     planning_s: seconds that each decision took; may be empty.
     """
-    times, scans = recording.times, np.arange(len(recording.times))
+    times = recording.times
+    scans = np.arange(len(recording.times))
     for series in (*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)):
         _log(stream, series, times, scans)
     if len(planning_s):

@@ -60,7 +60,8 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     name = next((name for name, flown in shown.items() if flown), None)
     if name is None:
         return []
-    flown, timed = shown[name], metric_shown(name)
+    flown = shown[name]
+    timed = metric_shown(name)
     lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
     caption = (
         "Means over the maps with 95 % intervals, on a logarithmic axis; how often these contain the true mean was not "

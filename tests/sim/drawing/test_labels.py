@@ -13,36 +13,37 @@ NAME = TextStyle(13, INK, True, PANEL)
 OWN = np.array([200.0, 100.0, 320.0, 180.0])  # left, top, right, bottom of a view
 
 
+def name_of(view, *, others=(), crowd=()):
+    """Rows and columns of the name of a view in an image of 300 x 500 pixels."""
+    image = np.zeros((300, 500, 3), np.uint8)
+    labels = Labels(image, veil=False)
+    for place in crowd:
+        labels.reserve(place, 8.0)
+    labels.put_outside("UAV 0", view, NAME, others=others)
+    rows, columns = np.nonzero(image.any(axis=2))
+    assert len(rows) > 50
+    return rows, columns
+
+
 @pytest.mark.parametrize("crowd", [0, 5, 40])
 def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
-    image = np.zeros((200, 400, 3), np.uint8)
-    labels, corner, rng = Labels(image, veil=False), OWN[:2], np.random.default_rng(crowd)
-    for place in rng.uniform([150, 50], [260, 130], (crowd, 2)):
-        labels.reserve(place, 8.0)
-    labels.put_outside("UAV 0", OWN, NAME, others=[])
-    rows, columns = np.nonzero(image.any(axis=2))
-    assert len(rows) > 50 and not np.any((rows > corner[1] + 1) & (columns > corner[0] + 1))
+    rows, columns = name_of(OWN, crowd=np.random.default_rng(crowd).uniform([150, 50], [260, 130], (crowd, 2)))
+    assert not np.any((rows > OWN[1] + 1) & (columns > OWN[0] + 1))
 
 
 @pytest.mark.parametrize("across", [-1, 1])
 @pytest.mark.parametrize("down", [-1, 1])
 def test_the_name_of_a_view_does_not_stand_in_another_view(across, down):
-    image = np.zeros((300, 500, 3), np.uint8)
     others = [OWN + (40.0 * across, 40.0 * down) * 2, OWN + (40.0 * across, 0.0) * 2]
-    Labels(image, veil=False).put_outside("UAV 0", OWN, NAME, others=others)
-    rows, columns = np.nonzero(image.any(axis=2))
-    assert len(rows) > 50
+    rows, columns = name_of(OWN, others=others)
     for left, top, right, bottom in [OWN, *others]:
         assert not np.any((rows > top) & (rows < bottom) & (columns > left) & (columns < right))
 
 
 @pytest.mark.parametrize("up", [True, False])
 def test_the_name_of_a_view_at_the_edge_stands_inside_the_image(up):
-    image = np.zeros((300, 500, 3), np.uint8)
-    view = np.array([-60.0, -60.0, 60.0, 60.0]) + (0.0 if up else (0.0, 300.0) * 2)
-    Labels(image, veil=False).put_outside("UAV 0", view, NAME, others=[])
-    rows, _ = np.nonzero(image.any(axis=2))
-    assert len(rows) > 50 and rows.min() > 0 and rows.max() < 299
+    rows, _ = name_of(np.array([-60.0, -60.0, 60.0, 60.0]) + (0.0 if up else (0.0, 300.0) * 2))
+    assert rows.min() > 0 and rows.max() < 299
     assert np.all((rows > 59) if up else (rows < 241))
 
 

@@ -148,7 +148,7 @@ def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal
     ((_, text),) = page.of("main")
     assert "b and a cannot be told apart, being equal on every map: scans with OSPA under 1 m 0.0 points" in text
     assert "Maps flown: 6; a comparison counts those on which both planners have a value." in text
-    assert "Of each planner by itself, in scans with OSPA under 1 m [%]." in text
+    assert "For each planner separately, by scans with OSPA under 1 m [%]." in text
     assert "Differences, and won, tied, lost, are over the maps on which both planners have a value." in text
     assert "Maps: the number with a value" not in text  # all that were flown have one
     given[7] = failed("b", 1)

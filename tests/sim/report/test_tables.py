@@ -29,6 +29,11 @@ def shown(rows, width, baseline="sma-nbo", metrics=()):
     return console.file.getvalue()
 
 
+def everywhere(rows):
+    """The texts of the terminal and of Markdown."""
+    return shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
+
+
 @pytest.mark.parametrize("width", [80, 120])
 def test_the_terminal_shows_every_number_whole(width):
     text = shown(study(), width)
@@ -75,7 +80,7 @@ def test_terminal_and_markdown_fold_long_names_and_escape_markup():
     assert max(map(len, text.splitlines())) <= 80
     assert "[red]" in text and "+0.00" not in text and "-0.00" not in text  # equal
     rows = [row(p, s, (("net|work", "<b>"),)) for p in ("a|b:C", "sma-nbo") for s in (0, 1)]
-    text = markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
+    _, text = everywhere(rows)
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
     assert r"a\|b:C" in text and "<b>" not in text
@@ -84,7 +89,7 @@ def test_terminal_and_markdown_fold_long_names_and_escape_markup():
 def test_failed_trials_and_undefined_values_are_said_not_to_count():
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0}) for s in range(3)]
     rows += [row("greedy", 0), row("greedy", 1, metrics={"ospa.mean_m": np.nan}), failed("greedy", 2)]
-    for text in (shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
+    for text in everywhere(rows):
         assert "1/3" in text and "greedy: 1 of 3 trials failed and do not count" in text
         assert "greedy: OSPA mean is undefined in 1 of 2 trials" in text
         assert "greedy: 1 of 3 maps have a value of this planner and of the baseline" in text
@@ -93,17 +98,14 @@ def test_failed_trials_and_undefined_values_are_said_not_to_count():
 def test_trials_in_which_a_planner_raised_are_said():
     faults = [2.0, 0.0, 7.0]
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0, "faults": many}) for s, many in enumerate(faults)]
-    for text in (shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
+    for text in everywhere(rows):
         assert "sma-nbo: faults in 2 of 3 trials" in text
     assert "faults in" not in shown(rows[1:2], 120)
 
 
-def test_a_lone_planner_is_shown_without_wins():
+def test_a_lone_planner_has_no_wins_failures_are_counted_and_unknown_metrics_refused():
     text = shown([row("sma-nbo", s) for s in range(3)], 80)
     assert "won" not in text.split("In brackets")[0] and "1.00 [1.00, 1.00]" in text
-
-
-def test_failures_are_counted_and_unknown_metrics_refused():
     text = shown([failed("sma-nbo", 0), failed("greedy", 0)], 80, metrics=["ospa.mean_m"])
     assert "0/1" in text and "–" in text and text.count("1 of 1 trials failed") == 2
     with pytest.raises(InputError, match="--metric"):
