@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,19 @@ from sim.study.tasks import Row
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 
-Run = tuple[int, int]  # seed and repeat
+
+class Run(NamedTuple):
+    """What a trial flew."""
+
+    seed: int
+    repeat: int
+
+
+class Curves(NamedTuple):
+    """OSPA over time; NaN after the end of missions shorter than the longest."""
+
+    times: Array  # (T,) s
+    ospa: Array  # (n, T) m, of each trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +55,22 @@ class Group:
 
     def by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
         """The metrics of each run; all NaN if it failed."""
-        failed = {(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
-        return failed | {(row.seed, row.repeat): own for row, own in zip(self.done, self.table(metrics), strict=True)}
+        failed = {Run(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
+        return failed | {
+            Run(row.seed, row.repeat): own for row, own in zip(self.done, self.table(metrics), strict=True)
+        }
 
-    @property
-    def ospa(self) -> Array:
+    def pooled_ospa(self) -> Array:
         """OSPA (N,) m of all scans of all trials together."""
         return np.concatenate([np.zeros(0), *(row.ospa for row in self.done)])
 
-    @property
-    def curves(self) -> tuple[Array, Array]:
-        """Times (T,) s and OSPA (n, T) m of each trial; NaN after the end of missions shorter than the longest."""
+    def curves(self) -> Curves:
+        """OSPA of each trial over time."""
         times = max((row.times for row in self.done), key=len, default=np.zeros(0))
         found = np.full((len(self.done), len(times)), np.nan)
         for curve, row in zip(found, self.done, strict=True):
             curve[: len(row.ospa)] = row.ospa
-        return times, found
+        return Curves(times, found)
 
 
 def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
@@ -73,7 +85,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
     found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[entrant(row)]]
-        run = row.seed, row.repeat
+        run = Run(row.seed, row.repeat)
         if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
             text = f"{entrant(row)}, {numbered(*run)} is there twice{place}"
@@ -84,13 +96,12 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
         cell, planner = key
         return [(name, _natural(value)) for name, value in cell], planner != baseline, _natural(planner)
 
-    return [_group(*key, found[key]) for key in sorted(found, key=order)]
-
-
-def _group(cell: Cell, planner: str, rows: dict[Run, Row]) -> Group:
-    ordered = [rows[run] for run in sorted(rows)]
-    parts = (tuple(row for row in ordered if (row.status == "done") == wanted) for wanted in (True, False))
-    return Group(cell, planner, *parts)
+    groups = []
+    for cell, planner in sorted(found, key=order):
+        own = [row for _, row in sorted(found[cell, planner].items())]
+        done = tuple(row for row in own if row.status == "done")
+        groups.append(Group(cell, planner, done, tuple(row for row in own if row.status != "done")))
+    return groups
 
 
 def varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:

@@ -34,7 +34,7 @@ def ecdf_figure(sheet: Sheet) -> Figure:
     """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(AT, 100 * ecdf(curve.group.ospa, AT), **_line(curve.style))
+        axes.plot(AT, 100 * ecdf(curve.group.pooled_ospa(), AT), **_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -50,10 +50,10 @@ def ecdf_figure(sheet: Sheet) -> Figure:
 def time_figure(sheet: Sheet) -> Figure:
     """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
     few = all(len(panel.curves) <= _FEW for panel in sheet.panels)
-    ends = [times[-1] for panel in sheet.panels for curve in panel.curves if len(times := curve.group.curves[0])]
+    ends = [times[-1] for group in sheet.groups if len(times := group.curves().times)]
 
     def draw(axes: Axes, curve: Curve) -> None:
-        times, errors = curve.group.curves
+        times, errors = curve.group.curves()
         low, median, high = bands(errors)
         if few:
             axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)

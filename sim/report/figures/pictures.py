@@ -78,7 +78,7 @@ def score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
 
 
 def _ecdf(sheet: Sheet) -> Picture:
-    shares = [(group.title, share_under(group.ospa, 1.0)) for group in sheet.groups]
+    shares = [(group.title, share_under(group.pooled_ospa(), 1.0)) for group in sheet.groups]
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
@@ -91,7 +91,7 @@ def _ecdf(sheet: Sheet) -> Picture:
 def _over_time(sheet: Sheet) -> Picture:
     ends = []
     for group in sheet.groups:
-        medians = bands(group.curves[1])[1]
+        medians = bands(group.curves().ospa)[1]
         last = medians[~np.isnan(medians)][-1:]
         ends.append(f"{group.title} {last[0]:.2f} m" if len(last) else f"{group.title} {UNKNOWN}")
     caption = (
