@@ -52,12 +52,15 @@ class Birth(NamedTuple):
     origins: tuple[Origin, ...]  # the measurements that were more likely the track's than not, in order of time
 
 
+# "unlikely": by its existence or, with m of n, by its misses; "merged": it shared its person with another track
+EndReason = Literal["unlikely", "variance", "merged"]
+
+
 class End(NamedTuple):
     """Deletion of a track."""
 
     id: int
-    # "unlikely": by its existence or, with m of n, by its misses; "merged": it shared its person with another track
-    reason: Literal["unlikely", "variance", "merged"]
+    reason: EndReason
     existence: float
     variance: float  # m², trace of the position's covariance
     merged_into: int | None  # id of the track that goes on, if merged

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tracking.account import Association, Birth, End, Reacquisition, ScanAccount
+from tracking.account import Association, Birth, End, EndReason, Reacquisition, ScanAccount
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
 from tracking.fusion.message import Message
@@ -184,15 +184,8 @@ class Tracker:
             self._messenger.delete(ids[gone].tolist())
             for t in np.flatnonzero(gone).tolist():
                 into = int(ids[merged[t]]) if t in merged else None
-                self.account.ends.append(
-                    End(
-                        int(ids[t]),
-                        "merged" if t in merged else "unlikely" if unlikely[t] else "variance",
-                        float(existence[t]),
-                        float(variances[t]),
-                        into,
-                    )
-                )
+                reason: EndReason = "merged" if t in merged else "unlikely" if unlikely[t] else "variance"
+                self.account.ends.append(End(int(ids[t]), reason, float(existence[t]), float(variances[t]), into))
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._reacquire(table)

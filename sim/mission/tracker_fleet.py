@@ -19,15 +19,9 @@ from tracking.track import Scan, Track
 
 def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> list[Member]:
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
+    name = scenario.tracking.tracker
     return [
-        make_tracker(
-            scenario.tracking.tracker,
-            i,
-            view_of(uav, scenario),
-            forest,
-            tracker_parameters(scenario),
-            deepcopy(initial),
-        )
+        make_tracker(name, i, view_of(uav, scenario), forest, tracker_parameters(scenario), deepcopy(initial))
         for i, uav in enumerate(scenario.uavs)
     ]
 
