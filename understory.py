@@ -8,64 +8,53 @@ Example:
     print(flight)
     print(flight.columns("losses"))
     ```
-
-`run`, `mission`, `compare` and `parallel_env` are defined here; all other names are imported when first used.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
-    from planning.planner_check import check_planner
-    from sim.environments.observations import Observations
-    from sim.mission.mission import Mission
-    from sim.recording.recording import Recording
-    from sim.replay.flight import Flight, load
-    from sim.running.results import record
-    from sim.scenario.scenario import Scenario
-    from sim.sensing.detector_check import check_detector
-    from tracking.detection.detector import Detections, Detector, Frame
-    from tracking.errors import InputError
-    from tracking.filter.kalman import Gaussian
-    from tracking.fusion.exchange import TrackExchange
-    from tracking.fusion.member import Member
-    from tracking.fusion.message import Message
-    from tracking.fusion.tracker_check import check_tracker
-    from tracking.geometry.camera import Camera, Pose
-    from tracking.geometry.visibility import Forest
-    from tracking.parameters import TrackerParameters
-    from tracking.track import Scan, Track
+# Before anything is imported from them.
+for _package in ("sim", "planning", "tracking"):
+    _found = find_spec(_package)
+    _places = [*(_found.submodule_search_locations or ()), _found.origin] if _found else []
+    if _places and str(Path(__file__).with_name(_package)) not in _places:
+        raise ImportError(f"understory: {_places[0]} hides Understory's package {_package!r}; rename it")
 
-# Import string of each name that is defined in one of the packages.
-_HOMES = {
-    "check_detector": "sim.sensing.detector_check",
-    "check_tracker": "tracking.fusion.tracker_check",
-    "check_planner": "planning.planner_check",
-    **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
-    "Mission": "sim.mission.mission",
-    "Recording": "sim.recording.recording",
-    **dict.fromkeys(("Flight", "load"), "sim.replay.flight"),
-    "record": "sim.running.results",
-    "Scenario": "sim.scenario.scenario",
-    **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
-    **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
-    "Forest": "tracking.geometry.visibility",
-    "Gaussian": "tracking.filter.kalman",
-    "InputError": "tracking.errors",
-    "Member": "tracking.fusion.member",
-    "Observations": "sim.environments.observations",
-    "Message": "tracking.fusion.message",
-    **dict.fromkeys(("Scan", "Track"), "tracking.track"),
-    "TrackExchange": "tracking.fusion.exchange",
-    "TrackerParameters": "tracking.parameters",
-}
+from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
+from planning.planner_check import check_planner
+from planning.planner_loading import PlannerError, resolve_planner
+from sim.environments.observations import Observations
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial, prefix_errors
+from sim.recording.recording import Recording
+from sim.replay.flight import Flight, load
+from sim.running.mission_flight import fly_mission
+from sim.running.results import record, run_mission
+from sim.scenario.loading import chosen, place_of
+from sim.scenario.quantities import WORKERS, integer, seed_and_repeat
+from sim.scenario.scenario import Scenario
+from sim.sensing.detector_check import check_detector
+from sim.study.backends import Pool
+from sim.study.scheduler import rows_of
+from sim.study.store import frame_of
+from sim.study.study import study_of
+from sim.study.tasks import tasks
+from tracking.detection.detector import Detections, Detector, Frame
+from tracking.errors import InputError
+from tracking.filter.kalman import Gaussian
+from tracking.fusion.exchange import TrackExchange
+from tracking.fusion.member import Member
+from tracking.fusion.message import Message
+from tracking.fusion.tracker_check import check_tracker
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan, Track
+
 __all__ = [
     "Camera",
     "Detections",
@@ -103,13 +92,6 @@ __all__ = [
 ]
 
 
-for _package in ("sim", "planning", "tracking"):
-    _found = find_spec(_package)
-    _places = [*(_found.submodule_search_locations or ()), _found.origin] if _found else []
-    if _places and str(Path(__file__).with_name(_package)) not in _places:
-        raise ImportError(f"understory: {_places[0]} hides Understory's package {_package!r}; rename it")
-
-
 def run(
     scenario: str | Scenario = "forest",
     planner: str | Planner = "sma-nbo-gospa",
@@ -132,18 +114,8 @@ def run(
     Raises:
         InputError: If scenario, settings, planner or folder cannot be used.
     """
-    from planning.planner_loading import resolve_planner
-    from sim.mission.trial import Trial
-    from sim.replay.flight import Flight, load
-    from sim.running.mission_flight import fly_mission
-    from sim.scenario.loading import chosen, place_of
-    from sim.scenario.quantities import seed_and_repeat
-    from tracking.errors import InputError
-
     setting, numbers = chosen(scenario, settings), (*seed_and_repeat(seed, repeat), place_of(scenario, settings))
     if out is not None:
-        from sim.running.results import run_mission
-
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
         run_mission(Trial(setting, planner, *numbers), Path(out))
@@ -173,12 +145,6 @@ def mission(
     Raises:
         InputError: If scenario, settings or planner cannot be used.
     """
-    from planning.planner_loading import PlannerError, resolve_planner
-    from sim.mission.mission import Mission
-    from sim.mission.trial import prefix_errors
-    from sim.scenario.loading import chosen, place_of
-    from sim.scenario.quantities import seed_and_repeat
-
     made = None if planner is None else resolve_planner(planner)
     setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
     with prefix_errors(place_of(scenario, settings), PlannerError):
@@ -213,13 +179,6 @@ def compare(
     Raises:
         InputError: If an argument cannot be used, or neither pandas nor polars is installed.
     """
-    from sim.scenario.quantities import WORKERS, integer
-    from sim.study.backends import Pool
-    from sim.study.scheduler import rows_of
-    from sim.study.store import frame_of
-    from sim.study.study import study_of
-    from sim.study.tasks import tasks
-
     frame_of([])  # raises the error for a missing library now rather than after the flights
     processes = None if workers is None else integer(workers, "workers", least=1, most=WORKERS)
     listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
@@ -258,8 +217,6 @@ def parallel_env(
     Raises:
         InputError: If an argument cannot be used, or PettingZoo is not installed.
     """
-    from tracking.errors import InputError
-
     for name in ("gymnasium", "pettingzoo"):
         if find_spec(name) is None:
             raise InputError(f"{name} is not installed; environments need: pip install gymnasium pettingzoo")
@@ -268,18 +225,6 @@ def parallel_env(
     return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - any class or function
-    """Import a class or function at its first use, because importing all of them takes a second or two."""
-    if name in _HOMES:
-        module, _, target = _HOMES[name].partition(":")
-        return getattr(import_module(module), target or name)
-    raise AttributeError(f"module 'understory' has no attribute {name!r}")
-
-
 if find_spec("gymnasium"):  # costs 0.1 s, but gymnasium.make then finds the scenarios in any order of imports
     with suppress(ImportError):  # a broken Gymnasium matters to environments only
         import_module("sim.environments.registration")
-
-
-def __dir__() -> list[str]:
-    return __all__

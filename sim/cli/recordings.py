@@ -1,22 +1,27 @@
 """`understory replay`, `frames` and `export`: a recorded mission again, as film, images or text."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from sim.drawing.film import AS_FLOWN
 from sim.recording.atomic_files import part_path, unused_path
+from sim.recording.recording import Recording
+from sim.replay.export import TARGETS
+from sim.replay.export import export as write_export
+from sim.replay.flight import Flight
+from sim.replay.frames.pages import scans_between, write_frames
+from sim.replay.frames.rerender import find
+from sim.replay.page.page import write_page
+from sim.replay.redrawn_film import check_layout, film_content, write_film
+from sim.replay.window import show
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import counted_progress
 from tracking.errors import InputError, check_known
-
-if TYPE_CHECKING:  # imported late, because an error about the input needs none of these packages
-    from sim.recording.recording import Recording
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
@@ -60,9 +65,6 @@ def replay(
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
-    from sim.replay.frames.pages import scans_between
-    from sim.replay.frames.rerender import find
-
     recording = find(recorded)
     folder = folder_of(recorded)
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
@@ -71,8 +73,6 @@ def replay(
     elif page:
         _page(recording, folder, out or unused_path(folder / "mission", ".html"))
     elif gui:
-        from sim.replay.window import show
-
         show(recording, scans, speed=factor, say=say)
     else:
         _film(recording, scans, out or unused_path(folder / "replay", ".mp4"), layout=layout, speed=factor)
@@ -88,9 +88,6 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.replay.frames.pages import scans_between, write_frames
-    from sim.replay.frames.rerender import find
-
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end, number)
@@ -107,14 +104,10 @@ def export(
     out: _Folder = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
-    from sim.replay.export import TARGETS
-    from sim.replay.export import export as write
-    from sim.replay.frames.rerender import find
-
     check_known("--to", to, TARGETS)
     recording = find(recorded)
     folder = out or unused_path(folder_of(recorded) / f"export-{to}")
-    write(recording, to, folder)
+    write_export(recording, to, folder)
     show_files(folder)
 
 
@@ -173,9 +166,6 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
-    from sim.drawing.film import AS_FLOWN
-    from sim.replay.redrawn_film import check_layout, write_film
-
     layout = layout or AS_FLOWN
     check_layout(layout, recording.setting)
     with counted_progress(len(scans), "scans") as progress:
@@ -184,10 +174,6 @@ def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | N
 
 
 def _page(recording: Recording, folder: Path, path: Path) -> None:
-    from sim.replay.flight import Flight
-    from sim.replay.page.page import write_page
-    from sim.replay.redrawn_film import film_content
-
     beside = folder / "mission.mp4"
     film: bytes | Path = beside
     if not beside.is_file():
@@ -198,8 +184,6 @@ def _page(recording: Recording, folder: Path, path: Path) -> None:
 
 
 def _rerun(recording: Recording, target: str, summary: Path) -> None:
-    from sim.replay.flight import Flight
-
     path = Path(target)
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
