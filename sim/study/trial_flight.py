@@ -44,7 +44,7 @@ def fly_trial(
         with plugin_call():
             return _fly(task, keep, timeout)
     except PluginError as error:
-        return make_failure(task, str(error))
+        return make_failure(task, error.with_place)
     except Exception as error:
         return make_failure(task, f"{type(error).__name__}: {error}")
 
