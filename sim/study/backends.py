@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from multiprocessing.synchronize import Event, Lock
 from typing import Any, Protocol, cast
 
 from sim.mission.warmup import warm_up
-from sim.processes.workers import Workers, start_workers
+from sim.processes.workers import CONTEXT, Workers, start_workers
 from sim.study.tasks import Task
 from sim.study.trial_flight import TrialResult, fly_trial
 from tracking.errors import InputError
@@ -156,15 +157,24 @@ class Pool(Backend):
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
         """Fly a task in the next free process, which is killed if it hangs; the first task starts the processes."""
         if self._workers is None:
-            warm_up()  # compiles here, alone; processes that start at the same time would all compile the same code
             self._started.enter_context(_one_thread())
-            self._workers = self._started.enter_context(start_workers(self.count, warm_up))
+            compiling, compiled = CONTEXT.Lock(), CONTEXT.Event()
+            self._workers = self._started.enter_context(start_workers(self.count, _warm_up, compiling, compiled))
         limit = None if timeout is None else timeout + GRACE
         return self._workers.submit(task.key, limit, partial(fly_trial, task, keep=keep, timeout=timeout))
 
     def crash_place(self, task: Task) -> str:
         """Place in a plug-in where a trial's process died or hung."""
         return self._workers.crash_place(task.key) if self._workers else ""
+
+
+def _warm_up(compiling: Lock, compiled: Event) -> None:
+    """Warm up a process; the first one does so alone, because the others would compile the same code."""
+    with compiling:
+        if not compiled.is_set():
+            warm_up()
+            compiled.set()
+    warm_up()
 
 
 def _cores() -> int:
