@@ -1,0 +1,221 @@
+"""Each honest mistake of a plug-in's author is one line, which names file and line where there is one."""
+
+import json
+import re
+import sqlite3
+import sys
+
+import pytest
+
+import understory
+from tracking.errors import InputError
+
+HEAD = """
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from planning.planner import Plan
+from sim.evaluation.metric import Metric
+from sim.world.walks import Waypoints
+from tracking.detection.detector import Detections
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.fusion.kla import KullbackLeiblerAverage
+from tracking.tracker import Tracker
+
+
+"""
+IDEAL = "--set sensing.mode=ideal"
+PLANNER = f"--planner mine:Mine {IDEAL}"
+TRACKER = f"--planner hover {IDEAL} --set tracking.tracker=mine:Mine"
+DETECTOR = "--planner hover --set sensing.detector=mine:Mine"
+MOTION = f"--planner hover {IDEAL} --set tracking.motion=mine:Mine"
+RULE = f"--planner hover {IDEAL} --set network.fusion=mine:Mine"
+WALK = f'--planner hover {IDEAL} --set people.walks=["mine:Mine"]'
+METRIC = f"--planner hover {IDEAL} --metric mine:Mine"
+
+
+def plan(line):
+    """A planner whose method ends with a line; the mark is the line that an error names."""
+    return f"class Mine:\n    def plan(self, team, rng):\n        {line}\n"
+
+
+def result(line):
+    """As `plan`, for a wrong result, whose error names the method."""
+    return f"class Mine:\n    def plan(self, team, rng):  # here\n        {line}\n"
+
+
+def tracks(change):
+    """A tracker that changes each of its tracks, which its property `tracks` gives."""
+    code = "class Mine(Tracker):\n    @property\n    def tracks(self):\n"
+    return f"{code}        return [replace(t, {change}) for t in super().tracks]\n"
+
+
+def detections(ground="[[1, 1]]", covariances="[np.eye(2)]"):
+    code = "class Mine:\n    def detect(self, frame):  # here\n"
+    return f"{code}        return Detections([[9, 9]], {ground}, {covariances})\n"
+
+
+# By mistake: the code, the arguments of `run`, and what the line says. "# here" marks the line that it names.
+REFUSED = {
+    "no such module": ("", "--planner mind:Mine", "No module named 'mind'; did you mean mine?"),
+    "no such class": ("class Mine: pass", "--planner mine:Mien", "mine has no class 'Mien'; did you mean Mine?"),
+    "an object in place of a class": ("Mine = 3", PLANNER, "'Mine' of mine is of type int, not a class or function"),
+    "a missing dependency": ("import torchh", PLANNER, "mine needs 'torchh', which is not installed"),
+    "an import error": ("from numpy import sinn  # here", PLANNER, "imported: ImportError: cannot import name"),
+    "a syntax error": ("def plan(", PLANNER, "cannot be imported: SyntaxError: '(' was never closed (mine.py, line "),
+    "an exception in the module": ("1 / 0  # here", PLANNER, "imported: ZeroDivisionError: division by zero"),
+    "a script that exits": ("sys.exit(0)", PLANNER, "mine calls sys.exit when it is imported"),
+    "a missing method": ("class Mine: pass", PLANNER, "'mine:Mine' has no method plan(team, rng)"),
+    "a misspelt method": ("class Mine:\n    def plann(self, team, rng): pass", PLANNER, "; did you mean plann?"),
+    "a wrong signature": ("class Mine:\n    def plan(self, team): pass", PLANNER, "(team); it must take (team, rng)"),
+    "an async method": ("class Mine:\n    async def plan(self, team, rng): pass", PLANNER, "'mine:Mine' is async"),
+    "a constructor with an argument": (
+        "class Mine:\n    def __init__(self, weights): pass  # here\n    def plan(self, team, rng): pass",
+        PLANNER,
+        "cannot be made: TypeError: Mine.__init__() missing 1 required positional argument: 'weights'",
+    ),
+    "a tracker raises": (
+        "class Mine(Tracker):\n    def step(self, scan):\n        {}['table']  # here",
+        TRACKER,
+        "tracking.tracker: 'mine:Mine' cannot take a scan: KeyError: 'table'",
+    ),
+    "a mean is NaN": (tracks("belief=Gaussian(t.belief.mean * np.nan, np.eye(4))"), TRACKER, "means of tracks are not"),
+    "an id is negative": (tracks("id=-1 - t.id"), TRACKER, "ids of tracks are below 0: [-1"),
+    "an id is there twice": (tracks("id=7"), TRACKER, "ids of tracks are there twice: [7]"),
+    "a covariance is not positive definite": (
+        tracks("belief=Gaussian(t.belief.mean, -np.eye(4))"),
+        TRACKER,
+        "covariances of tracks are not symmetric and positive definite",
+    ),
+    "a message is None": (
+        "class Mine(Tracker):\n    def message(self, degree):  # here\n        pass",
+        TRACKER,
+        "cannot give a message: it is no tracking.fusion.message.Message but NoneType",
+    ),
+    "a motion model without dt": (
+        "class Mine:\n    def __init__(self, *given): self.predict_all = max",
+        MOTION,
+        "has nan",
+    ),
+    "a prediction of a wrong shape": (
+        "class Mine(NearlyConstantVelocity):\n    def __init__(self, dt, *given): super().__init__(dt, 1.0)\n"
+        "    def predict_all(self, means, covariances): return means[:, :2], covariances  # here",
+        MOTION,
+        "cannot predict: means of shape (4, 2), not (4, 4)",
+    ),
+    "a weight of zero": (
+        "class Mine(KullbackLeiblerAverage):\n    def contribution(self, local):  # here\n"
+        "        return super().contribution(local)._replace(weights=np.zeros(len(local.means)))",
+        RULE,
+        "cannot contribute: weights must be positive",
+    ),
+    "a way out of the area": (
+        "class Mine:\n    def itineraries(self, people, half, paces, rng):  # here\n"
+        "        return [([[0, 0], [999, 0]], pace, 0.0) for pace in paces.T]",
+        WALK,
+        "cannot walk: waypoints are not n x 2 finite numbers within",
+    ),
+    "a function in place of a metric": ("def Mine(outcome): return 1.0", METRIC, "is not a metric; expected a"),
+}
+FAULTS = {
+    "an exception": (plan("raise KeyError('gone')  # here"), PLANNER, "KeyError: 'gone'"),
+    "nothing is returned": (result("pass"), PLANNER, "None in place of plans for 3 UAVs"),
+    "too few plans": (result("return [Plan([[0, 0]])]"), PLANNER, "1 plans for 3 UAVs"),
+    "controls in one row": (result("return [Plan([0, 0]) for _ in team]"), PLANNER, "controls of shape (2,), not"),
+    "controls that are NaN": (result("return [Plan([[0, np.nan]]) for _ in team]"), PLANNER, "controls are not finite"),
+    "controls in words": (result("return [Plan([['0', '1']]) for _ in team]"), PLANNER, "controls are not numbers"),
+    "velocities, no plans": (result("return [[1, 0] for _ in team]"), PLANNER, "it is no Plan but of type list"),
+    "too fast": (plan("return [Plan([[50, 0]]) for _ in team]"), PLANNER, "speed 50 m/s exceeds 5 m/s; clipped"),
+    "a detector raises": (
+        "class Mine:\n    def detect(self, frame):\n        frame.picture  # here",
+        DETECTOR,
+        "detector: AttributeError: 'Frame' object has no attribute 'picture'",
+    ),
+    "a detector returns None": (
+        "class Mine:\n    def detect(self, frame):  # here\n        pass",
+        DETECTOR,
+        "detector: it is not Detections but of type NoneType",
+    ),
+    "detections of a wrong shape": (detections(ground="[[1, 1, 0]]"), DETECTOR, "ground of shape (1, 3), not (1, 2)"),
+    "an indefinite covariance": (detections(covariances="[[[1, 2], [2, 1]]]"), DETECTOR, "are not symmetric and pos"),
+    "a metric raises": (
+        "def ratio(outcome):\n    return 1 / 0  # here\nMine = Metric('ratio', ratio)",
+        METRIC,
+        "metric mine:Mine: ZeroDivisionError: division by zero",
+    ),
+}
+
+
+@pytest.fixture
+def wrong(tmp_path, monkeypatch):
+    """Writes the module of an author; returns the place that an error should name, "mine.py:LINE", or ""."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def write(code):
+        monkeypatch.delitem(sys.modules, "mine", raising=False)
+        (tmp_path / "mine.py").write_text(HEAD + code)
+        lines = [k for k, line in enumerate((HEAD + code).splitlines(), 1) if line.endswith("# here")]
+        return f"mine.py:{lines[0]}, in " if lines else ""
+
+    return write
+
+
+def words(arguments):
+    return ["run", *"--duration 0.4 --no-video --out out".split(), *arguments.split()]
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_a_mistake_that_leaves_no_result_is_one_line(refused, wrong, mistake):
+    code, arguments, text = REFUSED[mistake]
+    place = wrong(code)
+    told = refused(*words(arguments))
+    assert text in told and place in told
+
+
+@pytest.mark.parametrize("mistake", FAULTS)
+def test_a_mistake_in_one_call_is_a_fault_of_the_mission(call, wrong, tmp_path, mistake):
+    code, arguments, text = FAULTS[mistake]
+    place = wrong(code)
+    ended, out, err = call(*words(arguments))
+    assert (ended, err) == (0, "") and text in " ".join(out.split()) and place.removesuffix(", in ") in out
+    fault = json.loads((tmp_path / "out" / "summary.json").read_text())["faults"][0]
+    assert text in fault["message"] and place in "".join(fault.get("trace", [])[-1:])
+
+
+def test_a_class_in_place_of_an_object_is_one_line():
+    with pytest.raises(InputError, match=r"^planner: Mine is a class; give an object of it$"):
+        understory.run("forest", type("Mine", (), {}), settings={"duration": 0.4})
+
+
+ENDS = {
+    "hangs": (plan("time.sleep(600)  # here"), "took longer than the timeout of"),
+    "crashes": (plan("os.kill(os.getpid(), signal.SIGSEGV)  # here"), "its process was killed by SIGSEGV"),
+}
+
+
+@pytest.mark.parametrize("mistake", ENDS)
+def test_a_planner_that_hangs_or_crashes_ends_a_timed_run_in_one_line(refused, wrong, mistake):
+    code, text = ENDS[mistake]
+    place = wrong(code)
+    told = refused(*words(PLANNER), "--timeout", "2", code=1)
+    assert text in told and place in told
+
+
+@pytest.mark.slow  # starts processes
+def test_of_planners_that_hang_or_crash_a_comparison_loses_their_trials_only(call, wrong, tmp_path):
+    wrong("\n\n".join(code.replace("class Mine", f"class {name.title()}") for name, (code, _) in ENDS.items()))
+    planners = [word for name in ("mine:Hangs", "mine:Crashes", "hover") for word in ("--planner", name)]
+    options = "--duration 1 --sensing ideal --seeds 0 --workers 2 --timeout 5 --out study".split()
+    call("compare", "forest", *planners, *options)
+    with sqlite3.connect(tmp_path / "study" / "study.sqlite") as store:
+        errors = dict(store.execute("SELECT planner, error FROM trials"))
+    assert not errors.pop("hover")
+    for name, (_, text) in ENDS.items():
+        assert text in errors[f"mine:{name.title()}"]
+        assert re.search(r"mine\.py:\d+, in plan", errors[f"mine:{name.title()}"])
