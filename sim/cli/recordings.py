@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from sim.drawing.film import AS_FLOWN
+from sim.recording.archive import find_recording
 from sim.recording.atomic_files import part_path, unused_path
 from sim.recording.recording import Recording
 from sim.replay.export import TARGETS
 from sim.replay.export import export as write_export
 from sim.replay.flight import Flight
 from sim.replay.frames.pages import scans_between, write_frames
-from sim.replay.frames.rerender import find
 from sim.replay.page.page import write_page
 from sim.replay.redrawn_film import check_layout, film_content, write_film
 from sim.replay.window import show
@@ -65,7 +65,7 @@ def replay(
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
-    recording = find(recorded)
+    recording = find_recording(recorded)
     folder = folder_of(recorded)
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if rerun is not None:
@@ -88,7 +88,7 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    recording = find(recorded)
+    recording = find_recording(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
@@ -105,7 +105,7 @@ def export(
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
     check_known("--to", to, TARGETS)
-    recording = find(recorded)
+    recording = find_recording(recorded)
     folder = out or unused_path(folder_of(recorded) / f"export-{to}")
     write_export(recording, to, folder)
     show_files(folder)

@@ -17,7 +17,7 @@ from sim.recording.atomic_files import write_whole
 from sim.recording.npz import Npz, open_npz
 from sim.recording.recording import FIELDS, VERSION, Field, Recording
 from sim.recording.recording_check import check_recording
-from tracking.errors import one_line
+from tracking.errors import InputError, one_line
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 # Fields that old recordings lack.
@@ -65,6 +65,27 @@ def load(path: str | os.PathLike[str]) -> Recording:
     except ValueError as error:
         raise ValueError(f"{path}: {one_line(error)}") from error
     return recording
+
+
+def find_recording(folder: Path) -> Recording:
+    """The recording in a run's folder or file; InputError if there is none that can be read."""
+    try:
+        path = folder / "mission.npz" if folder.is_dir() else folder
+        if not path.exists():
+            raise InputError(f"{folder} " + (_content(folder) if folder.is_dir() else "does not exist"))
+        recording = load(path)
+        _ = recording.setting  # which may be unknown here
+    except OSError as error:
+        raise InputError(f"DIR: {folder} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(f"DIR: {error}") from error
+    return recording
+
+
+def _content(folder: Path) -> str:
+    if (folder / "study.sqlite").exists():
+        return "holds a study; its report.html has commands that fly its trials again, `--keep recordings` keeps them"
+    return "holds no mission.npz"
 
 
 def _decode(archive: Npz) -> Recording:

@@ -97,6 +97,19 @@ class Recording:
         return ~np.isnan(self.ospa[:, :, 0])
 
     @cached_property
+    def frames_taken(self) -> Flags:
+        """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
+        scans, uavs = self.working.shape
+        due = [[self.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
+        return np.logical_and(self.working, due)
+
+    @property
+    def hiding_forest(self) -> Forest:
+        """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
+        sensing, exact = self.setting.sensing, self.forest
+        return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
+
+    @cached_property
     def track_numbers(self) -> dict[int, int]:
         """The displayed number of each track by id, in the order of first appearance."""
         return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import frames_taken
 from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
@@ -60,7 +59,7 @@ def _write_stonesoup(recording: Recording, folder: Path) -> None:
         _write_table(folder / f"detections-uav{uav}.csv", _MEASUREMENT, rows)
         _write_table(folder / f"tracks-uav{uav}.csv", own, _rows(tracks, own, tracks["uav"] == uav))
     _write_table(folder / "groundtruth.csv", ("time", "id", *STATE), _rows(truth, ("time", "person", *STATE)))
-    k, i = np.nonzero(frames_taken(recording))
+    k, i = np.nonzero(recording.frames_taken)
     x, y, z = recording.cameras[k, i, :3].T
     sensors = {"time": recording.times[k], "uav": i, "x": x, "y": y, "z": z}
     _write_table(folder / "sensors.csv", tuple(sensors), _rows(sensors, tuple(sensors)))
@@ -99,7 +98,7 @@ def _mot_rows(table: Columns, ids: Indices, where: Flags | None = None) -> Rows:
 
 def _scan_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
     """A row for each measurement, and an empty one for each scan without measurements."""
-    for k, uav in np.argwhere(frames_taken(recording)).tolist():
+    for k, uav in np.argwhere(recording.frames_taken).tolist():
         scan = recording.scan_at(k, uav)
         pose = recording.cameras[k, uav].tolist()
         for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):

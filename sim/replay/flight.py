@@ -21,13 +21,14 @@ from sim.evaluation.catalogue import METRICS
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import planner_title
+from sim.recording.archive import find_recording
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, arrays, columns, event_columns
 from sim.replay.event import Event, ends
 from sim.replay.events import events_of
 from sim.replay.frames.pages import draw, scans_between
-from sim.replay.frames.rerender import Rerenderer, find
+from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
@@ -40,7 +41,7 @@ _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 def load(run: str | Path) -> "Flight":
     """Load the mission in a run's folder or a file `mission.npz`; InputError if none can be read."""
     _show_figures()
-    return Flight(find(Path(run)))
+    return Flight(find_recording(Path(run)))
 
 
 class Flight:

@@ -11,7 +11,6 @@ from sim.evaluation.holding import episodes, hold_states
 from sim.evaluation.score import find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import frames_taken, hiding_forest
 from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -49,10 +48,10 @@ class History:
     @staticmethod
     def of(recording: Recording) -> "History":
         """The history of a recording."""
-        looked, uavs = frames_taken(recording), range(recording.poses.shape[1])
+        looked, uavs = recording.frames_taken, range(recording.poses.shape[1])
         inside = np.zeros(recording.visible.shape, dtype=np.bool_)
         hidden_by = np.full(inside.shape, -1)
-        forest = hiding_forest(recording)
+        forest = recording.hiding_forest
         for k, i in np.argwhere(looked).tolist():
             camera, pose = view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
             inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)

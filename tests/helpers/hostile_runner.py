@@ -20,9 +20,9 @@ from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.cli import study_flight
 from sim.mission.warmup import warm_up
+from sim.recording.archive import find_recording  # noqa: F401
 from sim.replay import redrawn_film  # noqa: F401
 from sim.replay.explain import explanation  # noqa: F401
-from sim.replay.frames.rerender import find  # noqa: F401
 from sim.replay.page import page  # noqa: F401
 from sim.replay.rerun import viewer  # noqa: F401
 from sim.report import report, tables  # noqa: F401

@@ -2,19 +2,12 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from pathlib import Path
-
-import numpy as np
 
 from sim.drawing.lettering import Image
-from sim.recording.archive import load
 from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
-from tracking.errors import InputError
-from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Flags
 
 
 class Rerenderer(ExitStack):
@@ -56,38 +49,3 @@ class Rerenderer(ExitStack):
                 if self.recording.working[k, i] and setting.has_frame(i, k):
                     taken[i] = self.image(k, i)
         return taken
-
-
-def frames_taken(recording: Recording) -> Flags:
-    """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
-    scans, uavs = recording.working.shape
-    due = [[recording.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
-    return np.logical_and(recording.working, due)
-
-
-def hiding_forest(recording: Recording) -> Forest:
-    """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
-    sensing = recording.setting.sensing
-    exact = recording.forest
-    return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
-
-
-def find(folder: Path) -> Recording:
-    """The recording in a run's folder or file; InputError if there is none that can be read."""
-    try:
-        path = folder / "mission.npz" if folder.is_dir() else folder
-        if not path.exists():
-            raise InputError(f"{folder} " + (_holds(folder) if folder.is_dir() else "does not exist"))
-        recording = load(path)
-        _ = recording.setting  # which may be unknown here
-    except OSError as error:
-        raise InputError(f"DIR: {folder} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"DIR: {error}") from error
-    return recording
-
-
-def _holds(folder: Path) -> str:
-    if (folder / "study.sqlite").exists():
-        return "holds a study; its report.html has commands that fly its trials again, `--keep recordings` keeps them"
-    return "holds no mission.npz"

@@ -9,7 +9,6 @@ import numpy as np
 from sim.drawing.labels import numbered_snapshot
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import hiding_forest
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
@@ -58,7 +57,7 @@ class Sighting:
         pose = recording.camera_at(k, uav)
         people = recording.people[k]
         looked = recording.setting.has_frame(uav, k)
-        inside, hiding = inside_and_hiding(camera, pose, people, hiding_forest(recording))
+        inside, hiding = inside_and_hiding(camera, pose, people, recording.hiding_forest)
         # Without a frame, geometry decides who would have been shown.
         pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
         return tuple(
@@ -102,7 +101,7 @@ class Sight:
         people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, hiding_forest(recording), numbered_snapshot(recording, k), uav, people)
+        return Sight(scenario, recording.hiding_forest, numbered_snapshot(recording, k), uav, people)
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:

@@ -10,7 +10,7 @@ from sim.drawing.labels import numbered_snapshot, track_name
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
-from sim.replay.frames.rerender import Rerenderer, frames_taken
+from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import broken_at
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import camera_of
@@ -31,7 +31,7 @@ class Cameras:
     def __init__(self, stream: rr.RecordingStream, again: Rerenderer) -> None:
         self._stream, self._again = stream, again
         self._recording, self._uavs = again.recording, again.recording.setting.uavs
-        self._replay, self._taken = replay_tracking(again.recording), frames_taken(again.recording)
+        self._replay, self._taken = replay_tracking(again.recording), again.recording.frames_taken
 
     def log(self, k: int) -> None:
         """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""

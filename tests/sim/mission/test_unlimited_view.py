@@ -13,9 +13,9 @@ from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move
 from sim.mission.trial import Trial
+from sim.recording.archive import find_recording
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
-from sim.replay.frames.rerender import find
 from sim.replay.measurement_tables import read_cameras
 from sim.running.results import run_mission
 from sim.scenario.loading import load
@@ -118,7 +118,7 @@ def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
     run_mission(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
-    recording = find(tmp_path / "out")
+    recording = find_recording(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")
     cameras = read_cameras(tmp_path / "csv" / "cameras.csv")
     assert [camera.fov for camera in cameras.values()] == [ALL_ROUND] * 3 and math.tau == ALL_ROUND

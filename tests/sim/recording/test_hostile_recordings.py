@@ -17,12 +17,11 @@ from helpers.summaries import summary
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim.recording.archive import load, save
+from sim.recording.archive import find_recording, load, save
 from sim.recording.fault_text import LONGEST, MOST
 from sim.recording.npz import MOST_BYTES
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
-from sim.replay.frames.rerender import find
 from sim.replay.history import History
 from sim.scenario.scenario import resolved
 from tracking.errors import InputError
@@ -156,7 +155,7 @@ def test_what_no_mission_leaves_is_one_clear_line(saved, tmp_path, case):
     change, reason = DAMAGED[case]
     path = rewritten(saved, tmp_path / "mission.npz", **change(load(saved)))
     with pytest.raises(InputError) as caught:
-        find(path)
+        find_recording(path)
     message = str(caught.value)
     assert reason in message and message.startswith((f"DIR: {path}: ", "DIR: recording: "))
     assert message.isprintable() and len(message) < 600
@@ -267,13 +266,13 @@ def test_commands_refuse_a_hostile_file_and_leave_nothing(saved, tmp_path, refus
 
 MEASURE = """
 import resource, sys, time
-from sim.replay.frames.rerender import find
+from sim.recording.archive import find_recording
 from pathlib import Path
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for name in sys.argv[1:]:
     start = time.perf_counter()
     try:
-        find(Path(name))
+        find_recording(Path(name))
     except ValueError as error:
         took = time.perf_counter() - start
         print(took, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, len(str(error)))
@@ -312,7 +311,7 @@ def altered(saved, folder, data):
 
 def sound_or_one_line(path):
     try:
-        recording = find(path)
+        recording = find_recording(path)
     except InputError as error:
         assert str(error).isprintable() and len(str(error)) < 800
         return
@@ -353,9 +352,9 @@ def test_names_are_never_imported_and_unreadable_files_said_to_be_so(tmp_path, m
     named["sensing"]["detector"] = "evil:Evil"
     named["people"]["trajectories"] = "/nowhere/people.csv"
     evil = {"planner": npy(np.array("evil:Evil")), "scenario": npy(np.array(json.dumps(named)))}
-    recording = find(rewritten(OLD, tmp_path / "mission.npz", **evil))
+    recording = find_recording(rewritten(OLD, tmp_path / "mission.npz", **evil))
     write_frames(recording, [0], 0, tmp_path / "frames", size=256, progress=lambda k: None)
-    write_frames(find(OLD), [0], 0, tmp_path / "before", size=256, progress=lambda k: None)
+    write_frames(find_recording(OLD), [0], 0, tmp_path / "before", size=256, progress=lambda k: None)
     for target in ("csv", "stonesoup", "mot"):
         export(recording, target, tmp_path / target)
     assert recording.planner == "evil:Evil" and "evil" not in sys.modules and not (tmp_path / "ran").exists()
@@ -365,4 +364,4 @@ def test_names_are_never_imported_and_unreadable_files_said_to_be_so(tmp_path, m
 
     monkeypatch.setattr("sim.recording.npz.open", refused, raising=False)  # root may read everything
     with pytest.raises(InputError, match=r"^DIR: .*mission\.npz cannot be read: Permission denied$"):
-        find(saved)
+        find_recording(saved)

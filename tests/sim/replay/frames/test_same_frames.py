@@ -72,8 +72,9 @@ def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount,
 DIGEST = """
 import hashlib, sys
 from pathlib import Path
-from sim.replay.frames.rerender import Rerenderer, find
-recording = find(Path(sys.argv[1]))
+from sim.recording.archive import find_recording
+from sim.replay.frames.rerender import Rerenderer
+recording = find_recording(Path(sys.argv[1]))
 with Rerenderer(recording) as again:
     frames = [image.tobytes() for k in range(len(recording.times)) for image in again.frames(k, [0, 1])]
 print(hashlib.sha256(b"".join(frames)).hexdigest())
