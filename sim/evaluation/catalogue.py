@@ -113,7 +113,7 @@ def _sent(
     unit: str,
     key: str,
 ) -> Metric:
-    """Metric of the bytes that UAVs sent; None if they were not recorded."""
+    """Metric of the bytes that UAVs sent; None if no UAV could send."""
 
     def of(outcome: Outcome) -> float | None:
         found = sent(outcome.recording)

@@ -37,19 +37,18 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
 
 
 def bytes_sent(recording: Recording) -> Indices | None:
-    """Bytes (N,) of messages per scan and working UAV; None if they were not recorded."""
-    return _known(recording.bytes_sent, recording.working)
+    """Bytes (N,) of messages per scan and working UAV; None if none works."""
+    return _counted(recording.bytes_sent, recording.working)
 
 
 def plan_bytes(recording: Recording) -> Indices | None:
-    """Bytes (N,) of plans per decision and working UAV; None if they were not recorded."""
+    """Bytes (N,) of plans per decision and working UAV; None if none decided."""
     decides = np.isin(recording.times, recording.plan_times)
-    return _known(recording.plan_bytes, recording.working & decides[:, None])
+    return _counted(recording.plan_bytes, recording.working & decides[:, None])
 
 
-def _known(sent: Indices, counted: Flags) -> Indices | None:
-    known = sent.shape == counted.shape and counted.any() and sent.min() >= 0
-    return sent[counted] if known else None
+def _counted(sent: Indices, counted: Flags) -> Indices | None:
+    return sent[counted] if counted.any() else None
 
 
 def disagreement(held: Sequence[Sequence[Track]]) -> float:

@@ -32,8 +32,8 @@ class Snapshot:
     visible: Indices  # (n, M) number of pixels that show each person in the image
     matched: Flags  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the previous scan
-    bytes_sent: Indices  # (n,) sent to neighbours in all rounds of consensus; -1 if unknown
-    plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan; -1 if unknown
+    bytes_sent: Indices  # (n,) sent to neighbours in all rounds of consensus
+    plan_bytes: Indices  # (n,) sent to neighbours for the plans of this scan
     plan_rounds: int  # number of rounds in which these plans were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this scan, and breakdowns since the previous one
 

@@ -6,7 +6,6 @@ import os
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,6 @@ from sim.recording.recording_check import check_recording
 from tracking.errors import InputError, one_line
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-# Fields that old recordings lack.
-_LATER = {field.name for field in fields(Recording) if field.default_factory is not MISSING}
 _LONGEST = 2**20  # characters of a text field
 
 
@@ -56,7 +53,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
     """Read and check a recording; errors are ValueErrors of one line that names file and field.
 
     The file may come from any source: nothing in it is executed, imported or opened, and it takes no more memory than
-    `sim.recording.npz` allows for its size. Fields that an old file lacks get their defaults.
+    `sim.recording.npz` allows for its size.
     """
     try:
         with open_npz(path) as archive:
@@ -89,26 +86,20 @@ def _content(folder: Path) -> str:
 
 
 def _decode(archive: Npz) -> Recording:
-    names = set(archive.names)
-    if "version" not in names:
+    if "version" not in archive.names:
         found = ", ".join(map(repr, archive.names[:5]))[:200]
         raise ValueError(f"not a recording: its arrays are {found}" if found else "not a recording: holds nothing")
-    # Only an old recording may lack fields; one with unknown fields is not old but damaged.
-    lacking = _LATER - names if names <= set(FIELDS) else set()
     sizes: dict[str, int] = {}
     values: dict[str, Any] = {}
     for name, field in FIELDS.items():
+        if name not in archive.names:
+            raise ValueError(f"made by another version of understory: it has no field '{name}'")
         with _naming(name):
-            if name in lacking:
-                values[name] = _default(field, sizes)
-            elif name not in names:
-                raise ValueError("is missing")
-            else:
-                array = archive.read(name)
-                _check_form(array, field, sizes)
-                values[name] = array if field.shape else _plain(field.kind, array)
-                if name == "version":
-                    _check_version(values[name])
+            array = archive.read(name)
+            _check_form(array, field, sizes)
+            values[name] = array if field.shape else _plain(field.kind, array)
+            if name == "version":
+                _check_version(values[name])
     return Recording(**values)
 
 
@@ -119,13 +110,6 @@ def _naming(name: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"field '{name}': {one_line(error)}") from error
-
-
-def _default(field: Field, sizes: Mapping[str, int]) -> Any:  # noqa: ANN401 - as the annotation says
-    """Value of a field that an old recording lacks: no rows, or -1 everywhere."""
-    if not field.shape:
-        return field.kind()
-    return np.full([_size(symbol, 0, sizes) for symbol in field.shape.split()], -1, field.dtype)
 
 
 def _check_form(array: NDArray[Any], field: Field, sizes: dict[str, int]) -> None:

@@ -29,9 +29,7 @@ def encode_faults(faults: Sequence[Fault]) -> str:
 
 
 def decode_faults(text: str) -> tuple[Fault, ...]:
-    """The faults in a recording's text, in order of time; none in the "" of old recordings. ValueError if invalid."""
-    if not text:
-        return ()
+    """The faults in a recording's text, in order of time; ValueError if invalid."""
     try:
         return msgspec.json.decode(text, type=tuple[Fault, ...])
     except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:

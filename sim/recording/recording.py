@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -61,19 +61,16 @@ class Recording:
     visible: Annotated[Indices, "<i8", "K n M"]  # number of pixels that show each person
     matched: Annotated[Flags, "|b1", "K n M"]  # True if the person was detected
     # Scan, UAV, kind (in `KINDS`) and index of a body that it has touched since the previous scan; sorted by scan.
-    contacts: Annotated[Indices, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
-    # Bytes sent to neighbours in all rounds of consensus of a scan; -1 if not recorded.
-    bytes_sent: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    # Bytes of plans sent to neighbours in all rounds of a decision, and the number of rounds; -1 if not recorded.
-    plan_bytes: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    plan_rounds: Annotated[Indices, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # True if the planner does
-    # Existence probability; NaN if the tracker has none, as with m of n scans; -1 if not recorded.
-    track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
-    # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none; -1 if not recorded.
-    track_sightings: Annotated[Array, "<f8", "S 3"] = field(default_factory=lambda: np.zeros((0, 3)))
-    faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" if not recorded
-    repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # decides, with the seed, the mission's noise
+    contacts: Annotated[Indices, "<i8", "C 4"]
+    bytes_sent: Annotated[Indices, "<i8", "K n"]  # to neighbours in all rounds of consensus of a scan
+    plan_bytes: Annotated[Indices, "<i8", "K n"]  # of plans, to neighbours in all rounds of a decision
+    plan_rounds: Annotated[Indices, "<i8", "K"]  # number of these rounds
+    sees_truth: Annotated[bool, "|b1", ""]  # True if the planner does
+    track_existence: Annotated[Array, "<f8", "S"]  # probability; NaN if the tracker has none, as with m of n scans
+    # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none.
+    track_sightings: Annotated[Array, "<f8", "S 3"]
+    faults: Annotated[str, "<U", ""]  # JSON, see `fault_text`
+    repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
 
     @cached_property
     def setting(self) -> Scenario:
@@ -147,7 +144,7 @@ class Recording:
     def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
-        certain = np.nan_to_num(self.existence[rows], nan=1.0)
+        certain = np.nan_to_num(self.track_existence[rows], nan=1.0)
         beliefs = self.track_means[rows], self.track_covariances[rows]
         return tracks_of(self.track_ids[rows], *beliefs, certain, self.track_sightings[rows])
 
@@ -156,18 +153,13 @@ class Recording:
         return self.track_ids[self._rows(self.track_offsets, k, uav)]
 
     def existence_at(self, k: int, uav: int) -> Array:
-        """Existence probability (N,) of each track of one UAV after scan k; NaN if unknown."""
-        return self.existence[self._rows(self.track_offsets, k, uav)]
-
-    @cached_property
-    def existence(self) -> Array:
-        """Existence probability of each track (S,); NaN if unknown."""
-        return np.where(self.track_existence >= 0.0, self.track_existence, math.nan)
+        """Existence probability (N,) of each track of one UAV after scan k; NaN if the tracker has none."""
+        return self.track_existence[self._rows(self.track_offsets, k, uav)]
 
     @property
     def reported(self) -> Flags:
-        """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`; true if the existence is unknown."""
-        return ~(self.existence <= UNLIKELY)
+        """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`."""
+        return ~(self.track_existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k; None if there are none."""

@@ -82,11 +82,9 @@ def _tracks(r: Recording) -> Iterator[Finding]:
     yield "track_means", not _is_finite(r.track_means), "are not finite"
     yield "track_covariances", not _is_definite(r.track_covariances), "are no covariances"
     known = r.track_existence[~np.isnan(r.track_existence)]
-    wrong = bool(np.any((known != -1) & ~((known >= 0) & (known <= 1))))
-    yield "track_existence", wrong, "is no probability, NaN or -1"
+    yield "track_existence", not np.all((known >= 0) & (known <= 1)), "is no probability or NaN"
     stored = r.track_sightings[~np.isnan(r.track_sightings).all(axis=1)]
-    wrong = not _is_finite(stored) or bool(np.any((stored[:, 2] < 0) & (stored != -1).any(axis=1)))
-    yield "track_sightings", wrong, "are no place and time, NaN or -1"
+    yield "track_sightings", not _is_finite(stored) or bool(np.any(stored[:, 2] < 0)), "are no place and time, or NaN"
     broken = np.isnan(r.ospa).all(axis=-1)
     yield "ospa", not _is_finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
 
@@ -100,8 +98,8 @@ def _plans(r: Recording) -> Iterator[Finding]:
 
 
 def _counts(r: Recording) -> Iterator[Finding]:
-    for name, least in (("visible", 0), ("bytes_sent", -1), ("plan_bytes", -1), ("plan_rounds", -1)):
-        yield name, bool(np.any(getattr(r, name) < least)), f"holds numbers below {least}"
+    for name in ("visible", "bytes_sent", "plan_bytes", "plan_rounds"):
+        yield name, bool(np.any(getattr(r, name) < 0)), "holds numbers below 0"
 
 
 def _is_finite(values: Array) -> bool:

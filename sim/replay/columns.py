@@ -48,8 +48,8 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
         "track_m": r.track_means[:, :2],
         "track_m_per_s": r.track_means[:, 2:],
         "track_covariance": r.track_covariances,
-        "track_existence": r.existence,
-        "track_sighting": np.where(r.track_sightings[:, 2:] >= 0, r.track_sightings, np.nan),
+        "track_existence": r.track_existence,
+        "track_sighting": r.track_sightings,
     }
     views = {name: array.view() for name, array in found.items()}
     for view in views.values():
@@ -144,7 +144,7 @@ def _tracks(r: Recording) -> Columns:
         **_pair("", "m", r.track_means),
         **_pair("v", "m_per_s", r.track_means[:, 2:]),
         **_spread(r.track_covariances),
-        "existence": r.existence,
+        "existence": r.track_existence,
     }
 
 

@@ -116,7 +116,7 @@ def _measurements(recording: Recording) -> Columns:
 
 
 def _tracks(recording: Recording) -> Columns:
-    """Each track of working UAVs: id, mark of a reported one, state, covariance and existence (NaN if unknown)."""
+    """Each track of working UAVs: id, mark of a reported one, state, covariance and existence (NaN if it has none)."""
     k, uav = recording.cells(recording.track_offsets)
     row, column = np.triu_indices(len(STATE))
     columns = {
@@ -127,7 +127,7 @@ def _tracks(recording: Recording) -> Columns:
         "id": recording.track_ids,
         **dict(zip(STATE, recording.track_means.T, strict=True)),
         **dict(zip(COVARIANCE, recording.track_covariances[:, row, column].T, strict=True)),
-        "existence": recording.existence,
+        "existence": recording.track_existence,
     }
     works = recording.working[k, uav]
     return {name: values[works] for name, values in columns.items()}

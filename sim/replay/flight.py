@@ -125,7 +125,7 @@ class Flight:
             "OSPA": f"mean {mean}, {share} under 1 m",
             "people held": held,
             "losses": losses,
-            "faults": str(len(r.all_faults)) if r.faults else "not recorded",
+            "faults": str(len(r.all_faults)),
             "contacts": str(len(contacts(r))),
         }
 

@@ -121,7 +121,7 @@ def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_pa
             told += [line.rstrip() for line in out.splitlines()]
     assert quoted > 15
     made = {path.name for path in (tmp_path / "runs").iterdir()}
-    pictures = {"timeline.png", "person2.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
+    pictures = {"timeline.png", "person1.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
     assert made == {"grove", "grove-oracle", *pictures}
     assert len(list((tmp_path / "runs" / "frames").iterdir())) == 10
 
@@ -131,11 +131,7 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    settings = [
-        f"tracking.{s}" for s in ("management=m_of_n", "negative_information=0.3", "reacquire_after=1", "sigma_a=0.5")
-    ]
-    settings += ["tracking.motion=ncv", "tracking.max_variance=400"]
-    assert recording.setting == load_scenario(grove, [*settings, "network.fusion=kla"])  # as the page says
+    assert recording.setting == load_scenario(grove)
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
 
 

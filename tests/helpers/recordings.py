@@ -38,6 +38,7 @@ def bare(people, tracks, **changes):
     cells = [cell for row in tracks for cell in row]
     means = np.array([mean for cell in cells for mean in cell.values()], dtype=float).reshape(-1, 4)
     texts = {"version": VERSION, "scenario": "{}", "planner": "hover", "seed": 0, "interrupted": False}
+    texts |= {"sees_truth": False, "faults": "[]", "repeat": 0}
     flight = {name: np.zeros((scans, uavs, n)) for name, n in (("poses", 7), ("cameras", 7), ("commands", 2))}
     flight |= {"times": np.arange(scans) / 5, "trees": np.zeros((0, 6)), "people": people}
     flight |= {"headings": np.zeros((scans, count)), "plan_times": np.zeros(0), "plans": np.zeros((0, uavs, 0, 2))}
@@ -52,8 +53,10 @@ def bare(people, tracks, **changes):
         "track_sightings": np.full((len(means), 3), np.nan),
     }
     truth = {"ospa": np.ones((scans, uavs, 3)), "visible": np.zeros((scans, uavs, count), dtype=np.int64)}
-    truth |= {"matched": np.zeros((scans, uavs, count), dtype=bool)}
-    return Recording(**{**texts, **flight, **measured, **tracked, **truth, **changes})
+    truth |= {"matched": np.zeros((scans, uavs, count), dtype=bool), "contacts": np.zeros((0, 4), dtype=np.int64)}
+    sent = {name: np.zeros((scans, uavs), dtype=np.int64) for name in ("bytes_sent", "plan_bytes")}
+    sent |= {"plan_rounds": np.zeros(scans, dtype=np.int64)}
+    return Recording(**{**texts, **flight, **measured, **tracked, **truth, **sent, **changes})
 
 
 def assert_same(one, other):

@@ -125,7 +125,7 @@ def _holder(flight: Flight, k: int, person: int, id_: int, last: int) -> Holding
 
 
 def track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> tuple[int, Gaussian, float] | None:
-    """The first of the UAVs that has a track after scan k, its belief and existence (NaN if unknown)."""
+    """The first of the UAVs that has a track after scan k, its belief and existence (NaN if the tracker has none)."""
     for i in uavs:
         for track, existence in zip(recording.tracks_at(k, i), recording.existence_at(k, i).tolist(), strict=True):
             if track.id == id_:

@@ -71,11 +71,10 @@ def _tracks(recording: Recording) -> list[Series]:
 
 def _bytes(recording: Recording) -> list[Series]:
     return [
-        Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, np.where(sent < 0, np.nan, sent))
+        Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, sent)
         for what, table in (("tracks", recording.bytes_sent), ("plans", recording.plan_bytes))
         for i, sent in enumerate(table.T.astype(float))
         for colour in [uav_colour(i) if what == "tracks" else on_dark(uav_colour(i))]
-        if np.any(sent >= 0)
     ]
 
 
