@@ -1,20 +1,18 @@
 """OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
+from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm
 from tracking.numerics.arrays import Array
-from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power, power_each
 
 _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mission would take gigabytes
 
 
 class Ospa(NamedTuple):
-    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p."""
+    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p; for p = inf the larger part."""
 
     distance: float
     localisation: float
@@ -24,10 +22,12 @@ class Ospa(NamedTuple):
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """Optimal subpattern assignment distance between estimates (A, 2) and truths (B, 2), all in m.
 
-    c > 0 is the cut-off [m] and the cost of a missing or false estimate, p >= 1 the order. Source: [Schuhmacher08].
+    c > 0 is the cut-off [m] and the cost of a missing or false estimate, p >= 1 the order. Both may be infinite:
+    without a cut-off, sets of different sizes are infinitely far apart; with p = inf the result is the largest distance
+    of a pair, or c if the sizes differ. Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
-    X, Y = checked_positions("estimates", estimates), checked_positions("truths", truths)
+    X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
     return _between(length(X[:, None] - Y[None]), c, p)
 
 
@@ -57,26 +57,9 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     return _between(total / instants, c, p)
 
 
-def checked_positions(name: str, positions: Array) -> Array:
-    """Positions (A, 2); an empty array may have any shape. ValueError for other shapes, as of states, and for NaN."""
-    found = np.asarray(positions, dtype=float)
-    if found.size and found.shape[-1:] != (2,):
-        raise ValueError(f"{name} must be (A, 2), are {found.shape}")
-    found = found.reshape(-1, 2)
-    if not all(map(math.isfinite, found.ravel().tolist())):  # faster than NumPy's for a few
-        first = np.isfinite(found).all(axis=1).argmin()
-        raise ValueError(f"{name}[{first}] is not finite; leave absent ones out")
-    return found
-
-
 def _between(gaps: Array, c: float, p: float) -> Ospa:
     """OSPA of two sets whose members are `gaps` (A, B) m apart."""
-    if not (c > 0 and p >= 1):
-        raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
+    check_metric(c, p)
     most, fewest = max(gaps.shape), min(gaps.shape)
-    if most == 0:
-        return Ospa(0.0, 0.0, 0.0)
-    cost = power_each(np.minimum(gaps, c), p)
-    near = float(least_costs(cost).sum()) / most
-    missing = (power(c, p) * (most - fewest)) / most
-    return Ospa(power(near + missing, 1 / p), power(near, 1 / p), power(missing, 1 / p))
+    near, missing = Part(nearest_pairs(gaps, c, p), 1), Part(np.array([float(c)]), most - fewest)
+    return Ospa(*(norm(parts, p, most) for parts in ([near, missing], [near], [missing])))
