@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracking.account import Association, Birth, End, EndReason, Reacquisition, ScanAccount
+from tracking.filter.motion import count_steps, predict_steps
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
 from tracking.fusion.message import Message
@@ -69,12 +70,12 @@ class Tracker:
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
-        self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
+        self._first, self._steps = 0.0, 0.0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
         self._evidence = NO_EVIDENCE  # of a scan not yet fused
         self._tentative: list[Tentative] = []
-        self._waited = 0  # steps of motion since tentative tracks were last predicted
+        self._waited = 0.0  # steps of motion since tentative tracks were last predicted
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -113,7 +114,7 @@ class Tracker:
 
     def _initiate(self, lens: Lens, z: Array, R: Array) -> None:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
-        time, elapsed, self._waited = self._messenger.time, self._waited, 0
+        time, elapsed, self._waited = self._messenger.time, self._waited, 0.0
         new, self._tentative = initiate_tracks(
             self._tentative, z, R, time=time, elapsed=elapsed, forest=self._forest, lens=lens, p=self.parameters
         )
@@ -136,13 +137,12 @@ class Tracker:
         if self._messenger.scans == 1:  # initial tracks are of this time
             self._first = time
             self._table.sightings[:, 2] = time
-        # The number of steps since the first scan is rounded, not since the last one, so that no drift adds up.
-        elapsed = round((time - self._first) / self.parameters.motion.dt) - self._steps
-        self._steps += elapsed
+        # Steps are counted since the first scan, not since the last one, so that no rounding adds up.
+        steps = count_steps(self.motion, time - self._first)
+        elapsed, self._steps = steps - self._steps, steps
         self._waited += elapsed
         table, (last, before) = self._table, self._last_frame
-        for _ in range(elapsed):
-            table.means, table.covariances = self.motion.predict_all(table.means, table.covariances)
+        table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
         views = visible_samples(self._forest, (table.means, table.covariances), frame, before)
         table.views = (views << _BITS).sum(axis=2)

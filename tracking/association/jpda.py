@@ -11,6 +11,7 @@ from tracking.numerics.exponential import exp, log
 from tracking.numerics.matrices import symmetrise
 
 _SUREST = 1e-9  # least probability of existing, and of not existing, so that later scans can outweigh any history
+_LEAST = 1e-100  # least probability of existing in an association; from zero nothing would follow
 
 
 @elementwise
@@ -34,11 +35,12 @@ def existence_association(
 
     likelihood (T, N) 1/m², zero outside the gate; detection_probability P_D (T, N + 1), below 1, of a measurement of
     the track's person inside the gate: column 0 over the whole belief, column 1 + j given that measurement j is the
-    person's; clutter_density 1/m², above 0; existence r (T,) before the scan.
+    person's; clutter_density 1/m², above 0; existence r (T,) before the scan, of which zero counts as 1e-100.
     Returns beta (T, N + 1), with column 0 for no person or no detection; beta given that the person exists; and r (T,)
     after the scan. In a joint event a track has the factor 1 - r P_D or r P_D likelihood / clutter_density.
     Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's position.
     """
+    existence = np.maximum(existence, _LEAST)
     misses, pairs = _joint_weights(likelihood, detection_probability, clutter_density, existence)
     beta = marginals(misses, pairs, EXACT_SIDE)
     if np.all(existence == 1.0):

@@ -1,7 +1,7 @@
 """Gaussian beliefs, the nearly constant velocity model, and the prediction of the Kalman filter."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -72,6 +72,17 @@ class NearlyConstantVelocity:
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         return predict_linear(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
+
+    def stretch(self, duration: float) -> "NearlyConstantVelocity":
+        """The model over `duration` s, in equal parts of about the length of a scan.
+
+        The variance of velocities grows as fast as before, σ² dt per second with the dt of a scan. So the model over a
+        whole number of scans has the moments of as many scans.
+        """
+        dt = self.dt / self.scans
+        scans = max(round(duration / dt), 1)
+        sigma_a = self.sigma_a * math.sqrt(scans * dt / duration)
+        return replace(self, dt=duration, scans=scans, sigma_a=sigma_a)
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""

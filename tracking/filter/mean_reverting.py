@@ -15,6 +15,7 @@ from tracking.numerics.exponential import exp
 _Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, for one scan
 _Reverting = tuple[float, tuple[float, float], float]  # a scan [s], the result of `_reversion`, walking speed [m/s]
 _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
+_SETTLED = 600.0  # s, after which each scan adds the same to the mean and covariance of a position, and nothing else
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,14 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        return _after_scans(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.scans, *self._scan)
+        scans = min(self.scans, math.ceil(_SETTLED * self.scans / self.dt))
+        means, covariances = np.ascontiguousarray(means), np.ascontiguousarray(covariances)
+        means, covariances = _after_scans(means, covariances, scans, *self._scan)
+        if scans < self.scans:
+            moved, spread = _after_scans(means, covariances, 1, *self._scan)
+            means[:, :2] += (self.scans - scans) * (moved - means)[:, :2]
+            covariances[:, :2, :2] += (self.scans - scans) * (spread - covariances)[:, :2, :2]
+        return means, covariances
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """As `NearlyConstantVelocity.positions_ahead`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
@@ -22,6 +22,9 @@ MOTION_MODELS = Registry(
     ("predict_all(means, covariances)",),
 )
 
+_ROUNDING = 1e-3  # steps; times that are this near to a whole number of steps are meant to be there
+_ONE_BY_ONE = 10  # steps; more are predicted at once
+
 
 class MotionModel(Protocol):
     """Prediction of beliefs over one step of `dt`.
@@ -36,6 +39,33 @@ class MotionModel(Protocol):
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
+
+
+@runtime_checkable
+class StretchableMotion(Protocol):
+    """A motion model that predicts over steps of any duration; for others, times are rounded to whole steps."""
+
+    def stretch(self, duration: float) -> MotionModel:
+        """The same motion over one step of `duration` s, longer or shorter than `dt`."""
+
+
+def count_steps(motion: MotionModel, duration: float) -> float:
+    """Steps of a model in `duration` s: whole if rounding makes the difference, or if the model has no other steps."""
+    steps, whole = duration / motion.dt, float(round(duration / motion.dt))
+    return steps if abs(steps - whole) > _ROUNDING and isinstance(motion, StretchableMotion) else whole
+
+
+def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: float) -> tuple[Array, Array]:
+    """Predict a stack of beliefs, means (T, 4) and covariances (T, 4, 4), over a number of steps of the model.
+
+    A few whole steps are predicted one by one; others at once, if the model can.
+    """
+    dt = motion.dt
+    if isinstance(motion, StretchableMotion) and (steps > _ONE_BY_ONE or not float(steps).is_integer()):
+        return motion.stretch(steps * dt).predict_all(means, covariances)
+    for _ in range(round(steps)):
+        means, covariances = motion.predict_all(means, covariances)
+    return means, covariances
 
 
 def make_motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracking.account import Origin
 from tracking.filter.kalman import Gaussian
+from tracking.filter.motion import predict_steps
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.measurement_update import ScanPrediction, ScanUpdate, update_scan
@@ -24,7 +25,7 @@ class Tentative:
     origins: tuple[Origin, ...]  # its measurements
     existence: float = 1.0  # probability
     scans: int = 1  # since its first measurement, which counts
-    unseen: int = 0  # steps of motion since its last measurement
+    unseen: float = 0.0  # steps of motion since its last measurement
 
 
 def initiate_tracks(
@@ -33,7 +34,7 @@ def initiate_tracks(
     R: Array,
     *,
     time: float,
-    elapsed: int,
+    elapsed: float,
     forest: Forest,
     lens: Lens,
     p: TrackerParameters,
@@ -58,7 +59,7 @@ def initiate_tracks(
                 track.origins if j is None else (*track.origins, Origin(time, z[j])),
                 float(after.existence[t]),
                 track.scans + 1,
-                track.unseen + elapsed if j is None else 0,
+                track.unseen + elapsed if j is None else 0.0,
             )
         )
     grown += [_begin(Origin(time, z[j]), R[j], p) for j in np.flatnonzero(~after.explained).tolist()]
@@ -98,13 +99,12 @@ def _decide(track: Tentative, p: TrackerParameters) -> bool | None:
 
 
 def _predict(
-    tentative: list[Tentative], elapsed: int, forest: Forest, lens: Lens, p: TrackerParameters
+    tentative: list[Tentative], elapsed: float, forest: Forest, lens: Lens, p: TrackerParameters
 ) -> ScanPrediction:
     """Prediction of tentative tracks to a scan."""
     means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
     covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
-    for _ in range(elapsed):
-        means, covariances = p.motion.predict_all(means, covariances)
+    means, covariances = predict_steps(p.motion, means, covariances, elapsed)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
     detectable = visible_samples(forest, (means, covariances), lens)[:, 0].mean(axis=1)
     return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)

@@ -88,7 +88,10 @@ def norm(parts: Sequence[Part], p: float, count: int = 1) -> float:
 
 def _total(parts: Sequence[Part], p: float, count: int, unit: float) -> float:
     """Sum of powers divided by `count`, with distances in multiples of `unit` m."""
-    return sum(float(power_each(distances / unit, p).sum()) * factor / count for distances, factor in parts)
+    total = 0.0
+    for distances, factor in parts:
+        total += float(power_each(distances / unit, p).sum()) * factor / count
+    return total
 
 
 def _least_largest(near: Array, c: float) -> Array:
