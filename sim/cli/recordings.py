@@ -1,6 +1,5 @@
 """`understory replay`, `frames` and `export`: a recorded mission again, as film, images or text."""
 
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +16,7 @@ from sim.replay.frames.pages import scans_between, write_frames
 from sim.replay.page.page import write_page
 from sim.replay.redrawn_film import check_layout, film_content, write_film
 from sim.replay.window import show
-from sim.scenario.quantities import integer, interval
+from sim.scenario.quantities import integer, interval, number
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import counted_progress
@@ -149,10 +148,7 @@ def _check_way(asked: dict[str, bool], given: list[str]) -> None:
 
 
 def _speed(text: str) -> float:
-    try:
-        value = float(text.strip().removesuffix("x"))
-    except ValueError:
-        value = math.nan
+    value = number(text.strip().removesuffix("x"))
     if not _SPEEDS[0] <= value <= _SPEEDS[1]:
         raise InputError(f"--speed: {text!r} is not allowed; expected a factor from {_SPEEDS[0]:g} to {_SPEEDS[1]:g}")
     return value

@@ -29,7 +29,8 @@ class _ScanRows(NamedTuple):
     """Rows of one UAV's scan."""
 
     pose: list[float]  # position and quaternion of the camera
-    measurements: list[list[float]]  # position and covariance of each row; empty in the row of a scan without any
+    # Line of each measurement, a position and covariance, which is empty in the row of a scan without any
+    measurements: dict[tuple[float, ...], str]
 
 
 def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
@@ -37,8 +38,28 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
 
     A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose
     with a quaternion xyzw. A scan without measurements is one row without x, y, xx, xy and yy, which is negative
-    information for a tracker. Rows are in the order of time. InputError names file, line and column of a wrong entry.
+    information for a tracker. Rows are in the order of time. InputError names file, line and column of a wrong entry,
+    or a UAV whose camera never looks down, so that its quaternions may be in the order wxyz.
     """
+    scans = list(_read_scans(path))
+    for uav in sorted({scan.uav for instant in scans for scan in instant}):
+        own = [scan for instant in scans for scan in instant if scan.uav == uav]
+        if not any(_sees_ground(scan) for scan in own):
+            where = f"scans: {path}, column camera_qx: the camera of UAV {uav}"
+            hint = "quaternions are xyzw, 0,0,0,1 looks straight down; are these wxyz?"
+            raise InputError(f"{where} looks above the horizon in each of its {len(own)} scans; {hint}")
+    return iter(scans)
+
+
+def _sees_ground(scan: Scan) -> bool:
+    """Test if a camera looks down, or has a measurement in front of it although it looks up."""
+    back, away = scan.pose.rotation[:, 2], scan.measurements - scan.pose.position[:2]
+    depths = scan.pose.position[2] * back[2] - away[:, 0] * back[0] - away[:, 1] * back[1]
+    return bool(back[2] >= 0 or (depths > 0).any())
+
+
+def _read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
+    """As `read_scans`, without the check of cameras."""
     time = -math.inf
     scans = dict[int, _ScanRows]()
     for row in read_rows(Path(path), "scans", SCAN_COLUMNS):
@@ -50,10 +71,13 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
                 yield _make_scans(time, scans)
             time, scans = now, {}
         uav, pose = row.integer("uav"), _pose(row)
-        scan = scans.setdefault(uav, _ScanRows(pose, []))
+        scan = scans.setdefault(uav, _ScanRows(pose, {}))
         if pose != scan.pose:
             raise row.error("camera_x", "the camera has another pose in another row of this scan")
-        scan.measurements.append(_measurement(row, scan))
+        measurement = _measurement(row, scan)
+        if measurement in scan.measurements:
+            raise row.error("x", f"the same measurement of this scan is in {scan.measurements[measurement]}")
+        scan.measurements[measurement] = f"line {row.line}"
     if not scans:
         raise InputError(f"scans: {path}: holds no scan")
     yield _make_scans(time, scans)
@@ -75,7 +99,13 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
 
 def read_forest(path: _Path) -> Forest:
     """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
-    return Forest(tuple(_tree(row) for row in read_rows(Path(path), "trees", TREE_COLUMNS)))
+    trees: dict[Tree, int] = {}  # lines
+    for row in read_rows(Path(path), "trees", TREE_COLUMNS):
+        tree = _tree(row)
+        if tree in trees:
+            raise row.error("x", f"the same tree is in line {trees[tree]}")
+        trees[tree] = row.line
+    return Forest(tuple(trees))
 
 
 def _tree(row: Row) -> Tree:
@@ -98,24 +128,24 @@ def _pose(row: Row) -> list[float]:
     return pose
 
 
-def _measurement(row: Row, scan: _ScanRows) -> list[float]:
+def _measurement(row: Row, scan: _ScanRows) -> tuple[float, ...]:
     """Position and covariance, or nothing; InputError if the row contradicts earlier rows of its scan."""
-    if scan.measurements == [[]]:
+    if () in scan.measurements:
         raise row.error("x", "this scan has another row, without a measurement")
     if not any(row.values[name] for name in MEASUREMENT):
         if scan.measurements:
             raise row.error("x", "is empty, but this scan has measurements")
-        return []
+        return ()
     x, y, xx, xy, yy = (row.number(name) for name in MEASUREMENT)
     if not (xx > 0 and xx * yy > xy * xy):
         raise row.error("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
-    return [x, y, xx, xy, xy, yy]
+    return x, y, xx, xy, xy, yy
 
 
 def _make_scans(time: float, by_uav: dict[int, _ScanRows]) -> tuple[Scan, ...]:
     scans = []
     for uav, (pose, rows) in sorted(by_uav.items()):
-        table = np.array(rows, dtype=float).reshape(-1, 6)
+        table = np.array(list(rows), dtype=float).reshape(-1, 6)
         at = Pose(np.array(pose[:3]), np.array(pose[3:]))
         scans.append(Scan(uav, time, at, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
     return tuple(scans)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim.scenario.quantities import number
 from sim.scenario.text_files import text
 from tracking.errors import InputError
 
@@ -20,6 +21,7 @@ class Row:
     """One row of a table."""
 
     where: str  # file and line, with which errors begin
+    line: int
     values: Mapping[str, str]  # by column
 
     def error(self, column: str, what: str) -> InputError:
@@ -36,10 +38,7 @@ class Row:
     def number(self, column: str) -> float:
         """A finite number; InputError if the entry is none."""
         found = self.text(column)
-        try:
-            value = float(found)
-        except ValueError:
-            value = math.nan
+        value = number(found)
         if not math.isfinite(value):
             raise self.error(column, f"{found!r} is not a finite number")
         return value
@@ -79,6 +78,6 @@ def read_rows(
             if entries and len(entries) != len(header):
                 raise InputError(f"{where}: has {len(entries)} entries, not {len(header)} as line 1")
             if entries:
-                yield Row(where, dict(zip(header, map(str.strip, entries), strict=True)))
+                yield Row(where, table.line_num, dict(zip(header, map(str.strip, entries), strict=True)))
     except csv.Error as error:  # an entry is longer than Python's reader allows
         raise InputError(f"{name}, line {table.line_num}: {error}") from error

@@ -21,7 +21,16 @@ MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
 REPEATS = 10_000  # largest number of repeats of one map
 WORKERS = 1024  # largest number of processes of one study
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", flags=re.ASCII)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+
+
+def number(text: str) -> float:
+    """The number that a text such as -1.5e3 writes in ASCII digits; NaN for any other text, also for 1_0 or inf.
+
+    Python's `float` reads these, too, and the digits of all scripts, which a reader may take for something else.
+    """
+    return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
 def seconds(text: str, field: str, most: float = 366 * DAY) -> float:
@@ -44,10 +53,7 @@ def interval(text: str, field: str) -> tuple[float, float | None]:
 
 def _seconds(text: str, field: str) -> float:
     match = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Zµ]*)\s*", text)
-    try:
-        value = float(match[1]) if match else math.nan
-    except ValueError:
-        value = math.nan
+    value = number(match[1]) if match else math.nan
     if match is None or not math.isfinite(value):
         raise InputError(f"{field}: {text!r} is not a time; allowed are forms such as 40, 40s, 1.5min")
     if match[2] and match[2] not in _SECONDS:

@@ -16,6 +16,19 @@ else:
     import tomli as tomllib
 
 MOST_BYTES = 2**26  # largest size of a file
+_UNPACK, _SAVE = "unpack it first", "save it as UTF-8"
+# By their first bytes, files that are no text in UTF-8, and what to do with them.
+_KINDS = {
+    b"\x1f\x8b": ("compressed by gzip", _UNPACK),
+    b"BZh": ("compressed by bzip2", _UNPACK),
+    b"\xfd7zXZ\x00": ("compressed by xz", _UNPACK),
+    b"\x28\xb5\x2f\xfd": ("compressed by zstd", _UNPACK),
+    b"PK\x03\x04": ("a zip archive, as workbooks of spreadsheets are", "unpack it, or save the table as CSV in UTF-8"),
+    b"\xff\xfe\x00\x00": ("text in UTF-32", _SAVE),
+    b"\x00\x00\xfe\xff": ("text in UTF-32", _SAVE),
+    b"\xff\xfe": ("text in UTF-16", _SAVE),
+    b"\xfe\xff": ("text in UTF-16", _SAVE),
+}
 _BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, which are parsed at about a megabyte per second
 _DEEPEST = 30  # levels of nested tables and lists
@@ -42,8 +55,14 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
 
 def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
     """The text of a file in UTF-8; limits and errors as in `content`."""
+    read = content(path, where, most)
+    for start, (kind, remedy) in _KINDS.items():
+        if read.startswith(start):
+            raise InputError(f"{where}: {path} cannot be read: is {kind}; {remedy}")
+    if b"\0" in read:
+        raise InputError(f"{where}: {path} cannot be read: has zero bytes, as UTF-16 or no text has; {_SAVE}")
     try:
-        return content(path, where, most).decode("utf-8-sig")
+        return read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{where}: {path} cannot be read: {error}") from error
 

@@ -62,6 +62,8 @@ class Camera:
     pixels: int  # along each edge
 
     def __post_init__(self) -> None:
+        if math.isclose(self.fov, ALL_ROUND, rel_tol=1e-6):  # as 6.2831853
+            object.__setattr__(self, "fov", ALL_ROUND)
         if not 0 < self.fov < math.pi and self.fov != ALL_ROUND:
             allowed = "expected more than 0 and less than pi rad, or 2 pi: all round"
             raise ValueError(f"fov: {self.fov:g} is not allowed; {allowed}")

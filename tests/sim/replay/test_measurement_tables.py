@@ -33,6 +33,7 @@ WALKING = MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
 HEADER = ",".join(SCAN_COLUMNS)
 GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations
 POSE = "0,0,20,0,0,0,1"
+UP = "0,0,20,1,0,0,0"
 GOOD = f"0.0,0,1,2,0.1,0,0.1,{POSE}"
 
 
@@ -84,6 +85,26 @@ WRONG = {
     "two poses": ([GOOD, GOOD.replace(",20,", ",21,")], "line 3, column camera_x: the camera has another pose"),
     "measured and not": ([GOOD, f"0.0,0,,,,,,{POSE}"], "line 3, column x: is empty, but this scan has measurements"),
     "not measured and yet": ([f"0.0,0,,,,,,{POSE}", GOOD], "line 3, column x: this scan has another row, without"),
+    "a row twice": (
+        [GOOD, GOOD.replace("0.0,0", "0.0,1"), GOOD],
+        "line 4, column x: the same measurement of this scan",
+    ),
+    "a row twice, in other words": (
+        [GOOD, GOOD.replace("1,2,0.1", "1.0,2e0,.1")],
+        "line 3, column x: the same measurement of this scan is in line 2",
+    ),
+    "an empty row twice": ([f"0.0,0,,,,,,{POSE}"] * 2, "line 3, column x: this scan has another row, without"),
+    "1_0": ([GOOD.replace(",1,2,", ",1_0,2,")], "line 2, column x: '1_0' is not a finite number"),
+    "full-width digits": (
+        [GOOD.replace(",1,2,", ",\uff11\uff10,2,")],
+        "line 2, column x: '\uff11\uff10' is not a finite",
+    ),
+    "a camera that looks up": (
+        [f"0.0,0,,,,,,{POSE}", f"0.0,1,1,2,0.1,0,0.1,{UP}", f"0.2,1,,,,,,{UP}"],
+        "column camera_qx: the camera of UAV 1 looks above the horizon in each of its 2 scans; "
+        "quaternions are xyzw, 0,0,0,1 looks straight down; are these wxyz?",
+    ),
+    "a heading of 60 degrees as wxyz": (["0.0,0,1,2,0.1,0,0.1,0,0,20,0.8660254,0,0,0.5"], "are these wxyz?"),
     "short row": (["0.0,0,1,2"], "line 2: has 4 entries, not 14 as line 1"),
     "long row": ([GOOD + ",7"], "line 2: has 15 entries, not 14 as line 1"),
     "nothing": ([], "scans.csv: holds no scan"),
@@ -95,6 +116,16 @@ def test_a_row_that_cannot_be_used_is_named(tmp_path, lines, message):
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         list(read_scans(written(tmp_path, *lines)))
     assert str(caught.value).startswith(f"scans: {tmp_path / 'scans.csv'}") and "\n" not in str(caught.value)
+
+
+def test_a_camera_may_look_up_for_a_while_or_at_somebody_in_front_of_it(tmp_path):
+    assert len(list(read_scans(written(tmp_path, GOOD, f"0.2,0,,,,,,{UP}")))) == 2
+    # 5 degrees above the horizon to the north, and a person 40 m to the north.
+    oblique = f"0,0,3,{math.sin(math.radians(47.5))!r},0,0,{math.cos(math.radians(47.5))!r}"
+    ((found,),) = read_scans(written(tmp_path, f"0.0,0,0,40,0.1,0,0.1,{oblique}"))
+    assert found.pose.rotation[2, 2] < 0 and len(found.measurements) == 1
+    with pytest.raises(ValueError, match="are these wxyz"):
+        read_scans(written(tmp_path, f"0.0,0,0,-40,0.1,0,0.1,{oblique}"))
 
 
 def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
@@ -114,6 +145,15 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", ", line 2, column trunk_radius: -0.2 m is not allowed"),
         (read_forest, TREE_COLUMNS, b"0,0,1,7,6,0.2", ", line 2, column canopy_base: 7 m is above canopy_top 6 m"),
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, ", line 2: field larger than field limit"),
+        (
+            read_forest,
+            TREE_COLUMNS,
+            b"0,0,1,3,6,0.2\n1,0,1,3,6,0.2\n0,0,1,3,6.0,0.2",
+            ", line 4, column x: the same tree is in line 2",
+        ),
+        (read_forest, TREE_COLUMNS, b"0,1_0,1,3,6,0.2", ", line 2, column y: '1_0' is not a finite number"),
+        (read_cameras, CAMERA_COLUMNS, b"0,1_0,128", ", line 2, column fov: '1_0' is not a finite number"),
+        (read_cameras, CAMERA_COLUMNS, b"0,1,1_0", ", line 2, column pixels: '1_0' is not an integer"),
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", " cannot be read: 'utf-8' codec can't decode byte 0xe9"),
         (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, ", line 2, column pixels: an integer of 5000 digits"),
         (
@@ -147,8 +187,9 @@ def test_a_camera_that_cannot_be_is_named(tmp_path, line, message):
 
 
 def test_a_camera_that_sees_all_round_is_read(tmp_path):
-    read = read_cameras(written(tmp_path, f"1,{2 * math.pi!r},128", header="uav,fov,pixels"))
-    assert read[1].fov == ALL_ROUND
+    lines = f"1,{2 * math.pi!r},128", "2,6.2831853,128"
+    read = read_cameras(written(tmp_path, *lines, header="uav,fov,pixels"))
+    assert read[1].fov == read[2].fov == ALL_ROUND
 
 
 def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):

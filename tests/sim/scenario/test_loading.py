@@ -1,8 +1,13 @@
 """Scenario files are read strictly, and every number has bounds far beyond those of research."""
 
+import bz2
+import gzip
 import json
+import lzma
+import math
 import os
 import re
+import zipfile
 from pathlib import Path
 
 import msgspec
@@ -10,9 +15,11 @@ import pytest
 from helpers.hostile_values import numbers
 from msgspec import inspect
 
+from sim.cli.recordings import _speed
+from sim.scenario.csv_tables import read_rows
 from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load
-from sim.scenario.quantities import integer, integers, seconds
+from sim.scenario.quantities import integer, integers, interval, number, seconds
 from sim.scenario.scenario import Scenario, check_workload
 from sim.scenario.settings_text import changed
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
@@ -103,6 +110,41 @@ def test_numbers_on_the_command_line_are_bounded(read, text, words):
     assert integers(f"0-99998,{2**128 - 1}", "--seeds")[-1] == 2**128 - 1
 
 
+# Python reads these as numbers; people take them for something else.
+LIKE_NUMBERS = ["1_0", "\uff14\uff10", "\u0664\u0660", "1\u00b2", "1e1_0", "0x1p4", "1,5", "infinity", "nan"]
+
+
+@pytest.mark.parametrize("written", LIKE_NUMBERS)
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda t, _: seconds(t, "--duration"),
+        lambda t, _: interval(f"{t}:99", "--time"),
+        lambda t, _: interval(f"0:{t}", "--time"),
+        lambda t, _: integer(t, "--seed", least=0, most=99),
+        lambda t, _: integers(t, "--seeds") if "," not in t else integers("1.5", "--seeds"),
+        lambda t, _: _speed(t),
+        lambda t, path: next(in_table(path, t)).number("x"),
+        lambda t, path: next(in_table(path, t)).integer("x"),
+    ],
+    ids=["duration", "start", "end", "seed", "seeds", "speed", "number of a table", "integer of a table"],
+)
+def test_numbers_have_ascii_digits_and_no_underscores(tmp_path, read, written):
+    with pytest.raises(InputError):
+        read(written, tmp_path / "table.csv")
+
+
+def in_table(path, entry):
+    path.write_text(f'x,y\n"{entry}",0\n', encoding="utf-8")
+    return read_rows(path, "field", ["x", "y"])
+
+
+@pytest.mark.parametrize("written", ["7", "+7", "-0.5", ".5", "5.", "1e3", "1.5E-3", "00.25", "0.1", "1e-320"])
+def test_a_number_is_the_one_that_its_text_means(written):
+    assert number(written) == float(written)
+    assert math.isnan(number(f" {written}")) and math.isnan(number(f"{written} "))
+
+
 def sparse(path):
     with path.open("wb") as file:
         file.truncate(MOST_BYTES + 1)
@@ -119,8 +161,19 @@ def sparse(path):
         (lambda path: None, "No such file"),
         (sparse, f"more than the {MOST_BYTES} bytes that are allowed"),
         (lambda path: path.write_bytes(b"\xff"), "codec can't decode"),
+        (lambda path: path.write_bytes("x,y".encode("utf-16")), "is text in UTF-16; save it as UTF-8"),
+        (lambda path: path.write_bytes(b"\xfe\xff" + "x,y".encode("utf-16-be")), "is text in UTF-16; save"),
+        (lambda path: path.write_bytes("x,y".encode("utf-16-le")), "zero bytes, as UTF-16 or no text has; save"),
+        (lambda path: path.write_bytes("x,y".encode("utf-32")), "is text in UTF-32; save it as UTF-8"),
+        (lambda path: path.write_bytes(gzip.compress(b"x,y")), "is compressed by gzip; unpack it first"),
+        (lambda path: path.write_bytes(bz2.compress(b"x,y")), "is compressed by bzip2; unpack it first"),
+        (lambda path: path.write_bytes(lzma.compress(b"x,y")), "is compressed by xz; unpack it first"),
+        (lambda path: zipfile.ZipFile(path, "w").writestr("x", "y"), "is a zip archive, as workbooks of spreadsheets"),
     ],
-    ids=["pipe", "folder", "zeros", "chance", "loop", "nothing", "too large", "no text"],
+    ids=[
+        *("pipe", "folder", "zeros", "chance", "loop", "nothing", "too large", "no text"),
+        *("UTF-16", "big UTF-16", "UTF-16 without a mark", "UTF-32", "gzip", "bzip2", "xz", "zip"),
+    ],
 )
 def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
     path = tmp_path / "given"

@@ -127,6 +127,9 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
         (table([*GOOD, (0, '"a\x1bb"', 0, 0)]), "line 4, column id: is not printable"),
         (table([*GOOD, (0, "x" * 200_000, 0, 0)]), "line 4: field larger than field limit"),
         (table([(t, i, 0, 0) for i in range(9001) for t in (0, 1)]), "9001 people for a duration of 40 s are too many"),
+        (table([*GOOD, ("1_0", 1, 0, 0)]), "line 4, column time: '1_0' is not a finite number"),
+        (table([*GOOD, (2, 1, "\uff11", 0)]), "line 4, column x: '\uff11' is not a finite number"),
+        (table([*GOOD, GOOD[1]]), "line 4, column time: id 1 has a second row at 1 s"),
         (table([]), "has no rows below the names of its columns; a path needs two or more"),
     ],
 )

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 
 CAMERA = Camera(math.radians(60), 128)
 
@@ -71,6 +71,14 @@ def test_rays_that_meet_no_ground_give_nan():
     points = CAMERA.ground_points(pose, np.array([[64.0, 100.0], [0.0, 63.0], [64.0, 20.0]]))
     assert points[0, 1] == pytest.approx(20 * CAMERA.focal / 36) and np.isnan(points[1:]).all()
     assert np.isnan(CAMERA.footprint(pose)).any(axis=1).tolist() == [False, False, True, True]
+
+
+def test_two_pi_may_be_rounded():
+    for fov in (6.2831853, 6.283185, 6.28319, math.radians(360.0), math.tau):
+        assert Camera(fov, 128).fov == ALL_ROUND
+    for fov in (6.2831, 6.2833, math.pi):
+        with pytest.raises(ValueError, match=r"expected more than 0 and less than pi rad, or 2 pi: all round$"):
+            Camera(fov, 128)
 
 
 @pytest.mark.parametrize(
