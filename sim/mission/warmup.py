@@ -58,13 +58,13 @@ def announce_compilation(say: Say) -> Iterator[None]:
 
 @cache
 def warm_up() -> None:
-    """Fly two missions of a second, once per process, so that all kernels are loaded, or compiled and cached."""
-    windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
-    rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))
+    """Fly two missions of 0.6 s, once per process, so that all kernels are loaded, or compiled and cached."""
+    windy = Scenario(duration=0.6, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
+    rendered = Scenario(duration=0.6, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))
     for scenario in (windy, rendered):
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
-    # Negative information does not occur within a second in every forest.
+    # Negative information does not occur within 0.6 s in every forest.
     negative_information_update((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge

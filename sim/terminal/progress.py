@@ -1,6 +1,5 @@
 """Progress bars for flights and drawings."""
 
-import pdb
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -58,6 +57,8 @@ def _bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> I
 
         def debug(*_: object) -> None:
             """Stop the bar until the next call, because it would be drawn over the debugger's prompt."""
+            import pdb  # here, since its import takes a tenth of a second
+
             status.stop()
             progress.stop()
             pdb.Pdb().set_trace(sys._getframe(1))
