@@ -119,6 +119,7 @@ class UndetectedIntensity:
             deviation = math.sqrt(belief.covariance[axis, axis]) + 1e-9
             place = min(max(float(belief.mean[axis]), edges[0]), edges[-1])
             share = np.diff(normal_cdf_each((edges - place) / deviation))
+            share = share if share.any() else np.ones(count)  # so wide that the cells are nothing in it
             shares.append(share / share.sum())
         return np.outer(*shares)
 

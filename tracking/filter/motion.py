@@ -23,7 +23,7 @@ MOTION_MODELS = Registry(
 )
 
 _ROUNDING = 1e-3  # steps; times that are this near to a whole number of steps are meant to be there
-_ONE_BY_ONE = 10  # steps; more are predicted at once
+_ONE_BY_ONE = 1000  # steps, the most between two frames of a camera in a mission; more are predicted at once
 
 
 class MotionModel(Protocol):
@@ -58,7 +58,7 @@ def count_steps(motion: MotionModel, duration: float) -> float:
 def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: float) -> tuple[Array, Array]:
     """Predict a stack of beliefs, means (T, 4) and covariances (T, 4, 4), over a number of steps of the model.
 
-    A few whole steps are predicted one by one; others at once, if the model can.
+    Up to a thousand whole steps are predicted one by one; others at once, if the model can.
     """
     dt = motion.dt
     if isinstance(motion, StretchableMotion) and (steps > _ONE_BY_ONE or not float(steps).is_integer()):
