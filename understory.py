@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-# Before anything is imported from them.
+# Check that no other module hides these packages, before anything is imported from them.
 for _package in ("sim", "planning", "tracking"):
     _found = find_spec(_package)
     _places = [*(_found.submodule_search_locations or ()), _found.origin] if _found else []
@@ -34,15 +34,15 @@ from sim.recording.recording import Recording
 from sim.replay.flight import Flight, load
 from sim.running.mission_flight import fly_mission
 from sim.running.results import record, run_mission
-from sim.scenario.loading import chosen, place_of
-from sim.scenario.quantities import WORKERS, integer, seed_and_repeat
+from sim.scenario.loading import place_of, resolve_scenario
+from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
 from sim.sensing.detector_check import check_detector
 from sim.study.backends import Pool
-from sim.study.scheduler import rows_of
-from sim.study.store import frame_of
-from sim.study.study import study_of
-from sim.study.tasks import tasks
+from sim.study.scheduler import fly_tasks
+from sim.study.store import tabulate_rows
+from sim.study.study import make_study
+from sim.study.tasks import list_tasks
 from tracking.detection.detector import Detections, Detector, Frame
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
@@ -114,13 +114,15 @@ def run(
     Raises:
         InputError: If scenario, settings, planner or folder cannot be used.
     """
-    setting, numbers = chosen(scenario, settings), (*seed_and_repeat(seed, repeat), place_of(scenario, settings))
+    setting = resolve_scenario(scenario, settings)
+    numbers = parse_seed_and_repeat(seed, repeat)
+    place = place_of(scenario, settings)
     if out is not None:
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        run_mission(Trial(setting, planner, *numbers), Path(out))
+        run_mission(Trial(setting, planner, *numbers, place), Path(out))
         return load(out)
-    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
+    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
     made = resolve_planner(planner)
     return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
 
@@ -146,7 +148,8 @@ def mission(
         InputError: If scenario, settings or planner cannot be used.
     """
     made = None if planner is None else resolve_planner(planner)
-    setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
+    setting = resolve_scenario(scenario, settings)
+    numbers = parse_seed_and_repeat(seed, repeat)
     with prefix_errors(place_of(scenario, settings), PlannerError):
         return Mission(setting, made, *numbers)
 
@@ -179,11 +182,11 @@ def compare(
     Raises:
         InputError: If an argument cannot be used, or neither pandas nor polars is installed.
     """
-    frame_of([])  # raises the error for a missing library now rather than after the flights
-    processes = None if workers is None else integer(workers, "workers", least=1, most=WORKERS)
-    listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
+    tabulate_rows([])  # raises the error for a missing library now rather than after the flights
+    processes = None if workers is None else parse_integer(workers, "workers", least=1, most=WORKERS)
+    listed = list_tasks(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
     with Pool(processes) as pool:
-        return frame_of(rows_of(listed, pool))
+        return tabulate_rows(fly_tasks(listed, pool))
 
 
 def parallel_env(

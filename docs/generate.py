@@ -22,7 +22,7 @@ import msgspec
 
 from planning.planners import DEFAULT_PLANNER, PLANNERS
 from sim.scenario.scenario import Scenario
-from sim.scenario.settings_text import toml
+from sim.scenario.settings_text import format_value
 from sim.scenario.uavs import Cut, Uav
 from sim.world.appearance import FULL
 from tracking.plugins.registry import import_plugin
@@ -207,7 +207,7 @@ def _default(key: str, field: msgspec.structs.FieldInfo) -> str:
         return "below"
     if field.default is msgspec.NODEFAULT or field.default is None:
         return ""
-    return f"`{toml(field.default) if not isinstance(field.default, str) else json.dumps(field.default)}`"
+    return f"`{format_value(field.default) if not isinstance(field.default, str) else json.dumps(field.default)}`"
 
 
 def _limits(kind: Any) -> str:  # noqa: ANN401 - a type

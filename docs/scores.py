@@ -25,15 +25,15 @@ from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
 from sim.report.formats import markdown_table
-from sim.study.cells import VIEW, cells
+from sim.study.cells import VIEW, list_cells
 from sim.study.store import read_rows
-from sim.study.study import read
+from sim.study.study import read_study
 from sim.study.tasks import Row
 from tracking.numerics.arrays import Array
 
 DOCS = Path(__file__).parent
 TRIALS, FIGURE = DOCS / "results" / "worlds.csv", DOCS / "media" / "scores.png"
-STUDY = read("bench-1")
+STUDY = read_study("bench-1")
 DEFAULT, *RIVALS = (
     "sma-nbo-gospa",
     "sma-nbo-mwtp",
@@ -77,7 +77,7 @@ def add(folders: Iterable[Path]) -> None:
 
     The last that was flown counts; flights with other settings than the study's are in other worlds, and left out.
     """
-    settings = {(cell.scenario, _view(cell.factors)): cell.settings for cell in cells(STUDY)}
+    settings = {(cell.scenario, _view(cell.factors)): cell.settings for cell in list_cells(STUDY)}
     flown = [row for folder in folders for row in read_rows(folder) if row.study == STUDY.name]
     flown = [row for row in flown if row.settings == settings.get((row.scenario, _view(row.factors)))]
     done = [*trials(), *(row for row in flown if row.status == "done" and row.repeat == 0)]

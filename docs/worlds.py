@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Rectangle
 from sim.mission.world_setup import forest_and_people
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
-from sim.study.study import read
+from sim.study.study import read_study
 
 FOLDER = Path(__file__).parent / "media" / "worlds"
 INCH = 28.0  # m
@@ -45,7 +45,7 @@ def picture(scenario: Scenario, seed: int = 0) -> Figure:
 def main() -> None:
     """Draw all worlds."""
     FOLDER.mkdir(exist_ok=True)
-    for name in read("bench-1").scenarios:
+    for name in read_study("bench-1").scenarios:
         picture(load(name)).savefig(FOLDER / f"{name}.png", dpi=80, metadata={"Software": None})
 
 

@@ -10,7 +10,7 @@ sys.path.append(str(ROOT))
 sys.path.sort(key=lambda place: os.path.abspath(place) == os.getcwd())
 
 from sim.cli.start import start
-from sim.terminal.commands import command_group, conclude
+from sim.terminal.commands import make_command_group, run_command_line
 
 # Function of each command, and its line in the list of commands. A command's module is imported when it is called:
 # all of them together take two seconds.
@@ -28,12 +28,12 @@ COMMANDS = {
     "check-detector": ("sim.cli.checks:check_detector", "Check that a detector keeps the rules for detectors."),
     "check-tracker": ("sim.cli.checks:check_tracker", "Check that a tracker keeps the rules for trackers."),
 }
-app = command_group(start, COMMANDS)
+app = make_command_group(start, COMMANDS)
 
 
 def main() -> None:
     """Run the command line and exit."""
-    conclude(app)
+    run_command_line(app)
 
 
 if __name__ == "__main__":

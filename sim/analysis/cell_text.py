@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from sim.study.cells import ENTERED
+from sim.study.cells import COMPARED_FACTORS
 from sim.study.tasks import Row, Task
 
 Cell = tuple[tuple[str, str], ...]  # name and value of each factor that varies over the study
@@ -18,7 +18,7 @@ def cells_of(rows: Sequence[Placed]) -> list[Cell]:
         (*((name, getattr(row, name)) for name in differing if name not in dict(row.factors)), *row.factors)
         for row in rows
     ]
-    return [tuple(factor for factor in cell if factor[0] not in ENTERED) for cell in found]
+    return [tuple(factor for factor in cell if factor[0] not in COMPARED_FACTORS) for cell in found]
 
 
 def cell_text(cell: Cell | None) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from sim.analysis.cell_text import Cell, cell_text, cells_of, with_cell
 from sim.analysis.planner_labels import entrant, planner_labels
 from sim.evaluation.metric import Metric
-from sim.scenario.random_streams import numbered
+from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
@@ -88,7 +88,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
         run = Run(row.seed, row.repeat)
         if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
-            text = f"{entrant(row)}, {numbered(*run)} is there twice{place}"
+            text = f"{entrant(row)}, {format_seed(*run)} is there twice{place}"
             raise InputError(f"study: {text}; flights with other settings or other code need a folder of their own")
         group[run] = row
 

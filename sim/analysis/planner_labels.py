@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from planning.planner_loading import split_options, with_options
 from sim.analysis.cell_text import Cell, Placed, cells_of
-from sim.study.cells import ENTERED, TRACKER, VIEW
+from sim.study.cells import COMPARED_FACTORS, TRACKER, VIEW
 from sim.study.tasks import Row
 from tracking.errors import InputError, did_you_mean
 
@@ -44,7 +44,7 @@ def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
 
 def _entered(row: Placed) -> dict[str, str]:
     """Tracker and view of a trial as options of the planner; empty if the study does not vary them."""
-    return {name: level for name, level in row.factors if name in ENTERED}
+    return {name: level for name, level in row.factors if name in COMPARED_FACTORS}
 
 
 def _key(row: Placed) -> Key:

@@ -10,16 +10,16 @@ import typer
 from planning.planner_loading import load_planner
 from planning.planners import COMPARED
 from sim.analysis.metric_choice import from_outside
-from sim.cli.study_flight import facts_of, fly_study, show_study
+from sim.cli.study_flight import fly_study, make_facts, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
-from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, integers, seconds
+from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
 from sim.scenario.sensing import SENSOR_MODES
-from sim.scenario.text_files import toml_file
-from sim.study.cells import with_trackers
+from sim.scenario.text_files import read_toml
+from sim.study.cells import add_trackers
 from sim.study.scheduler import Options
-from sim.study.study import STUDIES, Study, adapt_study, read
-from sim.study.tasks import tasks
-from sim.terminal.commands import Duration, Overrides, Timeout, with_options
+from sim.study.study import STUDIES, Study, adapt_study, read_study
+from sim.study.tasks import list_tasks
+from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from tracking.errors import InputError, check_known
 from tracking.fusion.member import TRACKERS
 
@@ -92,33 +92,33 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Compare planners or trackers on the same forests, people and seeds. Started again, it flies what is missing."""
-    changes = with_options(overrides, duration, _check_mode(sensing))
-    number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
-    begun = _study(study, planner or (), tracker or (), scenario or ())
-    chosen = adapt_study(begun, seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
-    processes = _workers(workers, dask)
-    limit = None if timeout is None else seconds(timeout, "--timeout")
+    changes = merge_overrides(overrides, duration, _check_mode(sensing))
+    number = None if repeats is None else parse_integer(repeats, "--repeats", least=1, most=REPEATS)
+    begun = _make_study(study, planner or (), tracker or (), scenario or ())
+    chosen = adapt_study(begun, seeds=_read_seeds(seeds, maps), repeats=number, overrides=changes)
+    processes = _read_workers(workers, dask)
+    limit = None if timeout is None else parse_duration(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
     kept = _recordings_folder(keep, folder)
-    listed = tasks(chosen, from_outside(metric or ()))
-    facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
+    listed = list_tasks(chosen, from_outside(metric or ()))
+    facts = make_facts(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
     show_study(rows, folder, facts)
 
 
-def _study(name: str, planners: Sequence[str], trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
+def _make_study(name: str, planners: Sequence[str], trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
     """A packaged study, a study file, or a study made of a scenario, changed by options."""
     for planner in planners:
         load_planner(planner)
     for tracker in trackers:
         replace(TRACKERS, field="--tracker").find(tracker)
-    return adapt_study(with_trackers(_find_study(name), trackers), planners=planners, scenarios=scenarios)
+    return adapt_study(add_trackers(_find_study(name), trackers), planners=planners, scenarios=scenarios)
 
 
 def _find_study(name: str) -> Study:
     is_file = name.endswith(".toml")
     if name in STUDIES or (is_file and _is_study(Path(name))):
-        return read(name)
+        return read_study(name)
     if not is_file:
         check_known("study", name, [*STUDIES, *SCENARIOS], " (or a .toml file)")
     return Study(name="compare", planners=COMPARED, scenarios=(name,))
@@ -126,7 +126,7 @@ def _find_study(name: str) -> Study:
 
 def _is_study(path: Path) -> bool:
     """True for the file of a study, False for that of a scenario; a missing file counts as the packaged one's kind."""
-    return bool({*STUDY_TABLES} & {*toml_file(path, "study")}) if path.is_file() else path.stem in STUDIES
+    return bool({*STUDY_TABLES} & {*read_toml(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 
 def _recordings_folder(keep: str | None, folder: Path) -> Path | None:
@@ -137,12 +137,12 @@ def _recordings_folder(keep: str | None, folder: Path) -> Path | None:
     return folder / "recordings"
 
 
-def _workers(workers: str | None, dask: str | None) -> int | None:
+def _read_workers(workers: str | None, dask: str | None) -> int | None:
     if workers is None:
         return None
     if dask is not None:
         raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
-    return integer(workers, "--workers", least=1, most=WORKERS)
+    return parse_integer(workers, "--workers", least=1, most=WORKERS)
 
 
 def _check_mode(sensing: str | None) -> str | None:
@@ -151,11 +151,11 @@ def _check_mode(sensing: str | None) -> str | None:
     return sensing
 
 
-def _seeds(seeds: str | None, maps: str | None) -> str | None:
+def _read_seeds(seeds: str | None, maps: str | None) -> str | None:
     if maps is None:
         if seeds is not None:
-            integers(seeds, "--seeds")
+            parse_integers(seeds, "--seeds")
         return seeds
     if seeds is not None:
         raise InputError("--maps: not allowed together with --seeds; --maps 50 is --seeds 0-49")
-    return f"0-{integer(maps, '--maps', least=1, most=MOST_LISTED) - 1}"
+    return f"0-{parse_integer(maps, '--maps', least=1, most=MOST_LISTED) - 1}"

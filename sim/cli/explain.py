@@ -21,7 +21,7 @@ from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.flight import Flight, load
 from sim.replay.frames.pages import png, scans_between
 from sim.replay.link_outages import link_outages
-from sim.scenario.quantities import integer, interval
+from sim.scenario.quantities import parse_integer, parse_interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console, show_place
 from tracking.errors import InputError
@@ -69,7 +69,7 @@ def explain(
 
 
 def _read_time(text: str) -> float:
-    start, end = interval(text, "--time")
+    start, end = parse_interval(text, "--time")
     if end is not None:
         raise InputError(f"--time: {text!r} is not allowed; expected one time such as 12.4")
     return start
@@ -79,7 +79,7 @@ def _read_index(text: str, option: str, count: int, lacking: str) -> int:
     """The index below `count` that an option gives; InputError says `lacking` if the count is zero."""
     if not count:
         raise InputError(f"{option}: {text!r} is not allowed; {lacking}")
-    return integer(text, option, least=0, most=count - 1)
+    return parse_integer(text, option, least=0, most=count - 1)
 
 
 def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
@@ -109,7 +109,7 @@ def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: P
     """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
     people = range(flight.recording.people.shape[1]) if person is None else [person]
     unheld = [event for event in flight.events if event.kind in UNHELD and event.person in people]
-    others = _other_events(flight) if person is None else []
+    others = _find_other_events(flight) if person is None else []
     if person is not None:
         _print_stretches(flight, person)
     elif not unheld:
@@ -122,18 +122,18 @@ def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: P
         save(flight.timeline_figure(), path)
     show_place("Timeline", path)
     asked = f"understory explain {shlex.quote(str(recorded))}"
-    loss = _longest([event for event in unheld if event.kind == "person lost"] or unheld)
+    loss = _find_longest([event for event in unheld if event.kind == "person lost"] or unheld)
     if person is None and people:
         shown = loss.person if loss else people[0]
         show_place(f"All of person {shown}", f"{asked} --target {shown}")
-    false = _longest([event for event in others if event.kind in UNMATCHED])
+    false = _find_longest([event for event in others if event.kind in UNMATCHED])
     if false:
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     if loss:
         show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
 
 
-def _other_events(flight: Flight) -> list[Event]:
+def _find_other_events(flight: Flight) -> list[Event]:
     """Events other than losses, by time; links that are lost again and again are told of in few."""
     found = [event for event in flight.events if event.kind in (*UNMATCHED, *IDENTITIES, *INCIDENTS)]
     found += link_outages(flight.events, flight.history.times)
@@ -153,5 +153,5 @@ def _print_events(heading: str, events: list[Event]) -> None:
     _print([TextGroup(heading, [f"{event.when}: {event.sentence}" for event in events])])
 
 
-def _longest(events: list[Event]) -> Event | None:
+def _find_longest(events: list[Event]) -> Event | None:
     return max(events, key=lambda event: event.last - event.first, default=None)

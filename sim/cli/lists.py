@@ -7,7 +7,7 @@ from rich.table import Table
 
 from planning.planners import list_planners
 from sim.scenario.loading import SCENARIOS
-from sim.study.study import STUDIES, read
+from sim.study.study import STUDIES, read_study
 from sim.terminal.console import console
 
 
@@ -36,7 +36,7 @@ def scenarios() -> None:
 def studies() -> None:
     """List the packaged studies."""
     _show_list(
-        {name: read(name).description for name in STUDIES},
+        {name: read_study(name).description for name in STUDIES},
         "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
     )
 

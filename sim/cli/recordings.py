@@ -16,10 +16,10 @@ from sim.replay.frames.pages import scans_between, write_frames
 from sim.replay.page.page import write_page
 from sim.replay.redrawn_film import check_layout, film_content, write_film
 from sim.replay.window import show
-from sim.scenario.quantities import integer, interval, number
+from sim.scenario.quantities import parse_integer, parse_interval, parse_number
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
-from sim.terminal.progress import counted_progress
+from sim.terminal.progress import show_counted_progress
 from tracking.errors import InputError, check_known
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
@@ -60,21 +60,21 @@ def replay(
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
     asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
     _check_way(asked, [name for name, value in fitting.items() if value is not None])
-    factor = 1.0 if speed is None else _speed(speed)
-    start, end = (0.0, None) if time is None else _window(time)
+    factor = 1.0 if speed is None else _parse_speed(speed)
+    start, end = (0.0, None) if time is None else _parse_window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
     recording = find_recording(recorded)
     folder = folder_of(recorded)
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if rerun is not None:
-        _rerun(recording, rerun, folder / "summary.json")
+        _show_in_rerun(recording, rerun, folder / "summary.json")
     elif page:
-        _page(recording, folder, out or unused_path(folder / "mission", ".html"))
+        _make_page(recording, folder, out or unused_path(folder / "mission", ".html"))
     elif gui:
         show(recording, scans, speed=factor, say=say)
     else:
-        _film(recording, scans, out or unused_path(folder / "replay", ".mp4"), layout=layout, speed=factor)
+        _make_film(recording, scans, out or unused_path(folder / "replay", ".mp4"), layout=layout, speed=factor)
 
 
 def frames(
@@ -85,15 +85,15 @@ def frames(
     size: Annotated[str, typer.Option(metavar="PX", help="Largest edge of the enlarged image.")] = "896",
 ) -> None:
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
-    start, end = interval(time, "--time")
-    edge = integer(size, "--size", least=256, most=4096)
+    start, end = parse_interval(time, "--time")
+    edge = parse_integer(size, "--size", least=256, most=4096)
     recording = find_recording(recorded)
-    number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
-    scans = scans_between(recording, start, end, number)
+    parse_number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
+    scans = scans_between(recording, start, end, parse_number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or unused_path(folder_of(recorded) / f"frames-uav{number}-{span}")
-    with counted_progress(len(scans), "frames") as progress:
-        write_frames(recording, scans, number, folder, size=edge, progress=progress)
+    folder = out or unused_path(folder_of(recorded) / f"frames-uav{parse_number}-{span}")
+    with show_counted_progress(len(scans), "frames") as progress:
+        write_frames(recording, scans, parse_number, folder, size=edge, progress=progress)
     show_files(folder)
 
 
@@ -147,39 +147,39 @@ def _check_way(asked: dict[str, bool], given: list[str]) -> None:
             raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to {fitting}")
 
 
-def _speed(text: str) -> float:
-    value = number(text.strip().removesuffix("x"))
+def _parse_speed(text: str) -> float:
+    value = parse_number(text.strip().removesuffix("x"))
     if not _SPEEDS[0] <= value <= _SPEEDS[1]:
         raise InputError(f"--speed: {text!r} is not allowed; expected a factor from {_SPEEDS[0]:g} to {_SPEEDS[1]:g}")
     return value
 
 
-def _window(text: str) -> tuple[float, float]:
-    start, end = interval(text, "--time")
+def _parse_window(text: str) -> tuple[float, float]:
+    start, end = parse_interval(text, "--time")
     if end is None:
         raise InputError(f"--time: {text!r} is not allowed; expected a first and a last time such as 12:20")
     return start, end
 
 
-def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
+def _make_film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
     layout = layout or AS_FLOWN
     check_layout(layout, recording.setting)
-    with counted_progress(len(scans), "scans") as progress:
+    with show_counted_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout, speed=speed, progress=progress)
     show_place("Film", path)
 
 
-def _page(recording: Recording, folder: Path, path: Path) -> None:
+def _make_page(recording: Recording, folder: Path, path: Path) -> None:
     beside = folder / "mission.mp4"
     film: bytes | Path = beside
     if not beside.is_file():
-        with counted_progress(len(recording.times), "scans") as progress:
+        with show_counted_progress(len(recording.times), "scans") as progress:
             film = film_content(recording, progress=progress)
     write_page(Flight(recording), path, video=film, place=str(folder))
     show_place("Page", path)
 
 
-def _rerun(recording: Recording, target: str, summary: Path) -> None:
+def _show_in_rerun(recording: Recording, target: str, summary: Path) -> None:
     path = Path(target)
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
@@ -189,8 +189,9 @@ def _rerun(recording: Recording, target: str, summary: Path) -> None:
         if (error.name or "").split(".")[0] != "rerun":
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'") from error
-    flight, took = Flight(recording), planning_times(summary)
-    with counted_progress(len(recording.times), "scans") as progress:
+    flight = Flight(recording)
+    took = planning_times(summary)
+    with show_counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
             spawn(flight, progress=progress, planning_s=took)
             return

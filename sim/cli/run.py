@@ -18,11 +18,11 @@ from sim.running.mission_flight import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load, place_of
-from sim.scenario.quantities import seconds, seed_and_repeat
-from sim.scenario.remarks import remarks
-from sim.terminal.commands import Duration, Overrides, Timeout, with_options
+from sim.scenario.quantities import parse_duration, parse_seed_and_repeat
+from sim.scenario.remarks import find_remarks
+from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, remark, say, show_files, show_place
-from sim.terminal.progress import mission_progress
+from sim.terminal.progress import show_mission_progress
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 
@@ -61,14 +61,14 @@ def run(
     timeout: Timeout = None,
 ) -> None:
     """Fly one mission. A new folder gets its recording, summary, film, page, OSPA curve and timeline."""
-    changes = with_options(overrides, duration)
+    changes = merge_overrides(overrides, duration)
     setting = load(scenario, changes)
-    trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
-    limit = None if timeout is None else seconds(timeout, "--timeout")
-    remark(*remarks(setting))
-    folder = out or unused_path(Path("runs") / _name(scenario, trial))
+    trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
+    limit = None if timeout is None else parse_duration(timeout, "--timeout")
+    remark(*find_remarks(setting))
+    folder = out or unused_path(Path("runs") / _name_folder(scenario, trial))
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
-    with mission_progress(setting) as progress:
+    with show_mission_progress(setting) as progress:
         options["progress"] = progress
         if limit is not None:
             summary = run_with_timeout(trial, folder, limit, **options)
@@ -105,7 +105,7 @@ def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
         console.print(f"All {len(faults)} faults{kinds} are in summary.json.")
 
 
-def _name(scenario: str, trial: Trial) -> str:
+def _name_folder(scenario: str, trial: Trial) -> str:
     """Name of a folder, without characters that are special in a shell."""
     planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", "."), flags=re.ASCII)
     name = f"{Path(scenario).stem}-{planner.strip('-')}"[:_LONGEST] + f"-seed{trial.seed}"

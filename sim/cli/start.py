@@ -43,7 +43,7 @@ All options of a command:
   [bold]understory run --help[/bold]"""
 
 
-def _version(asked: bool) -> None:
+def _show_version(asked: bool) -> None:
     if asked:
         console.print(f"understory {version_of('understory')}")
         raise typer.Exit
@@ -52,7 +52,7 @@ def _version(asked: bool) -> None:
 def start(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True)
     ] = False,
 ) -> None:
     """UAVs that track walking people under trees, on rendered frames: fly missions and compare planners."""

@@ -20,20 +20,20 @@ from sim.report.report import About, write
 from sim.report.terminal import show
 from sim.running.mission_flight import is_built_in, make_mission
 from sim.scenario.loading import place_of
-from sim.scenario.random_streams import numbered
-from sim.scenario.remarks import remarks
+from sim.scenario.random_streams import format_seed
+from sim.scenario.remarks import find_remarks
 from sim.study.backends import Backend, Pool, connect
-from sim.study.cells import ENTERED
+from sim.study.cells import COMPARED_FACTORS
 from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
-from sim.terminal.progress import study_progress
+from sim.terminal.progress import show_study_progress
 from tracking.errors import InputError, check_known
 
 
-def facts_of(
+def make_facts(
     study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
 ) -> About:
     """Facts for the report of a study; InputError if they name planners or metrics that its trials will not have."""
@@ -49,19 +49,19 @@ def fly_study(
     study: Study, listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
 ) -> list[Row]:
     """Fly a study and return the rows of all trials; on failure, exit with a message on how to continue."""
-    remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
+    remark(*dict.fromkeys(line for task in listed for line in find_remarks(task.setting)))
     kept: int | None = None
     again = 0
     try:
         new = not (folder / NAME).exists()
         if new:  # checked before any file is written
             _check_missions(study, listed)
-        with _backend(workers, dask) as backend, Store.open(folder, study.name) as store:
+        with _open_backend(workers, dask) as backend, Store.open(folder, study.name) as store:
             if not new:
-                flown = {} if options.redo else store.finished_rows(listed)
+                flown = {} if options.redo else store.read_finished_rows(listed)
                 _check_missions(study, [task for task in listed if task.key not in flown])
             remark(*_remarks_on_others(store, listed))
-            with study_progress(len(listed)) as tell:
+            with show_study_progress(len(listed)) as tell:
 
                 def on_row(task: Task, row: Row, fresh: bool) -> None:
                     nonlocal again
@@ -71,7 +71,7 @@ def fly_study(
                 try:
                     return complete(listed, store, backend, options, on_row)
                 except (KeyboardInterrupt, StoreError):
-                    kept = len(store.finished_rows(listed))
+                    kept = len(store.read_finished_rows(listed))
                     raise
     except (KeyboardInterrupt, StoreError) as error:
         reason = str(error) or "interrupted"
@@ -93,7 +93,7 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
     first = {(msgspec.json.encode(task.setting), task.planner): task for task in reversed(listed)}
     tried: set[bytes | str] = set()  # settings and planners
     for (setting, planner), task in first.items():
-        trial = Trial(task.setting, planner, task.seed, place=_place(study, task))
+        trial = Trial(task.setting, planner, task.seed, place=_name_place(study, task))
         ours = is_built_in(trial)
         parts: set[bytes | str] = {setting} if ours else {setting, planner}
         if parts <= tried:
@@ -106,21 +106,21 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
             make_mission(trial).close()
 
 
-def _place(study: Study, task: Task) -> str:
+def _name_place(study: Study, task: Task) -> str:
     """Beginning of an error about a task's setting: the study's file, the levels and the scenario."""
-    levels = [f"factors.{f}.{level}" for f, level in task.factors if f in study.factors.keys() - {*ENTERED}]
+    levels = [f"factors.{f}.{level}" for f, level in task.factors if f in study.factors.keys() - {*COMPARED_FACTORS}]
     several = f"scenario {task.scenario}: " * (len(study.scenarios) > 1)
     place = "".join(f"{part}: " for part in (study.file, ", ".join(levels)) if part)
     return f"{place}{place_of(task.scenario, task.settings) or several}"
 
 
-def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
+def _open_backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
     return Pool(workers) if dask is None else connect(dask)
 
 
 def _remarks_on_others(store: Store, listed: Sequence[Task]) -> list[str]:
     """Remarks on results in the store of other package versions or other trials, which are not shown."""
-    others = store.others(listed)
+    others = store.count_others(listed)
     rest = others.pop(listed[0].version, 0)
     text = ", ".join(f"{count} of version {version}" for version, count in others.items())
     notes = [f"{store.path}: trials of another version are kept apart, not shown: {text}"] if others else []
@@ -132,7 +132,8 @@ def _remarks_on_others(store: Store, listed: Sequence[Task]) -> list[str]:
 
 def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Print tables and write the report; exit with code 1 if that fails or trials have failed."""
-    command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
+    command = shlex.join(["understory", *sys.argv[1:]])
+    wall = sum(row.metrics.get("wall_s", 0.0) for row in rows)
     try:
         write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
         show(rows, about)  # last, because the reader of a pipe may close it
@@ -144,5 +145,5 @@ def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
     if failures:
         first = failures[0]
-        place = f"{entrant(first)}, {numbered(first.seed, first.repeat)}"
+        place = f"{entrant(first)}, {format_seed(first.seed, first.repeat)}"
         fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)

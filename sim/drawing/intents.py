@@ -31,7 +31,7 @@ class Intents:
     def follow(self, snapshot: Snapshot) -> None:
         """Process one snapshot."""
         if snapshot.plans is not None:
-            self._coming.append(_Decision(self._scenario.due(snapshot.time), snapshot.plans))
+            self._coming.append(_Decision(self._scenario.plan_start(snapshot.time), snapshot.plans))
         while self._coming and self._coming[0].due <= snapshot.time + _SLACK:
             self._flown = self._coming.popleft()
 

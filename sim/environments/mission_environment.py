@@ -14,7 +14,7 @@ from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observati
 from sim.environments.rewards import ON_BELIEF, Reward, find_reward
 from sim.mission.trial import prefix_errors
 from sim.replay.flight import Flight
-from sim.scenario.loading import chosen, place_of
+from sim.scenario.loading import place_of, resolve_scenario
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
@@ -42,7 +42,7 @@ class MissionEnvironment:
         render_mode: str | None = None,
     ) -> None:
         """Check the arguments, which are those of `understory.parallel_env`; InputError says what is wrong."""
-        self._scenario = chosen(scenario, settings)
+        self._scenario = resolve_scenario(scenario, settings)
         self._place = place_of(scenario, settings)
         if len(self._scenario.decision_times) < 2:
             raise InputError(f"duration: {self._scenario.duration:g} s is too short; an episode needs two decisions")

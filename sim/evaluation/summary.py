@@ -16,7 +16,7 @@ from sim.evaluation.metric import Metric, Outcome, mean
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
-from sim.scenario.random_streams import numbered
+from sim.scenario.random_streams import format_seed
 from sim.world.contacts import describe_body
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
@@ -134,12 +134,12 @@ def planner_title(planner: str, sees_truth: bool) -> str:
 
 def recording_title(recording: Recording) -> str:
     """Displayed planner, seed and repeat of a recording."""
-    return f"{planner_title(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
+    return f"{planner_title(recording.planner, recording.sees_truth)}, {format_seed(recording.seed, recording.repeat)}"
 
 
 def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as a table, as shown at the end of a run."""
-    flown = numbered(summary["seed"], summary["repeat"])
+    flown = format_seed(summary["seed"], summary["repeat"])
     title = f"{planner_title(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")

@@ -64,7 +64,7 @@ class Mission:
         self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
         self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
         self._radio = chance("network")
-        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
+        self._air = None if scenario.wind.is_calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
         self._times = scenario.scan_times
         self._k = 0  # the present scan
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present

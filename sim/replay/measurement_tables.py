@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.scenario.csv_tables import Row, read_rows
+from sim.scenario.csv_tables import Row, read_csv
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -62,7 +62,7 @@ def _read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     """As `read_scans`, without the check of cameras."""
     time = -math.inf
     scans = dict[int, _ScanRows]()
-    for row in read_rows(Path(path), "scans", SCAN_COLUMNS):
+    for row in read_csv(Path(path), "scans", SCAN_COLUMNS):
         now = row.number("time")
         if now < time:
             raise row.error("time", f"{now:g} s comes after {time:g} s; times must not go backwards")
@@ -86,7 +86,7 @@ def _read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
 def read_cameras(path: _Path) -> dict[int, Camera]:
     """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`: full angle of view [rad], pixels."""
     cameras: dict[int, Camera] = {}
-    for row in read_rows(Path(path), "cameras", CAMERA_COLUMNS):
+    for row in read_csv(Path(path), "cameras", CAMERA_COLUMNS):
         uav, fov, pixels = row.integer("uav"), row.number("fov"), row.integer("pixels")
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
@@ -100,7 +100,7 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
 def read_forest(path: _Path) -> Forest:
     """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
     trees: dict[Tree, int] = {}  # lines
-    for row in read_rows(Path(path), "trees", TREE_COLUMNS):
+    for row in read_csv(Path(path), "trees", TREE_COLUMNS):
         tree = _tree(row)
         if tree in trees:
             raise row.error("x", f"the same tree is in line {trees[tree]}")

@@ -12,7 +12,7 @@ from sim.analysis.groups import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
 from sim.report.html_parts import command_line, table
-from sim.scenario.random_streams import numbered
+from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
 
 
@@ -49,7 +49,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
         ends = _extremes(group, metric, names)
         for what, row, remark in ends:
             value = metric.text(row.metrics[metric.name])
-            flown = numbered(row.seed, row.repeat)
+            flown = format_seed(row.seed, row.repeat)
             name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
             link = f'<a href="#{name}">{flown}</a>{remark}'
             one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
@@ -94,4 +94,4 @@ def failures(groups: Sequence[Group]) -> str:
 
 
 def _label(cell: Cell, row: Row) -> str:
-    return ", ".join(filter(None, [cell_text(cell), entrant(row), numbered(row.seed, row.repeat)]))
+    return ", ".join(filter(None, [cell_text(cell), entrant(row), format_seed(row.seed, row.repeat)]))

@@ -12,7 +12,7 @@ from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial, prefix_errors
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 
 Watch = Callable[[Snapshot], bool]  # gets each scan, and returns False to end the mission
 
@@ -62,7 +62,7 @@ def make_mission(trial: Trial, planner: Planner | None = None) -> Mission:
 def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recording:
     """Recording of the scans flown so far; it is marked as interrupted unless these are all."""
     return recorder.recording(
-        scenario=resolved(mission.scenario),
+        scenario=encode_scenario(mission.scenario),
         planner=planner,
         seed=mission.seed,
         forest=mission.forest,

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.scenario.quantities import number
-from sim.scenario.text_files import text
+from sim.scenario.quantities import parse_number
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError
 
 MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
@@ -38,7 +38,7 @@ class Row:
     def number(self, column: str) -> float:
         """A finite number; InputError if the entry is none."""
         found = self.text(column)
-        value = number(found)
+        value = parse_number(found)
         if not math.isfinite(value):
             raise self.error(column, f"{found!r} is not a finite number")
         return value
@@ -53,15 +53,13 @@ class Row:
         return int(found)
 
 
-def read_rows(
-    path: Path, field: str, columns: Sequence[str], aliases: Mapping[str, str] | None = None
-) -> Iterator[Row]:
+def read_csv(path: Path, field: str, columns: Sequence[str], aliases: Mapping[str, str] | None = None) -> Iterator[Row]:
     """Rows of a CSV file that has these columns once each, and maybe others; empty lines are skipped.
 
     aliases: other names of columns. InputError begins with `field` and names file, line and column.
     """
     name = f"{field}: {path}"
-    found = text(path, field, MOST_BYTES)
+    found = read_text(path, field, MOST_BYTES)
     if not found.strip():
         raise InputError(f"{name}: is empty; its first line must name the columns {','.join(columns)}")
     table = csv.reader(io.StringIO(found, newline=""))

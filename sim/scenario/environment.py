@@ -53,7 +53,7 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
             text = f"canopy_radius {self.canopy_radius:g}, the smallest"
             raise ValueError(f"largest_radius {self.largest_radius:g} must not be below {text}")
 
-    def expected(self, area: Area) -> float:
+    def expected_count(self, area: Area) -> float:
         """Expected number of trees in an area."""
         return self.density if self.per_hectare is None else self.per_hectare * area.width * area.height / 1e4
 
@@ -133,7 +133,7 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
 
     @property
-    def calm(self) -> bool:
+    def is_calm(self) -> bool:
         """True without any wind; air resistance is then neglected, too."""
         return self.velocity == (0.0, 0.0) and self.gust == 0.0
 

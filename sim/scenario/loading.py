@@ -9,10 +9,10 @@ import msgspec
 
 from sim.installation import ASSETS
 from sim.scenario.environment import TRAJECTORIES
-from sim.scenario.overrides import override_in
+from sim.scenario.overrides import apply_override
 from sim.scenario.scenario import Scenario
-from sim.scenario.settings_text import overrides as overrides_of
-from sim.scenario.text_files import located, toml_file
+from sim.scenario.settings_text import format_overrides
+from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError, did_you_mean
 from tracking.settings import read_settings
 
@@ -32,19 +32,19 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     The path of a trajectory file is relative to the scenario file's folder; in an override, to the current folder. An
     error about a key begins with `place_of`, which mentions overrides only if the file alone is without that error.
     """
-    path = located(name, SCENARIOS, "scenario")
-    data = toml_file(path, "scenario")
+    path = find_toml_file(name, SCENARIOS, "scenario")
+    data = read_toml(path, "scenario")
     for override in overrides:
-        override_in(data, override)
+        apply_override(data, override)
     named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
     try:
-        return _anchored(decode(data), Path() if named_here else path.parent)
+        return _anchor(decode(data), Path() if named_here else path.parent)
     except InputError as error:
-        own = _error_of(name) if overrides else ""
+        own = _find_own_error(name) if overrides else ""
         raise InputError(own if own.endswith(str(error)) else f"{place_of(name, overrides)}{error}") from error
 
 
-def _error_of(name: str) -> str:
+def _find_own_error(name: str) -> str:
     """Error message of a scenario without overrides; empty if there is no error."""
     try:
         load(name)
@@ -60,16 +60,16 @@ def place_of(scenario: object, settings: Collection[str] | None) -> str:
     return f"{os.fspath(scenario)}{' with other settings' if settings else ''}: "
 
 
-def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
+def resolve_scenario(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
     """A checked scenario: a packaged one or a .toml file, with changed settings, or a `Scenario`; else InputError."""
     if isinstance(scenario, str | os.PathLike):
-        return load(os.fspath(scenario), overrides_of(settings))
+        return load(os.fspath(scenario), format_overrides(settings))
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
     try:  # unlike the reading of a file, constructors check neither types nor bounds
-        return decode(msgspec.to_builtins(scenario, enc_hook=_plain))
+        return decode(msgspec.to_builtins(scenario, enc_hook=_make_plain))
     except TypeError as error:
         raise InputError(f"scenario: {error}") from error
 
@@ -82,14 +82,14 @@ def decode(data: Mapping[str, Any]) -> Scenario:
     return read_settings(data, Scenario)
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's field
+def _make_plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's field
     """A NumPy array or number as Python's; TypeError for anything else."""
     if not hasattr(value, "tolist"):
         raise TypeError(f"{value!r} is not allowed; expected plain values")
     return value.tolist()
 
 
-def _anchored(scenario: Scenario, folder: Path) -> Scenario:
+def _anchor(scenario: Scenario, folder: Path) -> Scenario:
     """The scenario with the absolute path of its trajectory file, given relative to `folder`; a packaged one stays."""
     name = scenario.people.trajectories
     if not name or name in TRAJECTORIES:

@@ -6,11 +6,11 @@ from typing import Any
 import msgspec
 
 from sim.scenario.scenario import Scenario
-from sim.scenario.text_files import toml
+from sim.scenario.text_files import parse_toml
 from tracking.errors import InputError
 
 
-def key_and_value(override: str) -> tuple[str, str]:
+def split_override(override: str) -> tuple[str, str]:
     """Key and value of an override as text; InputError if it does not have the form key=value."""
     key, equals, text = (part.strip() for part in override.partition("="))
     if not equals or not key:
@@ -18,9 +18,9 @@ def key_and_value(override: str) -> tuple[str, str]:
     return key, text
 
 
-def override_in(data: dict[str, Any], override: str) -> None:
+def apply_override(data: dict[str, Any], override: str) -> None:
     """Apply an override `key=value` to plain data, in place."""
-    key, text = key_and_value(override)
+    key, text = split_override(override)
     *path, last = key.split(".")
     node: Any = data
     default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
@@ -28,13 +28,13 @@ def override_in(data: dict[str, Any], override: str) -> None:
         if isinstance(node, dict):
             default = default.get(part) if isinstance(default, dict) else None
             node.setdefault(part, default if isinstance(default, list) else {})  # a list keeps its other rows
-        node = node[_place(node, part, key)]
+        node = node[_find_entry(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
-    node[_place(node, last, key)] = _value(text)
+    node[_find_entry(node, last, key)] = _parse_value(text)
 
 
-def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index
+def _find_entry(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index
     if isinstance(node, dict):
         return text
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
@@ -43,9 +43,9 @@ def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noq
     return int(text)
 
 
-def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
+def _parse_value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
     try:
-        found = toml(f"value = {text}", "--set")
+        found = parse_toml(f"value = {text}", "--set")
     except InputError:
         return text.strip()
     return found["value"] if len(found) == 1 else text  # a text of several lines may define further keys

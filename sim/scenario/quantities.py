@@ -25,7 +25,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", flags=re.ASCII)
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
-def number(text: str) -> float:
+def parse_number(text: str) -> float:
     """The number that a text such as -1.5e3 writes in ASCII digits; NaN for any other text, also for 1_0 or inf.
 
     Python's `float` reads these, too, and the digits of all scripts, which a reader may take for something else.
@@ -33,27 +33,27 @@ def number(text: str) -> float:
     return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
-def seconds(text: str, field: str, most: float = 366 * DAY) -> float:
+def parse_duration(text: str, field: str, most: float = 366 * DAY) -> float:
     """A positive duration such as 40, 40s or 1.5 min [s], up to `most`; InputError names the field."""
-    value = _seconds(text, field)
+    value = _parse_time(text, field)
     if not 0 < value <= most:
         raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {most:.0f} s")
     return value
 
 
-def interval(text: str, field: str) -> tuple[float, float | None]:
+def parse_interval(text: str, field: str) -> tuple[float, float | None]:
     """Start and end [s] of an interval such as 12:14.5; of a time such as 12 the end is None. Errors name the field."""
     first, colon, last = text.partition(":")
-    start = _seconds(first, field)
-    end = _seconds(last, field) if colon else None
+    start = _parse_time(first, field)
+    end = _parse_time(last, field) if colon else None
     if start < 0 or (end is not None and end < start):
         raise InputError(f"{field}: {text!r} is not allowed; expected 0 s or more, and in T:T2 no T2 before T")
     return start, end
 
 
-def _seconds(text: str, field: str) -> float:
+def _parse_time(text: str, field: str) -> float:
     match = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Zµ]*)\s*", text)
-    value = number(match[1]) if match else math.nan
+    value = parse_number(match[1]) if match else math.nan
     if match is None or not math.isfinite(value):
         raise InputError(f"{field}: {text!r} is not a time; allowed are forms such as 40, 40s, 1.5min")
     if match[2] and match[2] not in _SECONDS:
@@ -61,7 +61,7 @@ def _seconds(text: str, field: str) -> float:
     return value * _SECONDS.get(match[2], 1.0)
 
 
-def integer(given: object, field: str, *, least: int, most: int) -> int:
+def parse_integer(given: object, field: str, *, least: int, most: int) -> int:
     """An integer from `least` to `most`, given as such or as text; InputError names the field."""
     text = str(given)
     if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
@@ -69,17 +69,17 @@ def integer(given: object, field: str, *, least: int, most: int) -> int:
     return int(text)
 
 
-def seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
+def parse_seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
     """Seed and repeat of a mission, as text only if they are options with `dashes`; InputError names what is wrong."""
     numbers = []
     for name, given, most in (("seed", seed, MOST_SEED), ("repeat", repeat, REPEATS - 1)):
         if isinstance(given, str) and not dashes:
             raise InputError(f"{name}: {given!r} is not allowed; expected an integer, 0 to {most}")
-        numbers.append(integer(given, f"{dashes}{name}", least=0, most=most))
+        numbers.append(parse_integer(given, f"{dashes}{name}", least=0, most=most))
     return numbers[0], numbers[1]
 
 
-def integers(text: str, field: str) -> list[int]:
+def parse_integers(text: str, field: str) -> list[int]:
     """Distinct non-negative integers such as 0-9 or 0,3,7-8, in the order given; InputError names the field."""
     found: list[int] = []
     for part in text.split(","):

@@ -15,7 +15,7 @@ def stream(seed: int, component: str, *index: int, repeat: int = 0) -> np.random
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=path))
 
 
-def numbered(seed: int, repeat: int) -> str:
+def format_seed(seed: int, repeat: int) -> str:
     """Seed and repeat for display; repeat 0 is not mentioned."""
     return f"seed {seed}, repeat {repeat}" if repeat else f"seed {seed}"
 

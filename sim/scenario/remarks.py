@@ -17,9 +17,10 @@ _UNUSED = {
 }
 
 
-def remarks(scenario: Scenario) -> list[str]:
+def find_remarks(scenario: Scenario) -> list[str]:
     """Remarks on settings without the effect that one expects, one line each."""
-    found, last = [], scenario.scan_times[-1]
+    found = []
+    last = scenario.scan_times[-1]
     if not math.isclose(last, scenario.duration):
         scans = f"the last scan is at {last:g} s"
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
@@ -31,7 +32,7 @@ def remarks(scenario: Scenario) -> list[str]:
     return (
         found
         + _about_people(scenario.people)
-        + _unused(scenario)
+        + _about_unused_keys(scenario)
         + _about_misses(scenario)
         + _about_false_alarms(scenario)
     )
@@ -56,7 +57,7 @@ def _about_people(people: People) -> list[str]:
     ]
 
 
-def _unused(scenario: Scenario) -> list[str]:
+def _about_unused_keys(scenario: Scenario) -> list[str]:
     """Remarks on changed keys that the value of another key leaves without effect."""
     given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     found = []

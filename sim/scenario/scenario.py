@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import combinations, pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -68,7 +68,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         for registry, name in self.plugins:
             registry.check(name)
-        if self.dynamics == "kinematic" and not self.wind.calm:
+        if self.dynamics == "kinematic" and not self.wind.is_calm:
             raise ValueError('wind: has no effect on UAVs of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
             self._check_uav(i, uav)
@@ -139,7 +139,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         rates = self.rates
         return k >= round(self.first_decision * rates.sensing) and k % (rates.sensing // rates.planning) == 0
 
-    def due(self, decided: float) -> float:
+    def plan_start(self, decided: float) -> float:
         """Time [s] from which the plans of a decision are flown, given the time of the decision [s]."""
         return decided + self.network.plan_delay
 
@@ -163,7 +163,7 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 _LATER = (("trees", ("per_hectare", "largest_radius")), ("people", ("walks", "group", "stay")))
 
 
-def resolved(scenario: Scenario) -> str:
+def encode_scenario(scenario: Scenario) -> str:
     """The scenario as JSON with every default written out, except those of `_LATER`."""
     written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     for table, keys in _LATER:
@@ -175,30 +175,48 @@ def resolved(scenario: Scenario) -> str:
 
 def check_workload(scenario: Scenario) -> None:
     """ValueError if a product of settings is too large; the message names them."""
-    for settings, amount, things, most in _loads(scenario):
-        if amount > most:
-            raise ValueError(f"{settings} come to {amount:.6g} {things}; at most {most:g} are allowed")
+    for load in _list_workloads(scenario):
+        if load.amount > load.most:
+            come_to = f"come to {load.amount:.6g} {load.unit}"
+            raise ValueError(f"{load.settings} {come_to}; at most {load.most:g} are allowed")
 
 
-def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
-    """Products of settings with limits beyond which no machine could fly: settings, product, unit and limit."""
-    uavs, rates, people = len(scenario.uavs), scenario.rates, scenario.people
+class _Workload(NamedTuple):
+    """A product of settings, and the limit beyond which no machine could fly it."""
+
+    settings: str  # names of the settings
+    amount: float
+    unit: str
+    most: float
+
+
+def _list_workloads(scenario: Scenario) -> Iterator[_Workload]:
+    """All products of settings that have a limit."""
+    uavs = len(scenario.uavs)
+    rates = scenario.rates
+    people = scenario.people
     scans = scenario.duration * rates.sensing
-    yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9
-    yield "duration, rates.sensing and uavs", scans * uavs, "scans", 2e6
+    yield _Workload("duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9)
+    yield _Workload("duration, rates.sensing and uavs", scans * uavs, "scans", 2e6)
     messages = scans * scenario.network.rounds * uavs * uavs
-    yield "duration, rates.sensing, network.rounds and uavs", messages, "messages", 1e9
+    yield _Workload("duration, rates.sensing, network.rounds and uavs", messages, "messages", 1e9)
     if scenario.sensing.renders:
         pixels = scans * math.fsum(uav.pixels * uav.pixels for uav in scenario.uavs)
-        yield "duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12
+        yield _Workload("duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12)
     area = scenario.area.width * scenario.area.height
-    yield "area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8
+    yield _Workload("area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8)
     if not people.trajectories:
-        yield "duration and people.count", scenario.duration * people.count, "seconds of walking", MOST_WALKED
+        yield _Workload(
+            "duration and people.count", scenario.duration * people.count, "seconds of walking", MOST_WALKED
+        )
         lines_of_sight = scans * uavs * people.count
-        yield "duration, rates.sensing, uavs and people.count", lines_of_sight, "lines of sight to people", 1e7
+        yield _Workload(
+            "duration, rates.sensing, uavs and people.count", lines_of_sight, "lines of sight to people", 1e7
+        )
         lengths = [_length(path) for path in people.paths]
-        yield "people.paths, each as long as the longest,", len(lengths) * max(lengths, default=0.0), "m", _MOST_PATHS
+        yield _Workload(
+            "people.paths, each as long as the longest,", len(lengths) * max(lengths, default=0.0), "m", _MOST_PATHS
+        )
 
 
 def _length(path: Path) -> float:

@@ -13,56 +13,56 @@ from tracking.errors import InputError
 _PLAIN = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z_][\w.:/-]*")
 
 
-def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested tables as one table with dotted keys; lists are not flattened."""
     found: dict[str, Any] = {}
     for key, value in data.items():
-        found |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+        found |= flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
     return found
 
 
-def toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
+def format_value(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     """A value in the form that `--set key=value` reads: TOML, but a plain word has no quotes."""
-    return value if isinstance(value, str) and _PLAIN.fullmatch(value) else _toml(value)
+    return value if isinstance(value, str) and _PLAIN.fullmatch(value) else _format_toml(value)
 
 
-def texts(settings: Mapping[str, Any]) -> dict[str, str]:
+def format_settings(settings: Mapping[str, Any]) -> dict[str, str]:
     """Settings by dotted key, with values in the form that `--set` reads."""
-    return {key: toml(value) for key, value in flat(settings).items()}
+    return {key: format_value(value) for key, value in flatten(settings).items()}
 
 
-def overrides(settings: Mapping[str, Any] | None) -> list[str]:
+def format_overrides(settings: Mapping[str, Any] | None) -> list[str]:
     """Settings as a list of `key=value`, as `--set` takes them; InputError if they are not a mapping."""
     if not isinstance(settings, Mapping | None):
         raise InputError(f"settings: {settings!r} is not allowed; expected a mapping, as {{'duration': 10}}")
-    return [f"{key}={value}" for key, value in texts(settings or {}).items()]
+    return [f"{key}={value}" for key, value in format_settings(settings or {}).items()]
 
 
-def changed(scenario: Scenario) -> list[str]:
+def list_changes(scenario: Scenario) -> list[str]:
     """Settings that differ from the defaults, as a list of `key=value`, as `--set` takes them."""
     given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
-    return [f"{key}={toml(value)}" for key, value in _changes(given, default, "")]
+    return [f"{key}={format_value(value)}" for key, value in _find_changes(given, default, "")]
 
 
-def _changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _find_changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     """Dotted keys with values other than the default; lists of tables of equal length are compared by table."""
     for key, value in given.items():
         before = default[key]
         if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):
             value, before = ({str(k): row for k, row in enumerate(rows)} for rows in (value, before))
         if isinstance(value, Mapping):
-            yield from _changes(value, before, f"{prefix}{key}.")
+            yield from _find_changes(value, before, f"{prefix}{key}.")
         elif value != before:
             yield f"{prefix}{key}", value
 
 
-def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
+def _format_toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     if hasattr(value, "tolist"):  # a NumPy array or number
-        return _toml(value.tolist())
+        return _format_toml(value.tolist())
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items() if v is not None) + "}"
+        return "{" + ", ".join(f"{json.dumps(k)} = {_format_toml(v)}" for k, v in value.items() if v is not None) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
+        return "[" + ", ".join(map(_format_toml, value)) + "]"
     return str(value)

@@ -37,7 +37,7 @@ _PART = r"""(?:[\w-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*')[ \t]*\.[ \t]*"""
 _DEEP_KEY = re.compile(rf"(?<![\w\\-])(?:{_PART}){{{_DEEPEST}}}")
 
 
-def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
+def read_bytes(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
     """The bytes of a regular file, no more than `most`; InputError (also for pipes and devices) begins with `where`."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # checked before opening, which would wait for a pipe
@@ -53,9 +53,9 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
     return read
 
 
-def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
-    """The text of a file in UTF-8; limits and errors as in `content`."""
-    read = content(path, where, most)
+def read_text(path: Path, where: str, most: int = MOST_BYTES) -> str:
+    """The text of a file in UTF-8; limits and errors as in `read_bytes`."""
+    read = read_bytes(path, where, most)
     for start, (kind, remedy) in _KINDS.items():
         if read.startswith(start):
             raise InputError(f"{where}: {path} cannot be read: is {kind}; {remedy}")
@@ -67,17 +67,17 @@ def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
         raise InputError(f"{where}: {path} cannot be read: {error}") from error
 
 
-def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
+def find_toml_file(name: str, packaged: Mapping[str, Path], where: str) -> Path:
     """Path of the packaged TOML file with this name, or of the file with this path; InputError if there is none."""
     path = packaged.get(name, Path(name))
     if path.suffix != ".toml":
         raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
     if not path.is_file():
-        raise InputError(f"{where}: there is no file {name}{_meant(path, packaged)}")
+        raise InputError(f"{where}: there is no file {name}{_suggest_files(path, packaged)}")
     return path
 
 
-def _meant(path: Path, packaged: Mapping[str, Path]) -> str:
+def _suggest_files(path: Path, packaged: Mapping[str, Path]) -> str:
     """End of an error message that suggests similar files; the common ending .toml does not count as similar."""
     if path.stem in packaged:
         return f"; did you mean {path.stem}, which is packaged?"
@@ -85,29 +85,29 @@ def _meant(path: Path, packaged: Mapping[str, Path]) -> str:
     return nearest(str(path), near)
 
 
-def toml_file(path: Path, where: str) -> dict[str, Any]:
-    """The tables of a TOML file; errors as in `content`."""
-    return toml(text(path, where, _MOST_TOML), f"{where}: {path}")
+def read_toml(path: Path, where: str) -> dict[str, Any]:
+    """The tables of a TOML file; errors as in `read_bytes`."""
+    return parse_toml(read_text(path, where, _MOST_TOML), f"{where}: {path}")
 
 
-def toml(written: str, where: str) -> dict[str, Any]:
+def parse_toml(written: str, where: str) -> dict[str, Any]:
     """The tables of a TOML text; InputError begins with `where`."""
     if _DEEP_KEY.search(written):
-        raise _too_deep(where)
+        raise _make_depth_error(where)
     try:
         found = tomllib.loads(written)
     except ValueError as error:  # invalid TOML, or an integer of thousands of digits
         raise InputError(f"{where}: {error}") from error
     except RecursionError as error:
-        raise _too_deep(where) from error
+        raise _make_depth_error(where) from error
     level: list[Any] = [found]
     for _ in range(_DEEPEST):
         level = [item for node in level for item in (node.values() if isinstance(node, dict) else node)]
         level = [item for item in level if isinstance(item, dict | list)]
     if level:
-        raise _too_deep(where)
+        raise _make_depth_error(where)
     return found
 
 
-def _too_deep(where: str) -> InputError:
+def _make_depth_error(where: str) -> InputError:
     return InputError(f"{where}: is nested too deep; at most {_DEEPEST} levels are allowed")

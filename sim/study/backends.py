@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from multiprocessing.synchronize import Event, Lock
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 from sim.mission.warmup import warm_up
 from sim.processes.workers import CONTEXT, Workers, start_workers
@@ -33,7 +33,7 @@ class Backend(Protocol):
         return ""
 
 
-class Borrowed(Backend):
+class ExecutorBackend(Backend):
     """Executor of the caller. A trial that hangs in it cannot be ended, so it is waited for."""
 
     def __init__(self, executor: Executor) -> None:
@@ -45,6 +45,13 @@ class Borrowed(Backend):
 
 
 _CONNECT = 10.0  # s, timeout
+
+
+class _Start(NamedTuple):
+    """The start of a trial on a cluster."""
+
+    worker: str  # its address
+    time: float  # s, of this process's clock
 
 
 class Cluster(Backend):
@@ -59,7 +66,7 @@ class Cluster(Backend):
         self._topic = f"understory-{client.id}"
         self._submitted = 0
         self._names: dict[Future[TrialResult], str] = {}  # names of trials that have not ended
-        self._begun: dict[str, tuple[str, float]] = {}  # worker and start [s] of trials in flight, by name
+        self._begun: dict[str, _Start] = {}  # trials in flight, by name
         client.subscribe_topic(self._topic, self._hear)
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
@@ -67,7 +74,7 @@ class Cluster(Backend):
         self._submitted += 1
         name = f"{task.key}-{self._submitted}"
         future: Future[TrialResult] = self._executor.submit(
-            _fly_announced, task, keep=keep, timeout=timeout, announcement=(self._topic, name), key=name
+            _fly_announced, task, keep=keep, timeout=timeout, topic=self._topic, name=name, key=name
         )
         self._names[future] = name
         future.add_done_callback(self._forget)
@@ -79,8 +86,8 @@ class Cluster(Backend):
         A trial of a lost worker waits for another one, and is left alone.
         """
         limit = time.monotonic() - seconds
-        late = {name: worker for name, (worker, begun) in list(self._begun.items()) if begun < limit}
-        if not late:  # as nearly always: the scheduler need not be asked
+        late = {name: start.worker for name, start in list(self._begun.items()) if start.time < limit}
+        if not late:  # the usual case, in which the scheduler need not be asked
             return []
         processing = self._client.processing()
         late = {name: worker for name, worker in late.items() if name in processing.get(worker, ())}
@@ -94,19 +101,18 @@ class Cluster(Backend):
     def _hear(self, event: tuple[float, tuple[str, str]]) -> None:
         """Note a worker's announcement that a trial has begun, for the first time or again."""
         name, worker = event[1]
-        self._begun[name] = worker, time.monotonic()
+        self._begun[name] = _Start(worker, time.monotonic())
 
     def _forget(self, future: Future[TrialResult]) -> None:
         """Remove the entries of a trial that has ended."""
         self._begun.pop(self._names.pop(future, ""), None)
 
 
-def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcement: tuple[str, str]) -> TrialResult:
-    """`fly_trial` in a worker that announces the beginning; announcement: the topic and the trial's name."""
+def _fly_announced(task: Task, *, keep: bool, timeout: float | None, topic: str, name: str) -> TrialResult:
+    """Fly a trial in a worker, which announces the start under a topic with the trial's name."""
     from distributed import get_worker
 
     worker: Any = cast(Any, get_worker)()
-    topic, name = announcement
     return fly_trial(task, keep=keep, timeout=timeout, begun=lambda: worker.log_event(topic, (name, worker.address)))
 
 
@@ -144,7 +150,7 @@ class Pool(Backend):
 
     def __init__(self, workers: int | None = None) -> None:
         """Make a pool of `workers` processes, by default one for each core that this process may use."""
-        self.count = workers or _cores()
+        self.count = workers or _count_cores()
         self._started = ExitStack()
         self._workers: Workers | None = None
 
@@ -157,7 +163,7 @@ class Pool(Backend):
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[TrialResult]:
         """Fly a task in the next free process, which is killed if it hangs; the first task starts the processes."""
         if self._workers is None:
-            self._started.enter_context(_one_thread())
+            self._started.enter_context(_limit_threads())
             compiling, compiled = CONTEXT.Lock(), CONTEXT.Event()
             self._workers = self._started.enter_context(start_workers(self.count, _warm_up, compiling, compiled))
         limit = None if timeout is None else timeout + GRACE
@@ -177,14 +183,14 @@ def _warm_up(compiling: Lock, compiled: Event) -> None:
     warm_up()
 
 
-def _cores() -> int:
+def _count_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def _limit_threads() -> Iterator[None]:
     """Let the processes that start in the block compute with one thread each."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)

@@ -10,14 +10,14 @@ import msgspec
 from msgspec import Struct
 
 from planning.planner_loading import with_options
-from sim.scenario.settings_text import flat, texts, toml
+from sim.scenario.settings_text import flatten, format_settings, format_value
 from sim.study.study import Study
 from tracking.errors import InputError
 
 TRACKER = "tracker"
 VIEW = "view"  # factor that only trials of the bound have
 _UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # their settings
-ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
+COMPARED_FACTORS = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
 
 
@@ -48,7 +48,7 @@ class Cell(Struct, frozen=True):
         return with_options(self.planner, {key: text for table in self.tables for key, text in table.options.items()})
 
 
-def cells(study: Study) -> list[Cell]:
+def list_cells(study: Study) -> list[Cell]:
     """All cells of a study, in order; InputError if there are none."""
     _check_levels(study)
     planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
@@ -65,44 +65,47 @@ def cells(study: Study) -> list[Cell]:
             StudyTable("study", {}, {}),
             StudyTable("set", study.settings, {}),
             StudyTable("", study.given, {}),
-            *_tables(study, levels),
+            *_list_tables(study, levels),
         )
         made = [Cell(scenario, shown, tables, planner) for planner in planners]
         if study.score:
-            seen, unlimited = (*shown, (VIEW, "unlimited")), (*tables, StudyTable("score", _UNLIMITED, {}))
+            seen = (*shown, (VIEW, "unlimited"))
+            unlimited = (*tables, StudyTable("score", _UNLIMITED, {}))
             made.append(Cell(scenario, seen, unlimited, study.score.bound))
         for cell in made:
             place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
             if not any(all(place[key] in values for key, values in rule.items()) for rule in study.exclude):
                 found.append(cell)
     if not found:
-        raise InputError(f"{study.at('study')}: {study.name} has no trial: {_lacking(study) or 'all is excluded'}")
+        raise InputError(
+            f"{study.at('study')}: {study.name} has no trial: {_name_empty_lists(study) or 'all is excluded'}"
+        )
     return found
 
 
-def _lacking(study: Study) -> str:
+def _name_empty_lists(study: Study) -> str:
     """Names of the empty lists of a study, for an error message."""
     lists = {"planner": study.planners, "scenario": study.scenarios}
     lists |= {f"level of factor {factor!r}": tuple(levels) for factor, levels in study.factors.items()}
     return ", ".join(f"no {name}" for name, entries in lists.items() if not entries)
 
 
-def _tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTable]:
+def _list_tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTable]:
     """The tables of the given levels of factors."""
     for factor, level in levels:
         values = dict(study.factors[factor][level])
         given = values.pop("planner", {})
-        options = {key: toml(value) if isinstance(value, str) else str(value) for key, value in given.items()}
-        yield StudyTable(f"factors.{factor}.{level}", texts(values), options)
+        options = {key: format_value(value) if isinstance(value, str) else str(value) for key, value in given.items()}
+        yield StudyTable(f"factors.{factor}.{level}", format_settings(values), options)
 
 
-def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
+def add_trackers(study: Study, trackers: Sequence[str]) -> Study:
     """The study with the given trackers, if any, as a factor; InputError if another factor varies the tracker."""
     if not trackers:
         return study
     others = {name: levels for name, levels in study.factors.items() if name != TRACKER}
     for factor, levels in others.items():
-        if any("tracking.tracker" in flat(level) for level in levels.values()):
+        if any("tracking.tracker" in flatten(level) for level in levels.values()):
             raise InputError(f"--tracker: tracking.tracker is what factor {factor!r} of study {study.name} varies")
     own = {name: {"tracking": {"tracker": name}} for name in trackers}
     return msgspec.structs.replace(study, factors={**others, TRACKER: own})
@@ -118,7 +121,7 @@ def _check_levels(study: Study) -> None:
             options = values.get("planner", {})
             if not isinstance(options, Mapping):
                 raise InputError(f"{where}.{level}.planner: {options!r} is not allowed; expected {{option = value}}")
-        for key in sorted({key for values in levels.values() for key in flat(values)}):
+        for key in sorted({key for values in levels.values() for key in flatten(values)}):
             if set_by.setdefault(key, factor) != factor:
                 raise InputError(f"{where}: {key} is what factor {set_by[key]!r} sets; allowed is one factor")
     if study.score and VIEW in study.factors:

@@ -48,10 +48,11 @@ def complete(
     Trials are flown again if they had failed, lack a metric that is asked for, or lack a recording that is to be kept.
     StoreError if a result cannot be written; earlier results stay in the store.
     """
-    asked, kept = {task.key: set(task.metrics) for task in tasks}, options.recordings
+    asked = {task.key: set(task.metrics) for task in tasks}
+    kept = options.recordings
     rows = {
         key: row
-        for key, row in ({} if options.redo else store.finished_rows(tasks)).items()
+        for key, row in ({} if options.redo else store.read_finished_rows(tasks)).items()
         if asked[key] <= row.metrics.keys() and (kept is None or (kept / f"{key}.npz").exists())
     }
     store.label(tasks)
@@ -70,7 +71,7 @@ def complete(
     return [rows[task.key] for task in tasks]
 
 
-def rows_of(tasks: Sequence[Task], backend: Backend) -> list[Row]:
+def fly_tasks(tasks: Sequence[Task], backend: Backend) -> list[Row]:
     """Fly all tasks and return their rows, in order, without a store."""
     rows: dict[str, Row] = {}
     _fly_all(tasks, backend, lambda task, result: rows.update({task.key: result.row}))

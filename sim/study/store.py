@@ -33,7 +33,7 @@ _TABLES = (
 )
 
 
-class _Kept(msgspec.Struct, frozen=True):
+class _StoredTrial(msgspec.Struct, frozen=True):
     """A trial in the form of its row in the table."""
 
     scenario: str
@@ -52,7 +52,7 @@ class _Kept(msgspec.Struct, frozen=True):
     scans_per_s: float
 
 
-_FIELDS = _Kept.__struct_fields__
+_FIELDS = _StoredTrial.__struct_fields__
 _COLUMNS = ", ".join(_FIELDS)
 # Fields that are equal in a row and a store.
 _SAME = ("scenario", "planner", "repeat", "recording", "machine", "version", "status", "error")
@@ -71,7 +71,8 @@ class Store:
     """
 
     def __init__(self, connection: sqlite3.Connection, path: Path, study: str) -> None:
-        self.path, self.study = path, study
+        self.path = path
+        self.study = study
         self._connection = connection
 
     @staticmethod
@@ -88,22 +89,22 @@ class Store:
         except FileExistsError as error:
             raise InputError(f"--out: {folder} is not a folder; allowed is a new folder, or that of a study") from error
         except OSError as error:
-            raise _unusable(path, error, "--out: ") from error
+            raise _make_error(path, error, "--out: ") from error
         with _connect(path) as connection:
             _prepare(connection, path, study)
             yield Store(connection, path, study)
 
-    def finished_rows(self, tasks: Sequence[Task]) -> dict[str, Row]:
+    def read_finished_rows(self, tasks: Sequence[Task]) -> dict[str, Row]:
         """Rows of the trials that did not fail, by key, with the scenario, factors and planner of the given tasks."""
         wanted = {task.key: task for task in tasks}
         rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'").fetchall()
-        found = {key: _row(self.path, self.study, values) for key, *values in rows if key in wanted}
+        found = {key: _decode_row(self.path, self.study, values) for key, *values in rows if key in wanted}
         return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
         """Update scenario, factors, settings and planner of stored trials, which the present study may spell anew."""
-        values = [(*_place(task), task.key, *_place(task)) for task in tasks]
-        with self._writing():
+        values = [(*_encode_place(task), task.key, *_encode_place(task)) for task in tasks]
+        with self._transaction():
             self._connection.executemany(
                 "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
                 " WHERE key = ? AND (scenario, factors, settings, planner) IS NOT (?, ?, ?, ?)",
@@ -112,20 +113,20 @@ class Store:
 
     def add(self, task: Task, row: Row) -> None:
         """Write a trial that has ended, in place of an earlier attempt; StoreError if that fails."""
-        values = (task.key, *msgspec.structs.astuple(_kept(task, row)))
-        with self._writing():
+        values = (task.key, *msgspec.structs.astuple(_encode_row(task, row)))
+        with self._transaction():
             self._connection.execute(
                 f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({', '.join('?' * len(values))})", values
             )
 
-    def others(self, tasks: Sequence[Task]) -> Counter[str]:
+    def count_others(self, tasks: Sequence[Task]) -> Counter[str]:
         """Number of stored trials, including failed ones, that belong to none of the tasks, by package version."""
         keys = {task.key for task in tasks}
         rows = self._connection.execute("SELECT key, version FROM trials ORDER BY version")
         return Counter(version for key, version in rows if key not in keys)
 
     @contextmanager
-    def _writing(self) -> Iterator[None]:
+    def _transaction(self) -> Iterator[None]:
         try:
             with self._connection:  # commits or rolls back
                 self._connection.execute("BEGIN IMMEDIATE")
@@ -146,20 +147,20 @@ def read_rows(path: str | Path) -> list[Row]:
     if not file.is_file():
         raise InputError(f"{file}: there is no store of a study")
     with _connect(file) as connection:
-        if _version(connection, file) == 0:
+        if _read_version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
-        study = _name(connection, path)
+        study = _read_name(connection, path)
         order = "scenario, factors, planner, length(seed), seed, repeat, rowid"
         rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY {order}").fetchall()
-    return [_row(path, study, values) for values in rows]
+    return [_decode_row(path, study, values) for values in rows]
 
 
-def frame(path: str | Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
-    """All trials of a store as a data frame, as in `frame_of`."""
-    return frame_of(read_rows(path))
+def read_dataframe(path: str | Path) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
+    """All trials of a store as a data frame, as in `tabulate_rows`."""
+    return tabulate_rows(read_rows(path))
 
 
-def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
+def tabulate_rows(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
     """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
     There is one row per trial, with a column for each factor, such as `factor.lambda`, and for each metric.
@@ -183,24 +184,24 @@ def _connect(path: Path) -> Iterator[sqlite3.Connection]:
         with closing(sqlite3.connect(path, timeout=60.0, isolation_level=None)) as connection:
             yield connection
     except _DAMAGED as error:
-        raise _unusable(path, error) from error
+        raise _make_error(path, error) from error
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
     """Create the tables of a new store, or check that an existing store is this study's."""
     connection.execute("BEGIN IMMEDIATE")
-    if _version(connection, path) == 0:
+    if _read_version(connection, path) == 0:
         for table in _TABLES:
             connection.execute(table)
         connection.execute("INSERT INTO study VALUES (?)", (study,))
         connection.execute(f"PRAGMA user_version = {SCHEMA}")
-    name = _name(connection, path)
+    name = _read_name(connection, path)
     if name != study:
         raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
     connection.execute("COMMIT")
 
 
-def _name(connection: sqlite3.Connection, path: Path) -> str:
+def _read_name(connection: sqlite3.Connection, path: Path) -> str:
     """Name of a store's study; InputError if there is none."""
     names = connection.execute("SELECT name FROM study LIMIT 2").fetchall()
     if len(names) != 1 or not isinstance(names[0][0], str):
@@ -208,7 +209,7 @@ def _name(connection: sqlite3.Connection, path: Path) -> str:
     return str(names[0][0])
 
 
-def _version(connection: sqlite3.Connection, path: Path) -> int:
+def _read_version(connection: sqlite3.Connection, path: Path) -> int:
     """Version of the schema, 0 for an empty file; InputError if the file is no store or has another version."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -221,38 +222,38 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
     return int(version)
 
 
-def _unusable(path: Path, error: Exception, field: str = "") -> Exception:
+def _make_error(path: Path, error: Exception, field: str = "") -> Exception:
     """The error to raise for a file or folder: a StoreError if the disk is full, otherwise an InputError."""
     if getattr(error, "errno", None) == errno.ENOSPC or (isinstance(error, sqlite3.Error) and "full" in str(error)):
         return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
     return InputError(f"{field}{path}: cannot be used: {getattr(error, 'strerror', None) or error}")
 
 
-def _place(task: Task) -> tuple[str, str, str, str]:
-    return task.scenario, _json(task.factors), _json(task.settings), task.planner
+def _encode_place(task: Task) -> tuple[str, str, str, str]:
+    return task.scenario, _encode_json(task.factors), _encode_json(task.settings), task.planner
 
 
-def _json(value: object) -> str:
+def _encode_json(value: object) -> str:
     return msgspec.json.encode(value).decode()
 
 
-def _kept(task: Task, row: Row) -> _Kept:
-    return _Kept(
-        factors=_json(row.factors),
-        settings=_json(row.settings),
+def _encode_row(task: Task, row: Row) -> _StoredTrial:
+    return _StoredTrial(
+        factors=_encode_json(row.factors),
+        settings=_encode_json(row.settings),
         # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
         seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
-        metrics=_json(row.metrics),
+        metrics=_encode_json(row.metrics),
         ospa=row.ospa.astype("<f4").tobytes(),
         scans_per_s=task.setting.rates.sensing,
         **{name: getattr(row, name) for name in _SAME},
     )
 
 
-def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
+def _decode_row(path: Path, study: str, values: Sequence[Any]) -> Row:
     """A trial from the values of its row; InputError if they are invalid."""
     try:
-        kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _Kept, builtin_types=(bytes,))
+        kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _StoredTrial, builtin_types=(bytes,))
         distances = np.frombuffer(kept.ospa, dtype="<f4").astype(np.float32)
         if not kept.scans_per_s > 0:
             raise ValueError(f"scans_per_s is {kept.scans_per_s:g}")

@@ -10,10 +10,10 @@ from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
 from sim.scenario.loading import STUDY_TABLES
-from sim.scenario.overrides import key_and_value
-from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers
-from sim.scenario.settings_text import flat, overrides, texts
-from sim.scenario.text_files import located, toml_file
+from sim.scenario.overrides import split_override
+from sim.scenario.quantities import MOST_LISTED, REPEATS, parse_integer, parse_integers
+from sim.scenario.settings_text import flatten, format_overrides, format_settings
+from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError, check_known, did_you_mean
 from tracking.settings import read_settings
 
@@ -49,10 +49,10 @@ class Study(Struct, frozen=True):
         return f"{self.file}: {field}" if self.file else field
 
 
-def read(name: str) -> Study:
+def read_study(name: str) -> Study:
     """Read the packaged study or TOML file `name`; InputError says what is wrong."""
-    path = located(name, STUDIES, "study")
-    data = toml_file(path, "study")
+    path = find_toml_file(name, STUDIES, "study")
+    data = read_toml(path, "study")
     _check_keys(data, STUDY_TABLES, f"{name}: ")
     for key in ("study", "set", "factors", "score"):
         _check_table(data.get(key, {}), f"{name}: {key}")
@@ -66,27 +66,27 @@ def read(name: str) -> Study:
         _check_table(levels, f"{name}: factors.{factor}")
         for level, values in levels.items():
             _check_table(values, f"{name}: factors.{factor}.{level}")
-    content = {"name": path.stem, **table, "settings": texts(data.get("set", {})), "file": name}
+    content = {"name": path.stem, **table, "settings": format_settings(data.get("set", {})), "file": name}
     content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
         study = read_settings(content, Study)
     except InputError as error:
         inside = "" if re.match(r"(exclude|score)\b", str(error)) else "study."
         raise InputError(f"{name}: {inside}{error}") from error
-    integers(study.seeds, study.at("study.seeds"))
+    parse_integers(study.seeds, study.at("study.seeds"))
     _check_excluded(study)
 
-    def anchored(scenarios: Sequence[str]) -> list[str]:
+    def anchor(scenarios: Sequence[str]) -> list[str]:
         return [str(path.parent / s) if s.endswith(".toml") else s for s in scenarios]
 
     rules = [
-        {key: anchored(_listed(value)) if key == "scenario" else _listed(value) for key, value in rule.items()}
+        {key: anchor(_make_list(value)) if key == "scenario" else _make_list(value) for key, value in rule.items()}
         for rule in study.exclude
     ]
-    return msgspec.structs.replace(study, scenarios=tuple(anchored(study.scenarios)), exclude=tuple(rules))
+    return msgspec.structs.replace(study, scenarios=tuple(anchor(study.scenarios)), exclude=tuple(rules))
 
 
-def _listed(value: object) -> list[Any]:
+def _make_list(value: object) -> list[Any]:
     """The values of an entry of `exclude`, which may be a single value or a list."""
     return value if isinstance(value, list) else [value]
 
@@ -109,7 +109,7 @@ def _check_excluded(study: Study) -> None:
         for key, value in rule.items():
             if value == []:
                 raise InputError(f"{where}{key}: is empty; expected text, or a list of texts")
-            for name in _listed(value):
+            for name in _make_list(value):
                 if not isinstance(name, str):
                     raise InputError(f"{where}{key}: {name!r} is not allowed; expected text, or a list of texts")
                 check_known(f"{where}{key}", name, known[key])
@@ -132,9 +132,9 @@ def adapt_study(
         check_known("--scenario", scenario, study.scenarios)
     added: dict[str, str] = {}
     for override in overrides:
-        key, value = key_and_value(override)
+        key, value = split_override(override)
         for factor, levels in study.factors.items():
-            varied = [f"{other}." for level in levels.values() for other in flat(level)]
+            varied = [f"{other}." for level in levels.values() for other in flatten(level)]
             if any(other.startswith(f"{key}.") or f"{key}.".startswith(other) for other in varied):
                 raise InputError(f"--set: {key} is what factor {factor!r} of study {study.name} varies")
         added[key] = value
@@ -148,21 +148,21 @@ def adapt_study(
     )
 
 
-def study_of(
+def make_study(
     planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
 ) -> Study:
     """A study of one or several planners in one or several scenarios; InputError says what is wrong."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
     return adapt_study(
-        Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
+        Study("compare", _read_names("planners", planners), scenarios=_read_names("scenarios", scenarios)),
         seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # the parser refuses one more than allowed
-        repeats=integer(repeats, "repeats", least=1, most=REPEATS),
-        overrides=overrides(settings),
+        repeats=parse_integer(repeats, "repeats", least=1, most=REPEATS),
+        overrides=format_overrides(settings),
     )
 
 
-def _several(field: str, given: object) -> tuple[str, ...]:
+def _read_names(field: str, given: object) -> tuple[str, ...]:
     names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
     if not all(isinstance(name, str) for name in names):
         raise InputError(f"{field}: {given!r} is not allowed; expected text")

@@ -17,10 +17,10 @@ from planning.planner_loading import canonical_text, load_planner, planner_targe
 from sim.installation import ROOT
 from sim.scenario.csv_tables import MOST_BYTES
 from sim.scenario.loading import load
-from sim.scenario.quantities import integers
-from sim.scenario.scenario import Scenario, resolved
-from sim.scenario.text_files import content
-from sim.study.cells import Cell, cells
+from sim.scenario.quantities import parse_integers
+from sim.scenario.scenario import Scenario, encode_scenario
+from sim.scenario.text_files import read_bytes
+from sim.study.cells import Cell, list_cells
 from sim.study.study import Study
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
@@ -75,16 +75,18 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
     machine: str = ""  # processor and BLAS of the machine that flew the trial
 
 
-def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
+def list_tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     """All trials of a study, seed by seed and repeat by repeat, so that an interrupted study has complete pairs.
 
     metrics: import strings of plug-in metrics to compute. InputError if a trial cannot be flown.
     """
-    listed, seeds = cells(study), integers(study.seeds, "seeds")
+    listed = list_cells(study)
+    seeds = parse_integers(study.seeds, "seeds")
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
         text = f"{len(listed)} cells by {len(seeds)} seeds by {study.repeats} repeats are {count} trials"
         raise InputError(f"{study.at('study')}: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
-    found, number = [], release()
+    found = []
+    number = get_release()
     for cell in listed:
         try:
             found.append((cell, cell.settings, *_load_cell(cell)))
@@ -113,7 +115,7 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
 
 
 @functools.lru_cache(maxsize=1)
-def release() -> str:
+def get_release() -> str:
     """Version of this package with a digest of its code, which changes between releases: 1.2.0+89abcdef.
 
     The digest includes the quadrotor's body and the meshes, and does not depend on the place of installation.
@@ -128,7 +130,7 @@ def release() -> str:
 def _load_cell(cell: Cell) -> tuple[Scenario, str]:
     """Scenario of a cell, and digest of all that decides a trial besides seed and repeat; InputError if it is wrong."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    parts = [resolved(setting), canonical_text(cell.spec), release(), *_digests_of_files(setting, cell.spec)]
+    parts = [encode_scenario(setting), canonical_text(cell.spec), get_release(), *_hash_user_files(setting, cell.spec)]
     return setting, hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -155,25 +157,26 @@ def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
     return f"{key}: {str(error).removeprefix('planner: ')}"
 
 
-def _digests_of_files(setting: Scenario, planner: str) -> list[str]:
+def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
     """Digests of files outside of the package on which a trial depends: plug-ins and trajectories of people."""
-    made, target = load_planner(planner), planner_target(planner)
+    made = load_planner(planner)
+    target = planner_target(planner)
     plugins = [(target, import_plugin(target)), (target, type(made))]
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
-    files = dict.fromkeys(file for target, plugin in plugins for file in _sources(target, plugin))
-    return [_digest(Path(file)) for file in [*files, setting.people.trajectory_file] if file]
+    files = dict.fromkeys(file for target, plugin in plugins for file in _find_user_files(target, plugin))
+    return [_hash_file(Path(file)) for file in [*files, setting.people.trajectory_file] if file]
 
 
-def _sources(target: str, plugin: object) -> list[str]:
+def _find_user_files(target: str, plugin: object) -> list[str]:
     """Files, if they are the user's, of the module in an import string and of the module that defines the plug-in."""
     names = [target.partition(":")[0], str(getattr(plugin, "__module__", ""))]
     theirs = [name for name in names if name.partition(".")[0] not in (*_OURS, *sys.stdlib_module_names)]
     return [getattr(sys.modules.get(name), "__file__", None) or "" for name in theirs]
 
 
-def _digest(path: Path) -> str:
+def _hash_file(path: Path) -> str:
     try:
-        return hashlib.sha256(content(path, "people.trajectories", MOST_BYTES)).hexdigest()
+        return hashlib.sha256(read_bytes(path, "people.trajectories", MOST_BYTES)).hexdigest()
     except InputError:
         return ""  # the set-up of the world reports what is wrong with the file
 
@@ -184,9 +187,9 @@ def _check_distinct(study: Study, first: Sequence[Task]) -> None:
     for task in first:
         other = known.setdefault(task.key, task)
         if other is not task:
-            both = f"{_place(other)} and {_place(task)}"
+            both = f"{_name_place(other)} and {_name_place(task)}"
             raise InputError(f"{study.at('study')}: {study.name}: {both} are the same trials; each counts once")
 
 
-def _place(task: Task) -> str:
+def _name_place(task: Task) -> str:
     return ", ".join([*(f"{name} {level}" for name, level in task.factors), task.planner])

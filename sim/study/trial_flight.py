@@ -17,7 +17,7 @@ from sim.mission.warmup import warm_up
 from sim.recording.archive import digest, encode
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import place_of
-from sim.study.tasks import Row, Task, release
+from sim.study.tasks import Row, Task, get_release
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
@@ -37,8 +37,8 @@ def fly_trial(
     begun: called when this time starts.
     """
     try:
-        if release() != task.version:
-            raise RuntimeError(f"understory is {release()} here, not {task.version}")
+        if get_release() != task.version:
+            raise RuntimeError(f"understory is {get_release()} here, not {task.version}")
         warm_up()  # so that the first trial takes as long as the others
         begun()
         with plugin_call():
@@ -55,7 +55,8 @@ def make_failure(task: Task, error: str) -> TrialResult:
 
 
 def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
-    start, ospa = time.perf_counter(), []
+    start = time.perf_counter()
+    ospa = []
 
     def watch(snapshot: Snapshot) -> bool:
         ospa.append(snapshot.error)

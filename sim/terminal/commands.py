@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from sim.recording.atomic_files import PlaceTaken
-from sim.scenario.quantities import seconds
+from sim.scenario.quantities import parse_duration
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known
 from tracking.plugins.plugin_error import PluginError
@@ -79,10 +79,10 @@ class _Group(TyperGroup):
 def load_command(target: str) -> Any:  # noqa: ANN401 - a type that differs between typer's versions
     """Import the function "module:function" and make a command of it."""
     module, _, name = target.partition(":")
-    return typer.main.get_command(_app(getattr(import_module(module), name)))
+    return typer.main.get_command(_make_app(getattr(import_module(module), name)))
 
 
-def command_group(start: Callable[..., None], commands: Mapping[str, tuple[str, str]]) -> Any:  # noqa: ANN401 - as above
+def make_command_group(start: Callable[..., None], commands: Mapping[str, tuple[str, str]]) -> Any:  # noqa: ANN401 - as above
     """The command line: `start` without a command, and commands by name as "module:function" and a line of help."""
     app = typer.Typer(cls=_Group, **_STYLE)
     app.callback(invoke_without_command=True)(start)
@@ -101,13 +101,13 @@ def _hide_types(params: list[Any]) -> list[Any]:
     return params
 
 
-def with_options(overrides: list[str] | None, duration: str | None, sensing: str | None = None) -> list[str]:
+def merge_overrides(overrides: list[str] | None, duration: str | None, sensing: str | None = None) -> list[str]:
     """The overrides together with those of --duration and --sensing; InputError if a key is given more than once."""
     keys = [override.partition("=")[0].strip() for override in overrides or ()]
     if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
         raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
     found = list(overrides or ())
-    length = None if duration is None else seconds(duration, "--duration", DAY)
+    length = None if duration is None else parse_duration(duration, "--duration", DAY)
     for option, key, value in (("--duration", "duration", length), ("--sensing", "sensing.mode", sensing)):
         if value is None:
             continue
@@ -119,17 +119,17 @@ def with_options(overrides: list[str] | None, duration: str | None, sensing: str
 
 def run_alone(function: Callable[..., None]) -> None:
     """Run a module's only command."""
-    conclude(_app(function))
+    run_command_line(_make_app(function))
 
 
-def _app(function: Callable[..., None]) -> typer.Typer:
+def _make_app(function: Callable[..., None]) -> typer.Typer:
     """A command line of one command."""
     app = typer.Typer(**_STYLE)
     app.command(cls=Command)(function)
     return app
 
 
-def conclude(app: Callable[..., Any]) -> None:
+def run_command_line(app: Callable[..., Any]) -> None:
     """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure."""
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _take_signals()

@@ -16,12 +16,12 @@ START_UP = "starting up"
 
 
 @contextmanager
-def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], None]]:
+def show_mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], None]]:
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
     total, count = 0.0, 0  # sum and number of the distances so far
     columns = (BarColumn(bar_width=20), TextColumn("{task.description}"))
-    with _bar(len(scenario.scan_times), *columns) as advance:
+    with _show_bar(len(scenario.scan_times), *columns) as advance:
 
         def show(moment: ScanProgress) -> None:
             nonlocal total, count
@@ -33,14 +33,14 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
 
 
 @contextmanager
-def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
+def show_counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
     """A bar with the number of frames or scans done."""
-    with _bar(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
+    with _show_bar(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
         yield lambda outcome: advance("")
 
 
 @contextmanager
-def _bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
+def _show_bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
     """Yield a function that advances a bar and describes what is done.
 
     The bar is shown from its first call on, so that none precedes an error of the start.
@@ -73,10 +73,12 @@ def _bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> I
 
 
 @contextmanager
-def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
+def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
     """A bar with the number of trials done; called with two flags: the trial failed, and it was flown just now."""
     columns = (SpinnerColumn(), BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("trials{task.description}"))
-    start, flown, failures = time.monotonic(), 0, 0
+    start = time.monotonic()
+    flown = 0
+    failures = 0
     with Progress(*columns, console=console) as progress:
         starting = ", starting up; the first time, code is compiled: about a minute"
         task = progress.add_task(starting, total=total)
@@ -86,12 +88,12 @@ def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
             flown, failures = flown + fresh, failures + failed
             progress.advance(task)
             left = total - int(progress.tasks[0].completed)
-            progress.update(task, description=pace(flown, left, failures, time.monotonic() - start))
+            progress.update(task, description=describe_pace(flown, left, failures, time.monotonic() - start))
 
         yield tell
 
 
-def pace(flown: int, left: int, failures: int, seconds: float) -> str:
+def describe_pace(flown: int, left: int, failures: int, seconds: float) -> str:
     """Rate, remaining time and failures in words: ", 12.0 a minute, 1:40 left, 2 failed"."""
     parts = []
     if flown and seconds > 0:

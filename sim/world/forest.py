@@ -28,7 +28,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
     fit into the area.
     Source: [Li22] IV-A.
     """
-    expected = trees.expected(area)
+    expected = trees.expected_count(area)
     if expected > _most(trees, area):
         raise _too_dense(trees, area, f"no more than {_most(trees, area):.0f}")
     count = poisson(rng, expected)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from sim.scenario.csv_tables import Row, read_rows
+from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.environment import Area
 from sim.scenario.scenario import MOST_WALKED
 from tracking.errors import InputError
@@ -90,7 +90,7 @@ def read_trajectories(path: Path, area: Area, *, duration: float) -> Trajectorie
 def _read_people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by person and time [s]; people are in the order in which the file first names them."""
     people: dict[str, dict[float, Array]] = {}
-    for row in read_rows(path, "people.trajectories", COLUMNS, aliases={"t": "time"}):
+    for row in read_csv(path, "people.trajectories", COLUMNS, aliases={"t": "time"}):
         person, time, position = row.text("id"), row.number("time"), _position(row, area)
         if len(person) > _LONGEST_ID or not person.isprintable():
             raise row.error("id", f"is not printable, or longer than the {_LONGEST_ID} characters allowed")

@@ -19,9 +19,9 @@ from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import available, choose_metrics
 from sim.study.backends import Pool
 from sim.study.scheduler import complete
-from sim.study.store import Store, frame
+from sim.study.store import Store, read_dataframe
 from sim.study.study import Study
-from sim.study.tasks import tasks
+from sim.study.tasks import list_tasks
 
 METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))
 BOUND = 2.0  # s, for every metric of 10 000 trials
@@ -41,7 +41,7 @@ def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged)
         rows = complete(found, store, Serial())
     listed = time.perf_counter() - start
     start = time.perf_counter()
-    table = frame(tmp_path)
+    table = read_dataframe(tmp_path)
     assert table["ospa.mean_m"].mean() == (count - 1) / 2
     framed = time.perf_counter() - start
     start = time.perf_counter()
@@ -58,7 +58,7 @@ def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path,
     """Rendered trials of 20 s, once the processes have started; overhead is what of one's time is no mission."""
     if not judged:
         pytest.skip("takes minutes, and an idle machine")
-    found = tasks(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
+    found = list_tasks(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
     walls, overheads = {1: [], 2: []}, []
     for turn, workers in enumerate((1, 2, 1, 2)):
         with Pool(workers) as pool, Store.open(tmp_path / str(turn), "short") as store:

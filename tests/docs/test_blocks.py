@@ -10,7 +10,7 @@ import pytest
 from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 
 from sim.recording.archive import load
-from sim.study.study import read
+from sim.study.study import read_study
 
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in ("lost-person", "learning")]
 REFERENCE = ("api", "metrics", "planners")
@@ -24,7 +24,7 @@ NAMES = (
     "explanation/rivals",
     *(f"reference/{n}" for n in REFERENCE),
 )
-BENCH = read("bench-1")
+BENCH = read_study("bench-1")
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
 

@@ -13,9 +13,9 @@ from sim.mission.mission import Mission
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.sensing.detector_check import check_detector
-from sim.study.cells import cells
-from sim.study.study import STUDIES, adapt_study, read
-from sim.study.tasks import tasks
+from sim.study.cells import list_cells
+from sim.study.study import STUDIES, adapt_study, read_study
+from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
 from tracking.fusion.rule import LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
@@ -99,14 +99,14 @@ def block(language):
 def test_study_files_on_pages_are_valid(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(block("toml"))
-    assert len(tasks(read(str(path)))) == 10 * 2 * (1 + 2)
+    assert len(list_tasks(read_study(str(path)))) == 10 * 2 * (1 + 2)
     path = tmp_path / "trackers.toml"
     path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
-    assert [cell.settings for cell in cells(read(str(path)))] == [
+    assert [cell.settings for cell in list_cells(read_study(str(path)))] == [
         {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
     ]  # fmt: skip
     path.write_text(next(content for language, content in blocks(PLUGINS_PAGE) if language == "toml"))
-    assert [cell.settings for cell in cells(read(str(path)))] == [
+    assert [cell.settings for cell in list_cells(read_study(str(path)))] == [
         {"network.fusion": "hcmci"}, {"network.fusion": "mymodels:EqualWeights"}
     ]  # fmt: skip
 
@@ -130,7 +130,7 @@ def test_the_python_on_studies_runs(tmp_path, monkeypatch, capsys):
 
 def test_the_page_on_studies_counts_the_packaged_ones_and_names_metrics():
     rows = re.findall(r"^\| `([\w-]+)` \| .* \| (\d+) \|$", STUDIES_PAGE, flags=re.M)
-    counts = {name: len(tasks(adapt_study(read(name), seeds="0-49"))) for name in STUDIES}
+    counts = {name: len(list_tasks(adapt_study(read_study(name), seeds="0-49"))) for name in STUDIES}
     assert {name: int(count) for name, count in rows} == counts
     (task,) = short(["hover"], "0")
     for name in fly_trial(task).row.metrics:

@@ -15,7 +15,7 @@ from sim.analysis.differences import differences
 from sim.analysis.metric_choice import metric_shown
 from sim.study.store import Store
 from sim.study.study import adapt_study
-from sim.study.tasks import tasks
+from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
 
 sys.path.append(str(DOCS))
@@ -110,7 +110,9 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 
     def added(value, worlds, **changes):
         with Store.open(tmp_path / "runs", "bench-1") as opened:
-            for task in tasks(adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)):
+            for task in list_tasks(
+                adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
+            ):
                 opened.add(task, replace(invented(task), metrics=dict.fromkeys(scores.METRICS, value)))
         scores.add([tmp_path / "runs"])
         return [(row.scenario, row.planner, row.metrics["share_held"]) for row in scores.trials()]
@@ -127,6 +129,6 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 def test_trials_of_the_list_are_those_of_this_program(world, planner):
     listed = next(row for row in scores.trials() if (row.scenario, row.planner, row.seed) == (world, planner, 4))
     study = adapt_study(scores.STUDY, scenarios=[world], planners=[planner], seeds="4")
-    row = fly_trial(next(task for task in tasks(study) if task.planner == planner)).row
+    row = fly_trial(next(task for task in list_tasks(study) if task.planner == planner)).row
     shown = [[metrics[name] for name in scores.METRICS] for metrics in (row.metrics, listed.metrics)]
     np.testing.assert_allclose(*shown, rtol=1e-9)

@@ -4,7 +4,7 @@ from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
 from sim.recording.recorder import Recorder
 from sim.scenario.loading import load
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 
 # One above the other, so that they see one another; cameras of two sizes.
 PAIR = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
@@ -37,7 +37,9 @@ def recording_of(mission, snapshots, *, planner="greedy", seed=0, repeat=0):
     recorder = Recorder(repeat)
     for snapshot in snapshots:
         recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(mission.scenario), planner=planner, seed=seed, forest=mission.forest)
+    return recorder.recording(
+        scenario=encode_scenario(mission.scenario), planner=planner, seed=seed, forest=mission.forest
+    )
 
 
 def recorded(*overrides, planner="greedy", seed=3, duration=8, **options):

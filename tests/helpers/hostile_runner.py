@@ -26,7 +26,7 @@ from sim.replay.explain import explanation  # noqa: F401
 from sim.replay.page import page  # noqa: F401
 from sim.replay.rerun import viewer  # noqa: F401
 from sim.report import report, tables  # noqa: F401
-from sim.study.tasks import release
+from sim.study.tasks import get_release
 
 SECONDS, BYTES = 20.0, 2 * 2**30
 
@@ -76,14 +76,16 @@ def run(arguments, folder):
 
 
 def main():
-    study_flight._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
+    study_flight._open_backend = lambda workers, dask: nullcontext(
+        Serial()
+    )  # processes of a pool take seconds to start
     cv2.setNumThreads(1)
     if (compiling := os.fork()) == 0:  # its memory would count as that of each command
         warm_up()
         os._exit(0)
     os.waitpid(compiling, 0)
     warm_up()
-    release()
+    get_release()
     print("ready", flush=True)
     for line in sys.stdin:
         asked = json.loads(line)

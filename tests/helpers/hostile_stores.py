@@ -15,8 +15,8 @@ from helpers.recordings import npy, record
 from helpers.studies import store as fill
 from sim.recording.archive import save
 from sim.study.store import NAME
-from sim.study.study import read
-from sim.study.tasks import tasks
+from sim.study.study import read_study
+from sim.study.tasks import list_tasks
 
 STUDY = """[study]
 name = "tiny"
@@ -90,7 +90,7 @@ def filled_store():
     with TemporaryDirectory() as folder:
         path = Path(folder) / "given.toml"
         path.write_text(STUDY)
-        fill(Path(folder), tasks(read(str(path))))
+        fill(Path(folder), list_tasks(read_study(str(path))))
         return (Path(folder) / NAME).read_bytes()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from helpers import synthetic
 from helpers.recordings import bare, record
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track
 
@@ -42,7 +42,7 @@ def standing_still(tracks, people=PEOPLE):
     """A recording of people who stand still, and of tracks by id and place, of each scan and UAV."""
     cells = [[{id_: (*place, 0.0, 0.0) for id_, place in cell.items()} for cell in row] for row in tracks]
     setting = synthetic.scenario(uavs=len(tracks[0]), people=len(people), mode="ideal")
-    return bare(np.tile(people, (len(tracks), 1, 1)), cells, scenario=resolved(setting))
+    return bare(np.tile(people, (len(tracks), 1, 1)), cells, scenario=encode_scenario(setting))
 
 
 def at_random(seed, *, scans=40, people=3, tracks=5):

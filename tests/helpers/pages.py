@@ -11,7 +11,7 @@ from pathlib import Path
 from helpers.commands import called
 from sim.cli import study_flight
 from sim.study import backends
-from sim.study.backends import Borrowed
+from sim.study.backends import ExecutorBackend
 from sim.terminal import console
 
 ROOT = Path(__file__).parents[2]
@@ -90,7 +90,7 @@ class Shell:
             self.line(command, *(options if "--time" not in options or "--time" in command else []))
 
 
-class Here(Borrowed):
+class Here(ExecutorBackend):
     """Stands for a pool of processes, as a process takes seconds to start; the pool's own tests start some."""
 
     def __init__(self, workers):

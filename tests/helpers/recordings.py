@@ -9,7 +9,7 @@ import numpy as np
 from helpers import synthetic
 from sim.recording.recorder import Recorder
 from sim.recording.recording import VERSION, Recording
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 
 
 def record(
@@ -23,7 +23,7 @@ def record(
     forest, recorder = synthetic.forest(setting, trees), Recorder()
     for snapshot in synthetic.snapshots(setting, forest, scans):
         recorder.add(change(snapshot))
-    return recorder.recording(scenario=resolved(setting), planner=planner, seed=seed, forest=forest)
+    return recorder.recording(scenario=encode_scenario(setting), planner=planner, seed=seed, forest=forest)
 
 
 def broken(recording, uav, scan):

@@ -54,11 +54,11 @@ from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
-from sim.study.tasks import Task, release
+from sim.study.tasks import Task, get_release
 from sim.study.trial_flight import fly_trial
 for seed, overrides in json.loads(sys.argv[1]):
     setting = load("forest", overrides)
-    row = fly_trial(Task(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=release())).row
+    row = fly_trial(Task(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=get_release())).row
     print(row.recording or sys.exit(row.error))
 mission = Mission(load("forest", ["duration=2", "appearance.randomise=true"]), load_planner(DEFAULT_PLANNER))
 images = hashlib.sha256()

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.study.store import NAME, Store
 from sim.study.study import Study
-from sim.study.tasks import Task, release, tasks
+from sim.study.tasks import Task, get_release, list_tasks
 from sim.study.trial_flight import TrialResult, fly_trial, make_failure
 
 NUMBERS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", "recall", "wall_s", "seconds.planning", "faults")
@@ -20,12 +20,12 @@ SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
 
 def short(planners=("hover", "greedy"), seeds="0-1", **changes):
     """Trials of a second."""
-    return tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
+    return list_tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
 
 
 def task_of(setting, planner, seed):
     """A trial by itself, of no study."""
-    return Task(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=release())
+    return Task(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=get_release())
 
 
 def invented(task):

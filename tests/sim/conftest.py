@@ -32,7 +32,9 @@ def compare(call, monkeypatch, without_pictures):
     monkeypatch.setattr(console.console, "width", 160)
 
     def run(*arguments, backend=None):
-        monkeypatch.setattr("sim.cli.study_flight._backend", lambda workers, dask: nullcontext(backend or Serial()))
+        monkeypatch.setattr(
+            "sim.cli.study_flight._open_backend", lambda workers, dask: nullcontext(backend or Serial())
+        )
         return call("compare", *arguments)
 
     return run

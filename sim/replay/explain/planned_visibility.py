@@ -39,7 +39,7 @@ def find_planned_visibility(
     """
     scenario, now = recording.setting, float(recording.times[k])
     rate = scenario.rates.sensing
-    plan = sum(scenario.due(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
+    plan = sum(scenario.plan_start(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
     if plan < 0 or not recording.working[k, uav]:
         return None
     at, corners, poses = _planned_flight(recording, plan, uav)
@@ -65,7 +65,7 @@ def _planned_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, A
     The path begins at the UAV's position when the plan was due. UAV and camera move as planners assume.
     """
     setting = recording.setting
-    step, begun = 1 / setting.rates.planning, setting.due(float(recording.plan_times[plan]))
+    step, begun = 1 / setting.rates.planning, setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
     vehicle = vehicles_at(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]

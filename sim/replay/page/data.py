@@ -80,7 +80,7 @@ def _plans(recording: Recording) -> dict[str, Any]:
     """Times [s] from which plans are flown, duration [s] of a step, and velocities [m/s] of each UAV's steps."""
     setting = recording.setting
     return {
-        "times": _round([setting.due(time) for time in recording.plan_times.tolist()], 3),
+        "times": _round([setting.plan_start(time) for time in recording.plan_times.tolist()], 3),
         "step": 1 / setting.rates.planning,
         "controls": [[_round(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }

@@ -27,7 +27,7 @@ from sim.replay.link_outages import link_outages
 from sim.replay.page.data import colours, page_data
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
-from sim.scenario.settings_text import changed, toml
+from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
 from tracking.errors import InputError
 from tracking.fusion.member import TRACKERS
@@ -179,7 +179,7 @@ def _packaged_name(scenario: Scenario) -> str | None:
 
 def _settings(scenario: Scenario) -> str:
     """Settings that differ from the defaults, folded because a fleet or paths of people are long."""
-    own = [_fleet(scenario) if text.startswith("uavs=") else text for text in changed(scenario)]
+    own = [_fleet(scenario) if text.startswith("uavs=") else text for text in list_changes(scenario)]
     if not own:
         return '<p class="settings">All settings are the defaults.</p>'
     summary = f"<summary>Settings other than the defaults: {len(own)}</summary>"
@@ -190,7 +190,7 @@ def _fleet(scenario: Scenario) -> str:
     """The fleet in the form of `--set`: a line for each UAV, without defaults."""
     default = {field.name: field.default for field in msgspec.structs.fields(Uav)}
     rows = [{k: v for k, v in msgspec.to_builtins(uav).items() if v != default[k]} for uav in scenario.uavs]
-    return "\n".join(["uavs=[", *(f"  {toml(row)}," for row in rows), "]"])
+    return "\n".join(["uavs=[", *(f"  {format_value(row)}," for row in rows), "]"])
 
 
 def _codes(lines: Iterable[str]) -> str:

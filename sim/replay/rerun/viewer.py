@@ -19,7 +19,7 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.images import Cameras
 from sim.replay.rerun.scene import Scene, log_ground
 from sim.replay.rerun.series import log_events, log_series, log_states
-from sim.scenario.text_files import content
+from sim.scenario.text_files import read_bytes
 from tracking.errors import InputError
 
 Progress = Callable[[object], None]
@@ -83,7 +83,7 @@ def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = (
 def planning_times(summary: Path) -> list[float]:
     """Seconds that each decision took, from a run's `summary.json`; empty if the file or the entry is missing."""
     try:
-        return msgspec.json.decode(content(summary, "DIR"), type=_Summary).planning_s
+        return msgspec.json.decode(read_bytes(summary, "DIR"), type=_Summary).planning_s
     except (InputError, msgspec.MsgspecError, RecursionError):
         return []
 

@@ -6,7 +6,7 @@ from helpers.studies import Serial, sql
 from sim.recording.archive import load
 from sim.report.wide_table import main as wide_table
 from sim.study.store import Store, StoreError, read_rows
-from sim.terminal.progress import pace
+from sim.terminal.progress import describe_pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
 INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
@@ -176,9 +176,9 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
 
 
 def test_the_pace_of_a_study_in_words():
-    assert pace(0, 10, 0, 3.0) == "" and pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
-    assert pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
-    assert pace(10, 0, 0, 20.0) == ", 30.0 a minute"
+    assert describe_pace(0, 10, 0, 3.0) == "" and describe_pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
+    assert describe_pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
+    assert describe_pace(10, 0, 0, 20.0) == ", 30.0 a minute"
 
 
 SCORED = """

@@ -7,7 +7,7 @@ from sim.analysis.answers import answers
 from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
-from sim.study.cells import cells, with_trackers
+from sim.study.cells import add_trackers, list_cells
 from sim.study.study import Study
 from tracking.errors import InputError
 
@@ -63,17 +63,17 @@ def test_labels_of_planners_and_trackers_say_what_differs():
 
 
 def test_trackers_are_a_factor_of_the_study_in_place_of_its_own():
-    study = with_trackers(Study("tried", ("hover", "greedy"), factors={"L": {"3": {}, "5": {}}}), ["jpda", MINE])
-    found = cells(study)
+    study = add_trackers(Study("tried", ("hover", "greedy"), factors={"L": {"3": {}, "5": {}}}), ["jpda", MINE])
+    found = list_cells(study)
     assert [(c.planner, dict(c.factors)["tracker"]) for c in found[:4]] == [
         ("hover", "jpda"), ("greedy", "jpda"), ("hover", MINE), ("greedy", MINE)
     ]  # fmt: skip
     assert [c.settings for c in found[:4:2]] == [{"tracking.tracker": "jpda"}, {"tracking.tracker": MINE}]
-    assert cells(with_trackers(study, ["jpda"]))[0].settings == {"tracking.tracker": "jpda"}
-    assert with_trackers(study, ()) is study
+    assert list_cells(add_trackers(study, ["jpda"]))[0].settings == {"tracking.tracker": "jpda"}
+    assert add_trackers(study, ()) is study
     varied = Study("tried", ("hover",), factors={"way": {"a": {"tracking": {"tracker": "jpda"}}}})
     with pytest.raises(InputError, match=r"^--tracker: tracking\.tracker is what factor 'way' of study tried varies$"):
-        with_trackers(varied, ["jpda"])
+        add_trackers(varied, ["jpda"])
 
 
 def test_the_command_shows_trackers_side_by_side(compare, tmp_path, monkeypatch):

@@ -162,7 +162,7 @@ def test_errors_of_files_other_than_a_full_disk_are_not_hidden(call, monkeypatch
 def test_ctrl_c_while_something_is_half_made_is_said_in_one_line():
     code = """
 import signal
-from sim.terminal.commands import conclude
+from sim.terminal.commands import run_command_line
 
 class Half:
     def __init__(self):
@@ -172,7 +172,7 @@ class Half:
     def __del__(self):
         del self.whole
 
-conclude(lambda standalone_mode: Half())
+run_command_line(lambda standalone_mode: Half())
 """
     ended = python("-c", code)
     assert (ended.returncode, ended.stderr) == (1, "understory: interrupted; nothing new is kept\n")

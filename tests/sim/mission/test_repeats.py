@@ -12,11 +12,11 @@ from sim.mission.world_setup import forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.recorded_fleet import links_of
 from sim.scenario.loading import load
-from sim.study.backends import Borrowed
+from sim.study.backends import ExecutorBackend
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_rows
-from sim.study.study import adapt_study, read
-from sim.study.tasks import tasks
+from sim.study.study import adapt_study, read_study
+from sim.study.tasks import list_tasks
 from sim.world.appearance import sample_appearance
 
 NOISY = ["sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
@@ -78,13 +78,13 @@ def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(call, tmp_path)
 
 def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
     (tmp_path / "mine.toml").write_text('study = { planners = ["hover", "greedy"], seeds = "4,2", repeats = 2 }')
-    study = read(str(tmp_path / "mine.toml"))
-    order = [(t.repeat, t.seed, t.planner) for t in tasks(study)]
+    study = read_study(str(tmp_path / "mine.toml"))
+    order = [(t.repeat, t.seed, t.planner) for t in list_tasks(study)]
     assert order == [(r, s, p) for r in (0, 1) for s in (4, 2) for p in ("hover", "greedy")]
-    assert len({t.key for t in tasks(study)}) == 8
-    assert {t.repeat for t in tasks(adapt_study(study, repeats=1))} == {0}
-    once = tasks(adapt_study(study, repeats=1))
-    assert [t.key for t in once] == [t.key for t in tasks(study)[:4]]
+    assert len({t.key for t in list_tasks(study)}) == 8
+    assert {t.repeat for t in list_tasks(adapt_study(study, repeats=1))} == {0}
+    once = list_tasks(adapt_study(study, repeats=1))
+    assert [t.key for t in once] == [t.key for t in list_tasks(study)[:4]]
 
 
 def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
@@ -93,7 +93,7 @@ def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
         for task in made[:2]:
             store.add(task, invented(task))
         with ThreadPoolExecutor(1) as executor:
-            rows = complete(made, store, Borrowed(executor))
+            rows = complete(made, store, ExecutorBackend(executor))
     assert [plain(r) for r in rows[:2]] == [plain(invented(task)) for task in made[:2]]
     assert [(r.repeat, r.seed) for r in rows] == [(r, s) for r in range(3) for s in (0, 1)]
     assert [(r.seed, r.repeat) for r in read_rows(tmp_path)] == [(s, r) for s in (0, 1) for r in range(3)]

@@ -23,10 +23,10 @@ from sim.recording.npz import MOST_BYTES
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.history import History
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError
 
-FLEET = json.loads(resolved(synthetic.scenario()))
+FLEET = json.loads(encode_scenario(synthetic.scenario()))
 
 
 def header(descr, shape):
@@ -349,7 +349,7 @@ def test_names_are_never_imported_and_unreadable_files_said_to_be_so(tmp_path, m
     (tmp_path / "evil.py").write_text("open('ran', 'w').close()\nclass Evil: pass\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    named = json.loads(resolved(synthetic.scenario()))
+    named = json.loads(encode_scenario(synthetic.scenario()))
     named["sensing"]["detector"] = "evil:Evil"
     named["people"]["trajectories"] = "/nowhere/people.csv"
     evil = {"planner": npy(np.array("evil:Evil")), "scenario": npy(np.array(json.dumps(named)))}

@@ -12,7 +12,7 @@ from helpers.identities import swapping
 from msgspec import structs
 
 from sim.replay.tracking_replay import replay_tracking
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 
 CASES = {
     "images, m of n": ("trees.density=75", "tracking.management=m_of_n"),
@@ -119,7 +119,7 @@ def test_plug_ins_that_a_recording_names_are_not_run(part, key):
     recording = recorded(*IDEAL, duration=1)
     setting = recording.setting
     outside = structs.replace(setting, **{part: structs.replace(getattr(setting, part), **{key: "antigravity:Model"})})
-    replay = replay_tracking(replace(recording, scenario=resolved(outside)))
+    replay = replay_tracking(replace(recording, scenario=encode_scenario(outside)))
     assert replay.states == [] and replay.note.startswith("antigravity:Model is a plug-in, which is not run again: ")
     assert "antigravity" not in sys.modules
 

@@ -15,14 +15,14 @@ import pytest
 from helpers.hostile_values import numbers
 from msgspec import inspect
 
-from sim.cli.recordings import _speed
-from sim.scenario.csv_tables import read_rows
+from sim.cli.recordings import _parse_speed
+from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load
-from sim.scenario.quantities import integer, integers, interval, number, seconds
+from sim.scenario.quantities import parse_duration, parse_integer, parse_integers, parse_interval, parse_number
 from sim.scenario.scenario import Scenario, check_workload
-from sim.scenario.settings_text import changed
-from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
+from sim.scenario.settings_text import list_changes
+from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml, tomllib
 from sim.world.trajectories import read_trajectories
 from tracking.errors import InputError
 
@@ -33,14 +33,14 @@ ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
 
 
 def test_settings_other_than_the_defaults_make_the_scenario_again():
-    assert changed(Scenario()) == changed(load("forest", ["uavs.0.alpha=0.1"])) == []
+    assert list_changes(Scenario()) == list_changes(load("forest", ["uavs.0.alpha=0.1"])) == []
     mine = load(
         "forest", ["uavs.1.rate=1", "wind.gust=0.5", "people.walks=['a:B']", "uavs.1.fails_at=3", "trees.density=75"]
     )
     own = ["trees.density=75.0", 'people.walks=["a:B"]', "uavs.1.rate=1", "uavs.1.fails_at=3.0", "wind.gust=0.5"]
-    assert changed(mine) == own
+    assert list_changes(mine) == own
     for name in SCENARIOS:
-        assert load("forest", changed(load(name))) == load(name)
+        assert load("forest", list_changes(load(name))) == load(name)
 
 
 def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):
@@ -93,13 +93,13 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
 @pytest.mark.parametrize(
     ("read", "text", "words"),
     [
-        (lambda t: integer(t, "--seed", least=0, most=9), "9" * 5000, ["--seed", "0 to 9"]),
-        (lambda t: integers(t, "--seeds"), "0-9999999999", ["--seeds", "'0-9999999999'", "at most 100000"]),
-        (lambda t: integers(t, "--seeds"), "0-99999,100000", ["--seeds", "'100000'", "at most 100000"]),
-        (lambda t: integers(t, "--seeds"), str(2**128), ["--seeds", f"none above {2**128 - 1}"]),
-        (lambda t: integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
-        (lambda t: seconds(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
-        (lambda t: seconds(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 31622400 s"]),
+        (lambda t: parse_integer(t, "--seed", least=0, most=9), "9" * 5000, ["--seed", "0 to 9"]),
+        (lambda t: parse_integers(t, "--seeds"), "0-9999999999", ["--seeds", "'0-9999999999'", "at most 100000"]),
+        (lambda t: parse_integers(t, "--seeds"), "0-99999,100000", ["--seeds", "'100000'", "at most 100000"]),
+        (lambda t: parse_integers(t, "--seeds"), str(2**128), ["--seeds", f"none above {2**128 - 1}"]),
+        (lambda t: parse_integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
+        (lambda t: parse_duration(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
+        (lambda t: parse_duration(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 31622400 s"]),
     ],
 )
 def test_numbers_on_the_command_line_are_bounded(read, text, words):
@@ -107,7 +107,7 @@ def test_numbers_on_the_command_line_are_bounded(read, text, words):
         read(text)
     for word in words:
         assert word in str(caught.value)
-    assert integers(f"0-99998,{2**128 - 1}", "--seeds")[-1] == 2**128 - 1
+    assert parse_integers(f"0-99998,{2**128 - 1}", "--seeds")[-1] == 2**128 - 1
 
 
 # Python reads these as numbers; people take them for something else.
@@ -118,12 +118,12 @@ LIKE_NUMBERS = ["1_0", "\uff14\uff10", "\u0664\u0660", "1\u00b2", "1e1_0", "0x1p
 @pytest.mark.parametrize(
     "read",
     [
-        lambda t, _: seconds(t, "--duration"),
-        lambda t, _: interval(f"{t}:99", "--time"),
-        lambda t, _: interval(f"0:{t}", "--time"),
-        lambda t, _: integer(t, "--seed", least=0, most=99),
-        lambda t, _: integers(t, "--seeds") if "," not in t else integers("1.5", "--seeds"),
-        lambda t, _: _speed(t),
+        lambda t, _: parse_duration(t, "--duration"),
+        lambda t, _: parse_interval(f"{t}:99", "--time"),
+        lambda t, _: parse_interval(f"0:{t}", "--time"),
+        lambda t, _: parse_integer(t, "--seed", least=0, most=99),
+        lambda t, _: parse_integers(t, "--seeds") if "," not in t else parse_integers("1.5", "--seeds"),
+        lambda t, _: _parse_speed(t),
         lambda t, path: next(in_table(path, t)).number("x"),
         lambda t, path: next(in_table(path, t)).integer("x"),
     ],
@@ -136,13 +136,13 @@ def test_numbers_have_ascii_digits_and_no_underscores(tmp_path, read, written):
 
 def in_table(path, entry):
     path.write_text(f'x,y\n"{entry}",0\n', encoding="utf-8")
-    return read_rows(path, "field", ["x", "y"])
+    return read_csv(path, "field", ["x", "y"])
 
 
 @pytest.mark.parametrize("written", ["7", "+7", "-0.5", ".5", "5.", "1e3", "1.5E-3", "00.25", "0.1", "1e-320"])
 def test_a_number_is_the_one_that_its_text_means(written):
-    assert number(written) == float(written)
-    assert math.isnan(number(f" {written}")) and math.isnan(number(f"{written} "))
+    assert parse_number(written) == float(written)
+    assert math.isnan(parse_number(f" {written}")) and math.isnan(parse_number(f"{written} "))
 
 
 def sparse(path):
@@ -179,18 +179,18 @@ def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
     path = tmp_path / "given"
     make(path)
     with pytest.raises(InputError, match=rf"^field: .*given cannot be read: .*{reason}"):
-        text(path, "field")
+        read_text(path, "field")
 
 
 def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(tmp_path):
     path = tmp_path / "given.toml"
     path.write_bytes(b"\xef\xbb\xbfx = 1")
-    assert content(path, "field", 8) == b"\xef\xbb\xbfx = 1" and toml_file(path, "field") == {"x": 1}
+    assert read_bytes(path, "field", 8) == b"\xef\xbb\xbfx = 1" and read_toml(path, "field") == {"x": 1}
     with pytest.raises(InputError, match="more than the 7 bytes"):
-        content(path, "field", 7)
-    assert toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
+        read_bytes(path, "field", 7)
+    assert parse_toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
     with pytest.raises(InputError, match=r"^field: "):
-        toml(f"x = {'9' * 5000}", "field")
+        parse_toml(f"x = {'9' * 5000}", "field")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(
 )
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
-        toml(written, "field")
+        parse_toml(written, "field")
 
 
 @pytest.mark.parametrize(
@@ -226,10 +226,10 @@ def test_nests_are_refused_at_once(written):
 )
 def test_sentences_in_comments_and_strings_are_no_keys(written):
     told = written.replace("{}", "Fly once more. " * 200)
-    assert toml(told, "field") == tomllib.loads(told)
+    assert parse_toml(told, "field") == tomllib.loads(told)
 
 
 @pytest.mark.parametrize("piece", ['"""\n', '\\"""\n', "'''\n'", "'", '"', "\\", '",', "#"])
 def test_strings_without_an_end_take_no_time_that_grows_with_their_square(piece):
     with pytest.raises(InputError, match=r"^field: "):
-        toml("x = " + "." * 101 + piece * 500_000, "field")
+        parse_toml("x = " + "." * 101 + piece * 500_000, "field")

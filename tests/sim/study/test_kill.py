@@ -14,8 +14,8 @@ from helpers.studies import SHORT, Serial, plain, short
 from sim.study.backends import connect
 from sim.study.scheduler import complete
 from sim.study.store import NAME, Store, read_rows
-from sim.study.study import read
-from sim.study.tasks import tasks
+from sim.study.study import read_study
+from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
 from tracking.errors import InputError
 
@@ -27,14 +27,14 @@ THREAD = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from sim.study.backends import Borrowed
+from sim.study.backends import ExecutorBackend
 from sim.study.scheduler import complete
 from sim.study.store import Store
-from sim.study.study import read
-from sim.study.tasks import tasks
-found = tasks(read(sys.argv[1]))
+from sim.study.study import read_study
+from sim.study.tasks import list_tasks
+found = list_tasks(read_study(sys.argv[1]))
 with Store.open(Path(sys.argv[2]), "killed") as store, ThreadPoolExecutor(1) as executor:
-    complete(found, store, Borrowed(executor))
+    complete(found, store, ExecutorBackend(executor))
 """
 PROCESSES = "import sys; from sim.__main__ import main; main()"
 
@@ -57,7 +57,7 @@ def killed(tmp_path):
             now = stored(folder)
             assert {key: now[key] for key in kept} == kept  # complete ones are not flown again
             kept = now
-        every = tasks(read(str(file)))
+        every = list_tasks(read_study(str(file)))
         with Store.open(folder, "killed") as store:
             rows = complete(every, store, Serial())
         assert {key: value for key, value in stored(folder).items() if key in kept} == kept

@@ -14,8 +14,8 @@ from helpers.flights import mission_of
 from helpers.studies import Serial, plain, short
 
 from sim.study import backends, scheduler, trial_flight
-from sim.study.backends import Borrowed, Pool, connect
-from sim.study.scheduler import Options, complete, rows_of
+from sim.study.backends import ExecutorBackend, Pool, connect
+from sim.study.scheduler import Options, complete, fly_tasks
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial_flight import fly_trial
 
@@ -72,7 +72,7 @@ def test_trials_that_fail_are_failed_rows_with_reasons(tmp_path):
     row = fly_trial(msgspec.structs.replace(task, version="0.0.9")).row
     assert row.status == "failed" and "not 0.0.9" in row.error
     with ThreadPoolExecutor(1) as executor:
-        (row,) = run(tmp_path, short(["hover"], "0"), Borrowed(executor), Options(timeout=1e-6))
+        (row,) = run(tmp_path, short(["hover"], "0"), ExecutorBackend(executor), Options(timeout=1e-6))
     assert row.status == "failed" and row.error == "TimeoutError: took longer than the timeout of 1e-06 s"
 
 
@@ -167,9 +167,9 @@ def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):
     tasks = short(["hover", "greedy"], "2,0")[::-1]
     alone = [plain(fly_trial(task).row) for task in tasks]
     with ThreadPoolExecutor(3) as executor:
-        assert list(map(plain, run(tmp_path, tasks, Borrowed(executor)))) == alone
-        assert list(map(plain, rows_of(tasks, Borrowed(executor)))) == alone
-    errors = [row.error for row in rows_of(tasks, Serial({"hover": ["ValueError: no"] * 4}))]
+        assert list(map(plain, run(tmp_path, tasks, ExecutorBackend(executor)))) == alone
+        assert list(map(plain, fly_tasks(tasks, ExecutorBackend(executor)))) == alone
+    errors = [row.error for row in fly_tasks(tasks, Serial({"hover": ["ValueError: no"] * 4}))]
     assert errors == ["ValueError: no" if task.planner == "hover" else "" for task in tasks]
 
 

@@ -8,7 +8,7 @@ import pytest
 from helpers.studies import Serial, invented, plain, short, sql, store
 
 from sim.study.scheduler import Options, complete
-from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
+from sim.study.store import NAME, SCHEMA, Store, StoreError, read_dataframe, read_rows
 from tracking.errors import InputError
 
 FACTORS = {"lambda": {"5": {"trees": {"density": 5}}, "3": {"trees": {"density": 3}}}}
@@ -24,8 +24,8 @@ def filled(tmp_path):
 def test_rows_come_back_as_they_were(filled):
     folder, tasks, rows = filled
     with Store.open(folder, "short") as opened:
-        found = opened.finished_rows(tasks)
-        assert opened.others([]) == {tasks[0].version: len(tasks)}
+        found = opened.read_finished_rows(tasks)
+        assert opened.count_others([]) == {tasks[0].version: len(tasks)}
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
     assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
@@ -34,17 +34,17 @@ def test_rows_come_back_as_they_were(filled):
 def test_seeds_of_any_size_are_read_as_they_were_in_order(tmp_path):
     seeds = [9, 10, 2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1, 10**20, 2**80]
     store(tmp_path, short(["hover"], ",".join(map(str, reversed(seeds)))))
-    assert [row.seed for row in read_rows(tmp_path)] == frame(tmp_path)["seed"].tolist() == seeds
+    assert [row.seed for row in read_rows(tmp_path)] == read_dataframe(tmp_path)["seed"].tolist() == seeds
 
 
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
     folder, tasks, rows = filled
     sql(folder, "UPDATE trials SET seed = 3, planner = 'other'")
     with Store.open(folder, "short") as opened:
-        found = opened.finished_rows(tasks)
+        found = opened.read_finished_rows(tasks)
         assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
         opened.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
-        assert opened.finished_rows(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
+        assert opened.read_finished_rows(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
     assert len(read_rows(folder)) == len(tasks)
 
 
@@ -56,9 +56,9 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
     assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'precision'") == [(None,)]
-    table = frame(folder)
+    table = read_dataframe(folder)
     for path in (str(folder), folder / NAME, str(folder / NAME)):
-        assert frame(path).equals(table)
+        assert read_dataframe(path).equals(table)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
     expected = [r.metrics["recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
@@ -76,7 +76,7 @@ def test_another_version_is_kept_apart(tmp_path):
     store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
     with Store.open(tmp_path, "short") as opened:
         rows = complete(short(["hover"]), opened, Serial({"hover": [None, None]}))
-        assert opened.others([]) == {"0.0.9": 2, rows[0].version: 2}
+        assert opened.count_others([]) == {"0.0.9": 2, rows[0].version: 2}
     assert {row.version for row in rows} == {short()[0].version}
 
 
@@ -144,7 +144,7 @@ def test_a_damaged_store_is_one_line(filled):
     with pytest.raises(InputError, match=malformed):
         read_rows(folder)
     with pytest.raises(InputError, match=malformed), Store.open(folder, "short") as opened:
-        opened.finished_rows(tasks)
+        opened.read_finished_rows(tasks)
 
 
 def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, tmp_path):
@@ -197,4 +197,4 @@ def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, m
         read_rows(folder)
     assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
     with pytest.raises(InputError, match=message), Store.open(folder, "short") as opened:
-        opened.finished_rows(tasks)
+        opened.read_finished_rows(tasks)

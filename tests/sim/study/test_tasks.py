@@ -7,7 +7,7 @@ import pytest
 
 from sim.installation import ROOT
 from sim.study.study import Study
-from sim.study.tasks import release, tasks
+from sim.study.tasks import get_release, list_tasks
 
 FILES = ("sim/__main__.py", "assets/quadrotor.urdf", "assets/meshes/person.obj", "assets/meshes/leaves.png")
 PLANNERS = {
@@ -42,10 +42,10 @@ def keyed(tmp_path, monkeypatch):
         for file, content in files.items():
             file.write_text(content)
         study = Study(name="x", planners=(planner,), seeds="0", settings=settings)
-        found = [tasks(study)[0].key]
+        found = [list_tasks(study)[0].key]
         for file, content in files.items():
             file.write_text(content + "# another\n")
-            found.append(tasks(study)[0].key)
+            found.append(list_tasks(study)[0].key)
         return found
 
     yield keys
@@ -77,7 +77,7 @@ def copied(tmp_path, monkeypatch):
 
         def released():
             monkeypatch.setattr("sim.study.tasks.ROOT", root)
-            return release.__wrapped__()
+            return get_release.__wrapped__()
 
         return root, released
 

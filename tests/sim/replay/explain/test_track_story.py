@@ -17,7 +17,7 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.flight import Flight
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 from tracking.metrics.ospa import ospa
 from tracking.parameters import EXPECTED, SEEN
 
@@ -163,7 +163,7 @@ def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):
     setting = mission[0].setting
     outside = structs.replace(setting, tracking=structs.replace(setting.tracking, tracker="soup:Jpda"))
-    recording = replace(mission[0], scenario=resolved(outside))
+    recording = replace(mission[0], scenario=encode_scenario(outside))
     with Observer(Flight(recording)) as observer:
         for number in recording.track_numbers.values():
             groups = story(observer, number)

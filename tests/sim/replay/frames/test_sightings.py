@@ -10,7 +10,7 @@ from helpers.poses import tilted
 
 from sim.recording.recorder import Recorder
 from sim.replay.frames.sightings import Sight, hidden_outlines, silhouette
-from sim.scenario.scenario import resolved
+from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -67,7 +67,7 @@ def sight(people, trees, *, visible, tracks=((),)):
             "tracks": [tuple(Track(id_, Gaussian(np.zeros(4), np.eye(4))) for id_ in held)],
         }
         recorder.add(type(first)(**{**vars(first), **values}))
-    recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=Forest(tuple(trees)))
+    recording = recorder.recording(scenario=encode_scenario(setting), planner="p", seed=0, forest=Forest(tuple(trees)))
     return Sight.of(recording, len(tracks) - 1, 0)
 
 

@@ -28,8 +28,8 @@ from sim.replay.page.data import page_data
 from sim.replay.page.page import page, write_page
 from sim.running.results import run_mission
 from sim.scenario.loading import load
-from sim.scenario.scenario import Scenario, resolved
-from sim.scenario.settings_text import changed, toml
+from sim.scenario.scenario import Scenario, encode_scenario
+from sim.scenario.settings_text import format_value, list_changes
 from sim.sensing.fault import Fault
 from sim.terminal.commands import load_command
 from tracking.errors import InputError
@@ -173,18 +173,18 @@ def test_missions_of_any_size_and_sensing_have_a_page(changes):
 def test_settings_other_than_the_defaults_stand_on_the_page():
     recording = flown(scans=6)
     text = page(Flight(recording)).partition("</header>")[0]
-    own = changed(recording.setting)
+    own = list_changes(recording.setting)
     assert own and re.findall("<code>(.*?)</code>", text) == list(map(html.escape, own))
     assert f"Settings other than the defaults: {len(own)}<" in text
-    plain = dataclasses.replace(recording, scenario=resolved(Scenario()))
+    plain = dataclasses.replace(recording, scenario=encode_scenario(Scenario()))
     assert "All settings are the defaults." in page(Flight(plain)).partition("</header>")[0]
 
 
 def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
     rows = [{"start": [4.0 * i - 20.0, 3.0], "footprint": 18.0 + i} for i in range(10)]
     rows[3] |= {"mount": "body", "fails_at": 2.5}
-    own = load("forest", ["duration=1", f"uavs={toml(rows)}"])
-    recording = dataclasses.replace(flown(scans=2, uavs=10), scenario=resolved(own))
+    own = load("forest", ["duration=1", f"uavs={format_value(rows)}"])
+    recording = dataclasses.replace(flown(scans=2, uavs=10), scenario=encode_scenario(own))
     header = page(Flight(recording)).partition("</header>")[0]
     _, fleet = map(html.unescape, re.findall("<code>(.*?)</code>", header, re.S))
     lines = fleet.splitlines()
@@ -211,11 +211,13 @@ def test_the_header_has_the_results_that_a_run_shows(mission):
 def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
     recording = flown(scans=6)
     assert "scenario" not in facts(recording)  # its settings are its own
-    packaged = dataclasses.replace(recording, scenario=resolved(load("paper", ["duration=1"])))
+    packaged = dataclasses.replace(recording, scenario=encode_scenario(load("paper", ["duration=1"])))
     assert facts(packaged)["scenario"] == "paper"
-    lossy = dataclasses.replace(recording, scenario=resolved(load("forest", ["network.loss=0.2"])))
+    lossy = dataclasses.replace(recording, scenario=encode_scenario(load("forest", ["network.loss=0.2"])))
     assert facts(lossy)["fusion"].endswith(", loss 20 %") and "scenario" not in facts(lossy)
-    outside = dataclasses.replace(recording, scenario=resolved(load("forest", ["tracking.tracker=soup:SoupJPDA"])))
+    outside = dataclasses.replace(
+        recording, scenario=encode_scenario(load("forest", ["tracking.tracker=soup:SoupJPDA"]))
+    )
     assert facts(outside)["tracker"] == "soup:SoupJPDA" and "fusion" not in facts(outside)
 
 
