@@ -88,12 +88,12 @@ def frames(
     start, end = parse_interval(time, "--time")
     edge = parse_integer(size, "--size", least=256, most=4096)
     recording = find_recording(recorded)
-    parse_number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
-    scans = scans_between(recording, start, end, parse_number)
+    number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
+    scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or unused_path(folder_of(recorded) / f"frames-uav{parse_number}-{span}")
+    folder = out or unused_path(folder_of(recorded) / f"frames-uav{number}-{span}")
     with show_counted_progress(len(scans), "frames") as progress:
-        write_frames(recording, scans, parse_number, folder, size=edge, progress=progress)
+        write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
 
 
