@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from planning.coordination.decision import Coordination
-from planning.coordination.partitions import Partitions
+from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
 from planning.objective.cost_to_go import cost_to_go
 from planning.objective.nbo import Measure, objective
@@ -137,7 +137,7 @@ class Composed:
             "parallel": Parallel(),
             "decentralised": Decentralised(),
             "centralised": Centralised(),
-            "partitions": Partitions(self.rounds),
+            "partitions": SequentialPartitions(self.rounds),
         }
         return schemes[self.coordination] if isinstance(self.coordination, str) else self.coordination
 
@@ -193,12 +193,12 @@ class Composed:
         found = self.minimiser.minimise(value, starts, speeds, rng, in_reach)
         return np.asarray(self._complete(situation, uavs, found[None])[0])
 
-    def _complete(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
+    def _complete(self, situation: Situation, uavs: Sequence[int], given: Array) -> Array:
         """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: controls (N, k, h, 2), then the base policy."""
         if self.actions == "all":
-            return firsts
+            return given
         plans = [
-            base_policy_plans(situation, situation.vehicles[i], firsts[:, j], self.horizon) for j, i in enumerate(uavs)
+            base_policy_plans(situation, situation.vehicles[i], given[:, j], self.horizon) for j, i in enumerate(uavs)
         ]
         return np.stack(plans, axis=1)
 

@@ -1,4 +1,4 @@
-"""Account of what a tracker did in one scan: association, births, ends and re-acquisitions of tracks."""
+"""Account of what a tracker did in one scan: association, births, deletions and re-acquisitions of tracks."""
 
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -53,14 +53,14 @@ class Birth(NamedTuple):
 
 
 # "unlikely": by its existence or, with m of n, by its misses; "merged": it shared its person with another track
-EndReason = Literal["unlikely", "variance", "merged"]
+DeletionReason = Literal["unlikely", "variance", "merged"]
 
 
-class End(NamedTuple):
+class Deletion(NamedTuple):
     """Deletion of a track."""
 
     id: int
-    reason: EndReason
+    reason: DeletionReason
     existence: float
     variance: float  # m², trace of the position's covariance
     merged_into: int | None  # id of the track that goes on, if merged
@@ -79,5 +79,5 @@ class ScanAccount:
 
     association: Association | None = None  # None if the tracker had no frame in this scan
     births: list[Birth] = field(default_factory=list)
-    ends: list[End] = field(default_factory=list)
+    deletions: list[Deletion] = field(default_factory=list)
     reacquisitions: list[Reacquisition] = field(default_factory=list)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.association.clusters import gating_clusters
+from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -14,7 +14,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, power_each
 from tracking.parameters import TrackerParameters
 
-_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters save time
+_AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
 _UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
@@ -86,14 +86,14 @@ def _unresolved_probability(means: Array, existence: Array) -> Array:
 def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
     """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost (N,) as in `associate`.
 
-    Large scenes are updated by independent gating clusters. The result is the same, up to the rounding of existence.
+    Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
         return _updated(before, z, R, lost, p.association)
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates, weights = np.zeros(len(z), np.bool_), [], []
-    for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
+    for rows, columns in find_gating_batches(before.means, before.covariances, z, R, p.measurement_gate):
         part = _updated(before.select(rows), z[columns], R[columns], lost[columns], p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tracking.account import Association, Birth, End, EndReason, Reacquisition, ScanAccount
+from tracking.account import Association, Birth, Deletion, DeletionReason, Reacquisition, ScanAccount
 from tracking.filter.motion import count_steps, predict_steps
 from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
@@ -170,7 +170,7 @@ class Tracker:
         # Tracks of hidden people may be close to each other without competing for a measurement.
         recent = message.times[:, DETECTED_AT] > now - _SHARED_WITHIN
         ids = message.ids.copy()
-        merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that ends
+        merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that is deleted
         for kept, other in find_duplicates((means, covariances), existence, ~gone & recent, p.match_gate):
             existence[kept] = min(existence[kept] + existence[other], 1.0)
             gone[other], merged[other] = True, kept
@@ -184,8 +184,10 @@ class Tracker:
             self._messenger.delete(ids[gone].tolist())
             for t in np.flatnonzero(gone).tolist():
                 into = int(ids[merged[t]]) if t in merged else None
-                reason: EndReason = "merged" if t in merged else "unlikely" if unlikely[t] else "variance"
-                self.account.ends.append(End(int(ids[t]), reason, float(existence[t]), float(variances[t]), into))
+                reason: DeletionReason = "merged" if t in merged else "unlikely" if unlikely[t] else "variance"
+                self.account.deletions.append(
+                    Deletion(int(ids[t]), reason, float(existence[t]), float(variances[t]), into)
+                )
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._reacquire(table)

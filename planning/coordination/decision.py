@@ -17,7 +17,10 @@ class Decision(Protocol):
         """Steps of a plan."""
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles` if others fly `controls` (n, H, 2)."""
+        """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles`, if the others fly their `controls`.
+
+        controls (n, H, 2) has a row for every UAV; those of `uavs` are starting values.
+        """
 
 
 class Coordination(Protocol):

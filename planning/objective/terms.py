@@ -11,8 +11,8 @@ import numpy as np
 from planning.objective.objective import Objective
 from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
-from planning.prediction.intent import camera_paths
 from planning.prediction.quadrangle import inside, radius_in_view
+from planning.prediction.response import camera_paths
 from tracking.geometry.line_of_sight import Grid, unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices

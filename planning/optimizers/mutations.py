@@ -1,7 +1,8 @@
 """Mutations of plans in a search, and the choice of distinct plans, compiled.
 
 Most mutations change a path, the cumulative sums of a plan's controls (H, 2) m/s: metres divided by the length of a
-step. Then the path's steps are pulled together to keep the UAV's speed limit, beginning at the changed step or the end.
+step. If steps of the path are then farther apart than the UAV's speed limit allows, they are pulled together: first the
+steps before an anchor towards it, which is the changed step or the end of the path, then all steps towards the start.
 """
 
 import math
@@ -45,10 +46,15 @@ def draw_chances(rng: np.random.Generator, children: int, parents: Array) -> Cha
 def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
     """Children (N, k, H, 2) m/s, within the speed limits, of parents (E, k, H, 2), which have equally many children.
 
-    Mutations take turns: noise on all steps; a shift of one waypoint or of the path from there on; the least shift that
-    brings a target into view; a move towards or away from a mate, which is another parent; a mate's path from some step
-    on. Noise and shifts of waypoints have the size of `spread` maximum speeds, times a random factor. A move by a mate
-    is proportional to the difference of the parents.
+    The kinds of mutations take turns, as `_CYCLE` says. A mate is another parent.
+
+    - shake: noise on all steps;
+    - bend: a shift of one waypoint, or of the path from there on;
+    - sight: the least shift that brings a target into view, or a bend if there is none;
+    - mix: a move towards or away from a mate, in proportion to the difference of the parents;
+    - join: the mate's path from some step on.
+
+    Noise and bends have the size of `spread` maximum speeds, times a random factor.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
@@ -63,20 +69,20 @@ def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Arra
             _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normals[c, 0]))
             _limit(out, c, max_speeds)
         else:
-            pick, end = divmod(pick, 2)  # whether the path's end is kept, or the changed step
+            pick, keep_end = divmod(pick, 2)  # the anchor: the path's end, or the changed step
             pick, all_later = divmod(pick, 2)
             s = pick % len(in_reach.rows) if kind == _SIGHT and len(in_reach.rows) else _NONE
             j, step = (in_reach.rows[s], in_reach.steps[s]) if s != _NONE else (pick % k, pick // k % H)
-            _follow(path, 0, out, c, j)
+            _set_path(path, 0, out, c, j)
             if kind == _JOIN:
-                _follow(path, step, parents, mate, j)
+                _set_path(path, step, parents, mate, j)
                 step = 0
-            elif s == _NONE or not _show(path, in_reach, s):
+            elif s == _NONE or not _bring_into_view(path, in_reach, s):
                 size *= max_speeds[j]
                 last = H if all_later else step + 1
                 _shift(path, step, last, size * drawn.normals[c, 0], size * drawn.normals[c, 1])
-            _tighten(path, H - 1 if end else step, max_speeds[j])
-            _fly(path, out, c, j)
+            _tighten(path, H - 1 if keep_end else step, max_speeds[j])
+            _set_controls(path, out, c, j)
     return out
 
 
@@ -109,7 +115,7 @@ def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: 
 
 
 @inlined
-def _fly(path: Array, plans: Array, c: int, j: int) -> None:
+def _set_controls(path: Array, plans: Array, c: int, j: int) -> None:
     """Set the plan of UAV j in candidate c to the controls along a path."""
     x = y = 0.0
     for h in range(len(path)):
@@ -125,7 +131,7 @@ def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
 
 
 @inlined
-def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
+def _set_path(path: Array, step: int, plans: Array, c: int, j: int) -> None:
     """Set a path, from a step on, to the path of UAV j in candidate c."""
     x = y = 0.0
     for h in range(len(path)):
@@ -135,7 +141,7 @@ def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
 
 
 @inlined
-def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
+def _bring_into_view(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     """Displace a step of a path by the least that brings a target into view; False if the target is already in view."""
     j, h = in_reach.rows[s], in_reach.steps[s]
     x, y = _predict_position(path, h, in_reach.response, j)

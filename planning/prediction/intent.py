@@ -40,15 +40,15 @@ def expect_plans(situation: Situation, horizon: int, decided: Mapping[int, Array
     return np.array(plans)
 
 
-def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
-    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and continue with the base policy.
+def base_policy_plans(situation: Situation, vehicle: Vehicle, given: Array, horizon: int) -> Array:
+    """Plans (N, H, 2) m/s that begin with the controls `given` (N, h, 2) and continue with the base policy.
 
     The policy starts from the position that the UAV reaches with its lag, but chooses controls as if it had no lag.
     """
-    begun, (_, covariances) = firsts.shape[1], beliefs_of(situation.tracks)
+    given_steps, (_, covariances) = given.shape[1], beliefs_of(situation.tracks)
     traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
-    plans = np.zeros((len(firsts), horizon, 2))
-    plans[:, :begun] = firsts
+    plans = np.zeros((len(given), horizon, 2))
+    plans[:, :given_steps] = given
     pursuit = _Pursuit(
         vehicle.position[:2].astype(float),
         aim_point(vehicle).astype(float),
@@ -57,7 +57,7 @@ def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, hor
         places,
         traces,
     )
-    _extend(plans, begun, pursuit, float(situation.step))
+    _extend(plans, given_steps, pursuit, float(situation.step))
     return plans
 
 
@@ -73,18 +73,18 @@ class _Pursuit(NamedTuple):
 
 
 @compiled
-def _extend(plans: Array, begun: int, pursuit: _Pursuit, step: float) -> None:
-    """Extend plans (N, H, 2) m/s, of which `begun` steps are given, by `base_control`; a step takes `step` s."""
+def _extend(plans: Array, given_steps: int, pursuit: _Pursuit, step: float) -> None:
+    """Extend the first `given_steps` controls of plans (N, H, 2) m/s by `base_control`; a step takes `step` s."""
     position, aim, follows = pursuit.position, pursuit.aim, pursuit.response
     for n in range(len(plans)):
         vx, vy = follows.velocities[0]
         way_x = way_y = 0.0
-        for h in range(begun):
+        for h in range(given_steps):
             mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
             mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
             way_x, way_y = way_x + mean_x, way_y + mean_y
         x, y = position[0] + step * way_x + aim[0], position[1] + step * way_y + aim[1]
-        for h in range(begun, plans.shape[1]):
+        for h in range(given_steps, plans.shape[1]):
             plans[n, h, 0], plans[n, h, 1] = _chase(x, y, pursuit.places[h], pursuit.traces, step, pursuit.max_speed)
             mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
             mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
@@ -102,11 +102,3 @@ def _chase(x: float, y: float, places: Array, traces: Array, step: float, max_sp
             most, slower = traces[t], min(1.0, max_speed * step / max(distance, 1e-300))
             east, north = dx / step * slower, dy / step * slower
     return east, north
-
-
-def camera_paths(positions: Array, velocities: Array, step: float) -> Array:
-    """Positions (..., n, H, 3) m of cameras at mean velocities (..., n, H, 2) m/s from (n, 3) m ([Li22] eq. (5))."""
-    path = np.empty((*velocities.shape[:-1], 3))
-    path[..., :2] = positions[:, None, :2] + step * np.cumsum(velocities, axis=-2)
-    path[..., 2] = positions[:, None, 2]
-    return path

@@ -22,7 +22,8 @@ def inside(view: Array, dx: float, dy: float) -> bool:
 def radius_in_view(view: Array) -> float:
     """Radius [m] of the largest circle in a field of view (5, 3) about its aim point."""
     nearest = float(np.min(view[:4, 2] - (view[:4, 0] * view[4, 0] + view[:4, 1] * view[4, 1])))
-    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)  # rounded as a square's corner
+    # This is `nearest` up to rounding. Plans, and so the bytes of recordings, depend on the rounding.
+    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)
 
 
 @compiled

@@ -70,3 +70,11 @@ def mean_velocities(response: Response, plans: Array) -> Array:
 def follow_command(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
     """Mean and final velocity of UAV j in a step under command u from velocity v, along one axis [m/s]."""
     return u + response.lacking[j] * (v - u), u + response.remaining[j] * (v - u)
+
+
+def camera_paths(positions: Array, velocities: Array, step: float) -> Array:
+    """Positions (..., n, H, 3) m of cameras at mean velocities (..., n, H, 2) m/s from (n, 3) m ([Li22] eq. (5))."""
+    path = np.empty((*velocities.shape[:-1], 3))
+    path[..., :2] = positions[:, None, :2] + step * np.cumsum(velocities, axis=-2)
+    path[..., 2] = positions[:, None, 2]
+    return path

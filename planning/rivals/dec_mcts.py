@@ -8,8 +8,9 @@ import numpy as np
 
 from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.intent import camera_paths, policy_of_intent
+from planning.prediction.intent import policy_of_intent
 from planning.prediction.propagation import Nominal
+from planning.prediction.response import camera_paths
 from planning.rivals.distribution import Team, gains, optimise_probabilities
 from planning.rivals.gathered_information import build_prior, gather_information
 from planning.rivals.moves import moves

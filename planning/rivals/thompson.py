@@ -40,8 +40,8 @@ class Thompson:
     """Flies to the place that shows the most error per step of flight in a drawn world, and draws again on arrival.
 
     A drawn person's error is the distance to the person's track, at most `cutoff` [m], or `cutoff` without a track, as
-    in OSPA. Each place has one drawn person at one of nine points of the image. UAVs draw independently and send no
-    plans, so chance alone separates them.
+    in OSPA. From each place considered, the UAV would see a drawn person at one of nine points of its image. UAVs
+    draw independently and send no plans, so chance alone separates them.
     Source: [Banerjee24], TS-PHD-II, with the tracker's Poisson intensity and Gaussian tracks in place of particles.
 
     Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps. Drawn
@@ -67,7 +67,7 @@ class Thompson:
         if last is not None and len(last.controls) > 1:
             return Plan(limit_speed(last.controls[1:], situation.own.max_speed))
         way = self.goal(situation, draw_world(situation, rng)) - situation.own.position[:2]
-        steps = _steps(way[0], way[1], situation.own.max_speed * situation.step)
+        steps = _count_steps(way[0], way[1], situation.own.max_speed * situation.step)
         controls = np.tile(way / (situation.step * steps), (int(min(steps, self.horizon)), 1))
         return Plan(limit_speed(controls, situation.own.max_speed))
 
@@ -81,7 +81,9 @@ class Thompson:
         flight = _Flight(start, reach, situation.step)
         found = _errors_in_view(places, flight, view, world, forest.blockers, forest.grid)
         # If no place shows an error, the first one is taken: the UAV's own position.
-        return np.asarray(places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _ways(places, start, reach))])
+        return np.asarray(
+            places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _count_steps_to_each(places, start, reach))]
+        )
 
 
 def draw_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
@@ -101,17 +103,17 @@ def draw_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
 
 
 @compiled
-def _steps(x: float, y: float, reach: float) -> float:
+def _count_steps(x: float, y: float, reach: float) -> float:
     """Number of steps, at least one, in which a UAV flies (x, y) m at up to `reach` m a step."""
     return max(1.0, math.ceil(math.sqrt(x * x + y * y) / reach))
 
 
 @compiled
-def _ways(places: Array, start: Array, reach: float) -> Array:
+def _count_steps_to_each(places: Array, start: Array, reach: float) -> Array:
     """Steps (N,) to places (N, 2) m."""
     steps = np.empty(len(places))
     for n in range(len(places)):
-        steps[n] = _steps(places[n, 0] - start[0], places[n, 1] - start[1], reach)
+        steps[n] = _count_steps(places[n, 0] - start[0], places[n, 1] - start[1], reach)
     return steps
 
 
@@ -123,7 +125,7 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
         state, spot = states[n // len(spots)], spots[n % len(spots)]
         for steps in range(1, 101):  # the fewest that suffice; 100 if none do
             x, y = state[0] + steps * step * state[2] - spot[0], state[1] + steps * step * state[3] - spot[1]
-            if _steps(x - start[0], y - start[1], reach) <= steps:
+            if _count_steps(x - start[0], y - start[1], reach) <= steps:
                 break
         places[n, 0], places[n, 1] = x, y
     return places
@@ -135,7 +137,7 @@ def _errors_in_view(
 ) -> Array:
     """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 for people out of view."""
     found = np.zeros((len(places), len(world.states)))
-    steps = _ways(places, flight.start, flight.reach)
+    steps = _count_steps_to_each(places, flight.start, flight.reach)
     for n in range(len(places)):
         time = flight.step * min(steps[n], 100.0)
         for m in range(len(world.states)):

@@ -19,7 +19,7 @@ from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.flight import Flight, load
-from sim.replay.frames.pages import png, scans_between
+from sim.replay.frames.frame_panels import png, scans_between
 from sim.replay.link_outages import link_outages
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.terminal.commands import Recorded
@@ -42,7 +42,7 @@ def explain(
 ) -> None:
     """Say when and why people were lost. With --target, tell of one person; with --time, at one scan, with a picture.
 
-    With --track, say how a track was born, which measurements fed it, why it was kept, and how it ended.
+    With --track, say how a track was born, which measurements fed it, why it was kept, and why it was deleted.
     """
     if track is not None:
         for name, value in {"--time": time, "--target": target, "--out": out}.items():

@@ -12,7 +12,7 @@ from sim.recording.recording import Recording
 from sim.replay.export import TARGETS
 from sim.replay.export import export as write_export
 from sim.replay.flight import Flight
-from sim.replay.frames.pages import scans_between, write_frames
+from sim.replay.frames.frame_panels import scans_between, write_frames
 from sim.replay.page.page import write_page
 from sim.replay.redrawn_film import check_layout, film_content, write_film
 from sim.replay.window import show

@@ -26,7 +26,7 @@ from sim.terminal.progress import show_mission_progress
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 
-_SHOWN = 3  # number of faults of different kinds that are printed
+_MOST_KINDS = 3  # number of faults of different kinds that are printed
 _LONGEST = 150  # characters of scenario and planner in a folder's name, which may have 255
 
 _Scenario = Annotated[
@@ -93,15 +93,15 @@ def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
     for fault in faults:
         kind = fault["uav"] is None, fault["message"], *fault.get("trace", ())
         alike.setdefault(kind, []).append(fault)
-    for first, *more in list(alike.values())[:_SHOWN]:
+    for first, *more in list(alike.values())[:_MOST_KINDS]:
         place = "team" if first["uav"] is None else fleet_text(sorted({f["uav"] for f in (first, *more)}))
         often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
         text = f"at {first['time']:.1f} s{often}, {place}: {first['message']}"
         console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)
         for line in first.get("trace", ()):
             console.print(f"  {escape(line)}", soft_wrap=True)
-    if len(faults) > _SHOWN:
-        kinds = f", of {len(alike)} kinds," if len(alike) > _SHOWN else ""
+    if len(faults) > _MOST_KINDS:
+        kinds = f", of {len(alike)} kinds," if len(alike) > _MOST_KINDS else ""
         console.print(f"All {len(faults)} faults{kinds} are in summary.json.")
 
 

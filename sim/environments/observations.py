@@ -42,7 +42,7 @@ class Observations:
         here = situation.own.position
         found: Observed = {"own": _float32([*here, *situation.own.velocity, _edge(situation, situation.own)])}
         others = [[*(v.position - here), *v.velocity, _edge(situation, v)] for v in situation.neighbours]
-        canopies = situation.forest.cylinders[len(situation.forest.trees) :, :3]
+        canopies = situation.forest.canopies[:, :3]
         parts = {
             "tracks": (_tracks(situation), self.tracks),
             "neighbours": (np.array(others).reshape(-1, len(NEIGHBOUR)), self.neighbours),

@@ -133,7 +133,7 @@ def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
         decisions = len(outcome.recording.plan_times)
         return spent(outcome) / decisions if decisions else None
 
-    return Metric(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, key="")
+    return Metric(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, in_summary=False)
 
 
 def _real_time_factor(outcome: Outcome) -> float | None:
@@ -143,16 +143,16 @@ def _real_time_factor(outcome: Outcome) -> float | None:
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 
-def _share(label: str, of: Of, key: str | None = None) -> Metric:
+def _share(label: str, of: Of, key: str = "") -> Metric:
     return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
 
 
 def _seconds(stage: str) -> Metric:
-    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
+    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
 
 
 METRICS = {
-    name: replace(known, name=name, least=0.0)
+    name: replace(known, name=name, least=0.0)  # none of these can be negative
     for name, known in {
         "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
         "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
@@ -182,8 +182,10 @@ METRICS = {
         "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
         "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
         "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
-        "faults": Metric("faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), key=""),
-        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
+        "faults": Metric(
+            "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
+        ),
+        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), in_summary=False),
         "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),
         "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),

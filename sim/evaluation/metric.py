@@ -61,7 +61,8 @@ class Metric:
     least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
     most: float = math.inf
     name: str = ""  # column in rows; the import string of a plug-in metric
-    key: str | None = None  # dotted key in summary.json, by default the name; empty: left out
+    key: str = ""  # dotted key in summary.json; empty: the name
+    in_summary: bool = True  # False if another entry of summary.json tells it, such as the list of faults
 
     def __call__(self, outcome: Outcome) -> float | None:
         """The value of a mission; None if there is nothing to count."""

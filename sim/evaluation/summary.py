@@ -21,7 +21,7 @@ from sim.world.contacts import describe_body
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
 
-_SHOWN = (
+_TABLE_METRICS = (
     ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),
     ("gospa.mean_m", "share_held", "identity_switches", "nees.position"),
     ("recall", "precision"),
@@ -36,8 +36,8 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     """
     recording = outcome.recording
     values = evaluate(outcome, asked)
-    own = {known.name if known.key is None else known.key: values[known.name] for known in METRICS.values()}
-    numbers = _nest({**_parts(outcome), **{key: value for key, value in own.items() if key}})
+    own = {known.key or known.name: values[known.name] for known in METRICS.values() if known.in_summary}
+    numbers = _nest({**_parts(outcome), **own})
     return {
         "planner": recording.planner,
         "sees_truth": recording.sees_truth,
@@ -144,7 +144,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
-    for names in _SHOWN:
+    for names in _TABLE_METRICS:
         for known in map(METRICS.__getitem__, names):
             table.add_row(known.label, known.with_unit(_value(summary, known)))
         table.add_section()

@@ -58,7 +58,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
 
 
 def columns(name: str, recording: Recording, history: History) -> Columns:
-    """The columns of a table, one of `TABLES` except that of events."""
+    """The columns of any table of `TABLES` but `events`, for which see `event_columns`."""
     if name in ("people", "sightings", "losses"):
         return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
     plain = {"uavs": _uavs, "measurements": _measurements, "tracks": _tracks, "ospa": _ospa, "plans": _plans}
@@ -71,8 +71,8 @@ def _people(r: Recording, history: History) -> Columns:
     return {
         "time_s": r.times[k],
         "person": m,
-        **_pair("", "m", r.people[k, m]),
-        **_pair("v", "m_per_s", v),
+        **_xy("", "m", r.people[k, m]),
+        **_xy("v", "m_per_s", v),
         "heading_rad": r.headings[k, m],
         "state": _words([STATES[state] for state in history.states[k, m]]),
         "held_by_uavs": history.held[k, m],
@@ -119,9 +119,9 @@ def _uavs(r: Recording) -> Columns:
     return {
         "time_s": r.times[k],
         "uav": i,
-        **_pair("", "m", r.poses[k, i]),
+        **_xy("", "m", r.poses[k, i]),
         "z_m": r.poses[k, i, 2],
-        **_pair("command_v", "m_per_s", r.commands[k, i]),
+        **_xy("command_v", "m_per_s", r.commands[k, i]),
         "works": r.working[k, i],
         "sent_bytes": r.bytes_sent[k, i],
         "sent_plans_bytes": r.plan_bytes[k, i],
@@ -130,9 +130,9 @@ def _uavs(r: Recording) -> Columns:
 
 def _measurements(r: Recording) -> Columns:
     k, i = r.cells(r.measurement_offsets)
-    spread = _spread(r.measurement_covariances)
+    covariance = _covariance(r.measurement_covariances)
     pixels = {"u_px": r.pixels[:, 0], "v_px": r.pixels[:, 1]}
-    return {"time_s": r.times[k], "uav": i, **_pair("", "m", r.measurements), **spread, **pixels}
+    return {"time_s": r.times[k], "uav": i, **_xy("", "m", r.measurements), **covariance, **pixels}
 
 
 def _tracks(r: Recording) -> Columns:
@@ -141,9 +141,9 @@ def _tracks(r: Recording) -> Columns:
         "time_s": r.times[k],
         "uav": i,
         "track": r.numbers_of(r.track_ids),
-        **_pair("", "m", r.track_means),
-        **_pair("v", "m_per_s", r.track_means[:, 2:]),
-        **_spread(r.track_covariances),
+        **_xy("", "m", r.track_means),
+        **_xy("v", "m_per_s", r.track_means[:, 2:]),
+        **_covariance(r.track_covariances),
         "existence": r.track_existence,
     }
 
@@ -156,7 +156,7 @@ def _ospa(r: Recording) -> Columns:
 
 def _plans(r: Recording) -> Columns:
     e, i, step = np.nonzero(~np.isnan(r.plans[..., 0]))
-    return {"time_s": r.plan_times[e], "uav": i, "step": step, **_pair("v", "m_per_s", r.plans[e, i, step])}
+    return {"time_s": r.plan_times[e], "uav": i, "step": step, **_xy("v", "m_per_s", r.plans[e, i, step])}
 
 
 def _trees(r: Recording) -> Columns:
@@ -164,11 +164,11 @@ def _trees(r: Recording) -> Columns:
     return {"tree": np.arange(len(r.trees)), **dict(zip(parts, r.trees.T, strict=True))}
 
 
-def _pair(prefix: str, unit: str, values: Column) -> Columns:
+def _xy(prefix: str, unit: str, values: Column) -> Columns:
     return {f"{prefix}x_{unit}": values[:, 0], f"{prefix}y_{unit}": values[:, 1]}
 
 
-def _spread(covariances: Column) -> Columns:
+def _covariance(covariances: Column) -> Columns:
     return {"xx_m2": covariances[:, 0, 0], "xy_m2": covariances[:, 0, 1], "yy_m2": covariances[:, 1, 1]}
 
 

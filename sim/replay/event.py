@@ -20,9 +20,9 @@ KINDS = (
     "messages lost",  # all messages of a scan from one UAV to another
     "messages heard",
     "track born",  # only tracks that are confirmed or known at the start are recorded
-    "track taken up",
-    "track dropped",
-    "track deleted",
+    "track received",  # by a UAV, of a track that others have or had
+    "track dropped",  # by a UAV, while others have it
+    "track deleted",  # by the last UAVs that have it
     "identity switch",  # a person has a different track than before, as counted by CLEAR MOT
     "identity transfer",  # a track passes to a person who had none before
     "person not found yet",

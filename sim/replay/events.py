@@ -91,20 +91,20 @@ def _links(recording: Recording) -> Iterator[Event]:
 
 
 def _lives(recording: Recording) -> Iterator[Event]:
-    """UAVs that begin or cease to have each track; a breakdown does not count as an end."""
+    """UAVs that begin or cease to have each track; a breakdown is neither dropping nor deletion."""
     uavs = range(recording.poses.shape[1])
     given = recording.setting.tracking.initial_tracks == "known"
     known: set[int] = set()
     before: list[set[int]] = [set() for _ in uavs]
     for k in range(len(recording.times)):
         now = [set(recording.track_ids_at(k, i).tolist()) for i in uavs]
-        ended = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
+        gone = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
         held = set().union(*now)
         for number, id_, fleet in _holders((now[i] - before[i] for i in uavs), recording):
             first = "known at the start to" if given and k == 0 else "born and confirmed by"
-            kind, words = ("track taken up", "taken up by") if id_ in known else ("track born", first)
+            kind, words = ("track received", "received by") if id_ in known else ("track born", first)
             yield _at(recording, k, kind, f"track {number} {words} {fleet_text(fleet)}", track=number, uavs=fleet)
-        for number, id_, fleet in _holders(ended, recording):
+        for number, id_, fleet in _holders(gone, recording):
             kind, words = ("track dropped", "dropped") if id_ in held else ("track deleted", "deleted")
             yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)
         known, before = known | held, now

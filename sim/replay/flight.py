@@ -27,7 +27,7 @@ from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, arrays, columns, event_columns
 from sim.replay.event import Event, ends
 from sim.replay.events import events_of
-from sim.replay.frames.pages import draw, scans_between
+from sim.replay.frames.frame_panels import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 from sim.replay.timeline import timeline_figure

@@ -9,8 +9,9 @@ from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
-NEAR, FAR = 0.5, 500.0  # m, near plane, which leaves out the camera's own UAV, and least distance of the far plane
-# Radii of meshes relative to their nominal cylinders: corners lie outside of the cylinder, and faces inside.
+NEAR_PLANE = 0.5  # m from the camera, so that its own UAV is left out
+LEAST_FAR_PLANE = 500.0  # m; the far plane is farther away for cameras higher than 50 m
+# A mesh is a prism: corners at 1.01 of the nominal radius, faces at 0.99.
 _OUTER, _INNER = 1.01, 0.99
 _PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
 
@@ -37,13 +38,13 @@ def find_in_frustum(centres: Array, radii: Array, position: Array, rotation: Arr
         right = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
         up = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
         depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
-        seen[k] = max(abs(right), abs(up)) * c - depth * s <= radii[k] and depth + radii[k] >= NEAR
+        seen[k] = max(abs(right), abs(up)) * c - depth * s <= radii[k] and depth + radii[k] >= NEAR_PLANE
     return seen
 
 
 @compiled
 def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (T,) of trees that hide their own trunk from a camera at position (3,) m; trees (T, 6) as in `Tree`."""
+    """Mask (T,) of trees whose canopy hides their trunk from a camera at position (3,) m; trees (T, 6) as in `Tree`."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
         x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
@@ -58,7 +59,7 @@ def find_hidden_people(people: Array, trees: Array, position: Array, fov: float)
     for i in range(len(people)):
         body = _Cylinder(people[i, 0], people[i, 1], _PERSON[0], _PERSON[1])
         for k in range(len(trees)):
-            # Canopies that do not reach the person's x are many and seldom hide a whole person: they are not checked.
+            # Skip trees whose canopy does not extend over the person's x: they rarely hide a whole person.
             if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
                 hidden[i] = True
                 break
@@ -70,7 +71,7 @@ def _covers(tree: Array, body: _Cylinder, position: Array, fov: float) -> bool:
     """True if a tree's canopy hides a body from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
     # At this height above a canopy the near plane cuts off no part of it.
-    clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
+    clearance = NEAR_PLANE * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
     if position[2] < top + clearance or body.height > base:
         return False
     # Offsets of body and camera from the tree's axis. Lines of sight from the body's foot and head cross the plane of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.installation import ASSETS
-from sim.sensing.culling import FAR, NEAR, find_hidden_people, find_hidden_trunks, find_in_frustum
+from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE, find_hidden_people, find_hidden_trunks, find_in_frustum
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
 from sim.world.world import World
@@ -170,7 +170,7 @@ class Renderer:
 class Capture(NamedTuple):
     """A raw view.
 
-    A value b of the depth buffer means the depth far NEAR / (far - (far - NEAR) b) along the optical axis.
+    A value b of the depth buffer means the depth far near / (far - (far - near) b) along the optical axis.
     """
 
     image: NDArray[np.uint8]  # (P, P, 3) RGB
@@ -181,12 +181,12 @@ class Capture(NamedTuple):
 def capture(
     client: int, camera: Camera, pose: Pose, *, light: Mapping[str, Any] = _LIGHT, opengl: bool = False
 ) -> Capture:
-    """Raw view of a client, up to a depth far of `FAR` or, if greater, ten times the camera's height above ground."""
+    """Raw view of a client; the far plane is ten times the camera's height away, but at least `LEAST_FAR_PLANE`."""
     rotation, position = pose.rotation, pose.position
     view = np.eye(4)
     view[:3, :3] = rotation.T
     view[:3, 3] = -applied(rotation.T, position)
-    projection = _projection(camera, 0.0 if opengl else 0.5, max(FAR, 10.0 * float(position[2])))
+    projection = _projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         camera.pixels,
         camera.pixels,
@@ -215,7 +215,7 @@ def _projection(camera: Camera, shift: float, far: float) -> Array:
     projection = np.zeros((4, 4))
     projection[0, 0] = projection[1, 1] = scale
     projection[0, 2] = projection[1, 2] = 2.0 * shift / camera.pixels
-    projection[2, 2] = -(far + NEAR) / (far - NEAR)
-    projection[2, 3] = -2 * far * NEAR / (far - NEAR)
+    projection[2, 2] = -(far + NEAR_PLANE) / (far - NEAR_PLANE)
+    projection[2, 3] = -2 * far * NEAR_PLANE / (far - NEAR_PLANE)
     projection[3, 2] = -1.0
     return projection

@@ -114,7 +114,10 @@ def _fly_all(
 def _wait_for_ended(
     ended: SimpleQueue[Future[TrialResult]], backend: Backend, timeout: float | None
 ) -> Iterator[tuple[Future[TrialResult], BaseException | None]]:
-    """The next trial that ends, if one does within `_TICK` s, and those that hang; each with its exception."""
+    """The next trial that ends, if one does within `_TICK` s, with its exception, and the trials that the backend ends.
+
+    Only a cluster ends trials here that hang; the processes of `Pool` end by themselves at the timeout.
+    """
     with suppress(Empty):
         future = ended.get(timeout=_TICK)
         yield future, CancelledError() if future.cancelled() else future.exception()

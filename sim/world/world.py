@@ -161,10 +161,12 @@ class World:
             self.engine.performCollisionDetection()
             self._touch()
             return
-        before = [self._thrust(k, np.array([*command, self._altitudes[k]]), wind) for k, command in enumerate(commands)]
+        before = [self._state(body) for body in self._bodies.uavs]
+        for uav, (state, command) in enumerate(zip(before, commands, strict=True)):
+            self._apply_forces(uav, state, np.array([*command, self._altitudes[uav]]), wind)
         self.engine.stepSimulation()
-        for body, quaternion in zip(self._bodies.uavs, before, strict=True):
-            self._turn(body, quaternion)
+        for body, state in zip(self._bodies.uavs, before, strict=True):
+            self._redo_attitude(body, state[_QUATERNION])
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
@@ -211,29 +213,31 @@ class World:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _thrust(self, uav: int, target: Array, wind: Array | None) -> Array:
-        """Apply the forces of the rotors and of the wind to a UAV; return the quaternion (4,) of its body.
+    def _state(self, body: Body) -> Array:
+        """State (13,) of a body: position m, quaternion, velocity m/s and spin rad/s."""
+        position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
+        velocity, spin = self.engine.getBaseVelocity(body.id)
+        return np.array(position + quaternion + velocity + spin)
+
+    def _apply_forces(self, uav: int, state: Array, target: Array, wind: Array | None) -> None:
+        """Apply the forces of the rotors and of the wind to a UAV in a state (13,).
 
         target (3,): velocity east and north m/s, altitude m.
         """
         body = self._bodies.uavs[uav]
-        position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
-        velocity, spin = self.engine.getBaseVelocity(body.id)
-        state = np.array(position + quaternion + velocity + spin)
         if wind is None:
             given = rotor_thrusts(state, target, _CALM)
         else:
             given, self._memories[uav] = steady_thrusts(state, target, self._memories[uav], self._dt)
-            force = drag(state[7:10], wind).tolist()
-            self.engine.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME)
+            force = drag(state[_VELOCITY], wind).tolist()
+            self.engine.applyExternalForce(body.id, -1, force, state[:3].tolist(), pybullet.WORLD_FRAME)
         *thrusts, yaw = given.tolist()
         for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
             self.engine.applyExternalForce(body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME)
         self.engine.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME)
-        return state[3:7]
 
-    def _turn(self, body: Body, before: Array) -> None:
-        """Recompute a body's attitude after a step from its quaternion (4,) before, so that all processors agree."""
+    def _redo_attitude(self, body: Body, before: Array) -> None:
+        """Replace the engine's attitude after a step, whose bits depend on the processor; before (4,): quaternion."""
         position, _ = self.engine.getBasePositionAndOrientation(body.id)
         velocity, spin = self.engine.getBaseVelocity(body.id)
         quaternion = rotate(before, np.array(spin), self._dt)
@@ -279,3 +283,4 @@ _STATE = ("_positions", "_quaternions", "_commands", "_people_centres", "_headin
 
 _ROTORS: list[list[float]] = ROTORS.tolist()
 _CALM = np.zeros(3)
+_QUATERNION, _VELOCITY = slice(3, 7), slice(7, 10)  # in the state of a body

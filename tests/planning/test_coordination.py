@@ -9,7 +9,7 @@ from helpers.nominal import nominal, team_cost
 from helpers.teams import knowing, planned
 
 from planning.composed import Composed
-from planning.coordination.partitions import Partitions
+from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -120,7 +120,7 @@ def test_the_centre_goes_on_from_each_uavs_own_last_plan(random_team):
     np.testing.assert_array_equal(planned(Composed(coordination=Centralised(), optimizer=Lazy()), misled), last)
 
 
-@pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), Partitions(2)])
+@pytest.mark.parametrize("scheme", [Sequential(), Parallel(), Decentralised(), Centralised(), SequentialPartitions(2)])
 def test_without_uavs_there_are_no_plans(scheme):
     assert Composed(coordination=scheme).plan([], np.random.default_rng(0)) == []
 

@@ -1,1 +1,1 @@
-"""Data association: gating clusters, JPDA, JIPDA."""
+"""Data association: gating batches, JPDA, JIPDA."""

@@ -17,20 +17,21 @@ TRACKERS = Registry(
 class Member(Protocol):
     """Tracker of one UAV in a fleet; at each scan `step` or `coast` is called, then `message`, then `accept`.
 
-    `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
+    A tracker from outside needs only the four methods and `tracks`, as any sequence. `CheckedTracker` wraps it and adds
+    the rest. `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
     """
 
     @property
     def uav(self) -> int:
-        """Number of the UAV; trackers from outside need not have this attribute."""
+        """Number of the UAV."""
 
     @property
     def max_speed(self) -> float:
-        """Largest speed of people [m/s]; trackers from outside need not have this attribute."""
+        """Largest speed of people [m/s]."""
 
     @property
     def tracks(self) -> tuple[Track, ...]:
-        """Tracks after the last call, with different ids; trackers from outside may give any sequence of tracks."""
+        """Tracks after the last call, with different ids."""
 
     def step(self, scan: Scan) -> None:
         """Predict to the time of a scan, and update; an empty scan is a frame without a detection."""

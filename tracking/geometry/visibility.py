@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, gridded, unobstructed
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp_each
 from tracking.numerics.normal import normal_quantiles
@@ -64,6 +64,16 @@ class Forest:
             return self.cylinders
         rows = [(t.x, t.y, t.canopy_radius, TARGET_HEIGHT, TARGET_HEIGHT) for t in self.trees]
         return np.array(rows, dtype=float).reshape(-1, 5)
+
+    @cached_property
+    def canopies(self) -> Array:
+        """All canopies (T, 5), as in `cylinders`."""
+        return self.cylinders[len(self.trees) :]
+
+    @cached_property
+    def tree_of_blockers(self) -> Indices:
+        """Index (B,) of the tree that each of the `blockers` is a part of."""
+        return np.arange(len(self.blockers)) % max(len(self.trees), 1)
 
     @cached_property
     def grid(self) -> Grid:

@@ -15,7 +15,7 @@ from sim.evaluation.holding import HOLDS
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import TRACK, annotate, marks_of
-from sim.replay.frames.pages import MARK
+from sim.replay.frames.frame_panels import MARK
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array

@@ -1,4 +1,4 @@
-"""The story of one track over a whole mission: its birth, its measurements, why it was kept, and its end."""
+"""The story of one track over a whole mission: its birth, its measurements, why it was kept, and its deletion."""
 
 import math
 from collections import defaultdict
@@ -17,7 +17,7 @@ from sim.replay.explain.explanation import percent_text, place_text, source_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
-from tracking.account import End, Origin
+from tracking.account import Deletion, Origin
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.parameters import EXPECTED, SEEN
@@ -43,8 +43,8 @@ class TrackMeasurement(NamedTuple):
     place: Array  # (2,) m
 
 
-class Deletion(NamedTuple):
-    """Deletion of a track by some of the UAVs."""
+class DeletionBySome(NamedTuple):
+    """Deletion of a track by some of the UAVs, for one reason."""
 
     k: int
     uavs: list[int]
@@ -124,7 +124,7 @@ def track_story(facts: TrackFacts) -> list[TextGroup]:
         TextGroup("born", list(_birth(facts))),
         TextGroup("fed by", list(_fed(facts))),
         TextGroup("kept", list(_kept(facts, own))),
-        TextGroup("ended", list(_end(facts))),
+        TextGroup("deleted", list(_deletion(facts))),
     ]
     return [group for group in groups if group.sentences]
 
@@ -218,21 +218,21 @@ def _reacquired(facts: TrackFacts) -> Iterator[str]:
                 yield f"re-acquired at {times[k]:.1f} s by a new track from {source}"
 
 
-def _end(facts: TrackFacts) -> Iterator[str]:
+def _deletion(facts: TrackFacts) -> Iterator[str]:
     recording, replay, last = facts.recording, facts.observer.replay, facts.last
     if last == len(recording.times) - 1:
-        yield "still there at the end of the mission"
+        yield "not before the end of the mission"
         return
     time, holders = f"{recording.times[last + 1]:.1f} s", facts.holders(last)
     if not recording.working[last + 1, holders].any():
-        yield f"ended at {time}, as {fleet_text(holders)} broke down"
+        yield f"at {time}, as {fleet_text(holders)} broke down"
         return
     deletions = _deletions(facts)
     if not deletions or deletions[0].k <= last:
         met = not deletions and last + 1 < len(replay.states)
-        yield f"ended at {time}{', as UAVs that met had another track of its person' if met else ''}"
+        yield f"at {time}{', as UAVs that met had another track of its person' if met else ''}"
     for k, uavs, reason in deletions:
-        yield f"deleted at {recording.times[k]:.1f} s by {fleet_text(uavs)}: {reason}"
+        yield f"at {recording.times[k]:.1f} s by {fleet_text(uavs)}: {reason}"
     uav, own, _ = facts.held_at(last)
     others = [t for t in recording.tracks_at(last, uav) if t.id != facts.id]
     gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), recording.track_numbers[t.id]) for t in others]
@@ -241,29 +241,32 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         yield f"track {near} was the nearest, {gap:.1f} m away"
 
 
-def _deletions(facts: TrackFacts) -> list[Deletion]:
-    """The last deletions of the track, all of one scan; UAVs that were out of contact may end it later."""
+def _deletions(facts: TrackFacts) -> list[DeletionBySome]:
+    """The last deletions of the track, all of one scan; UAVs that were out of contact may delete it later."""
     for k in range(facts.last + 1, facts.first - 1, -1):
         reasons: defaultdict[str, list[int]] = defaultdict(list)
         for uav, account in facts.observer.replay.accounts_at(k):
-            for end in account.ends:
-                if end.id == facts.id:
-                    reasons[_reason(end, facts)].append(uav)
+            for deletion in account.deletions:
+                if deletion.id == facts.id:
+                    reasons[_reason(deletion, facts)].append(uav)
         if reasons:
-            return [Deletion(k, uavs, reason) for reason, uavs in reasons.items()]
+            return [DeletionBySome(k, uavs, reason) for reason, uavs in reasons.items()]
     return []
 
 
-def _reason(end: End, facts: TrackFacts) -> str:
+def _reason(deletion: Deletion, facts: TrackFacts) -> str:
+    """The reason in words; mypy finds a `DeletionReason` that has no case."""
     p = tracker_parameters(facts.recording.setting)
-    if end.merged_into is not None:
-        (number,) = facts.recording.numbers_of(np.array([end.merged_into]))
-        return f"it shared its person with track {number}, which goes on"
-    if end.reason == "variance":
-        return f"variance {end.variance:.1f} m²; a track is deleted beyond {p.max_variance:g} m²"
-    if p.management == "m_of_n":
-        return f"{p.delete[0]} misses in {p.delete[1]} scans that should have shown its person"
-    return f"existence {end.existence:.2g}; a track is deleted below {p.deletion_threshold:g}"
+    match deletion.reason:
+        case "merged":
+            (number,) = facts.recording.numbers_of(np.array([deletion.merged_into]))
+            return f"it shared its person with track {number}, which goes on"
+        case "variance":
+            return f"variance {deletion.variance:.1f} m²; a track is deleted beyond {p.max_variance:g} m²"
+        case "unlikely":
+            if p.management == "m_of_n":
+                return f"{p.delete[0]} misses in {p.delete[1]} scans that should have shown its person"
+            return f"existence {deletion.existence:.2g}; a track is deleted below {p.deletion_threshold:g}"
 
 
 def _frames(count: int) -> str:

@@ -11,11 +11,11 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
-from sim.sensing.culling import NEAR
+from sim.sensing.culling import NEAR_PLANE
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.line_of_sight import blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
 NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
@@ -108,21 +108,21 @@ def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest)
     """Masks (M,) of people (M, 2) m, NaN if absent, inside a frame, and (M, T) of the trees that hide each of them."""
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    parts = len(forest.blockers) // max(len(forest.trees), 1)  # of a tree
-    touched = _touched(pose.position, points[inside], forest.blockers)
     hiding = np.zeros((len(points), len(forest.trees)), dtype=np.bool_)
-    hiding[inside] = touched.reshape(len(touched), parts, len(forest.trees)).any(axis=1)
+    hiding[inside] = _hiding_trees(
+        pose.position, points[inside], forest.blockers, forest.tree_of_blockers, len(forest.trees)
+    )
     return inside, hiding
 
 
 @compiled
-def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
-    """Mask (M, B) of the cylinders (B, 5) that segments from a camera (3,) to points (M, 3) touch."""
-    touched = np.empty((len(points), len(cylinders)), dtype=np.bool_)
+def _hiding_trees(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Flags:
+    """Mask (M, T) of the trees, `tree_of` cylinders (B, 5), that segments from a camera (3,) to points (M, 3) touch."""
+    hiding = np.zeros((len(points), trees), dtype=np.bool_)
     for j in range(len(points)):
         for b in range(len(cylinders)):
-            touched[j, b] = blocked(camera, points[j], cylinders[b])
-    return touched
+            hiding[j, tree_of[b]] |= blocked(camera, points[j], cylinders[b])
+    return hiding
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
@@ -131,30 +131,30 @@ def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Arr
     A camera above does not see a point at this height if the part of a blocker above this height covers it.
     """
     found: list[list[Array]] = [[] for _ in forest.trees]
-    for n, cylinder in enumerate(forest.blockers):
+    for tree, cylinder in zip(forest.tree_of_blockers.tolist(), forest.blockers, strict=True):
         x, y, radius, bottom, top = cylinder.tolist()
         if top < TARGET_HEIGHT:
             continue
         outline = silhouette(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
         if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.pixels):
-            found[n % len(found)].append(outline)
+            found[tree].append(outline)
     return found
 
 
 def silhouette(camera: Camera, pose: Pose, cylinder: Array) -> Array:
     """Outline in the image, pixels (N, 2), of a vertical cylinder (5,): x, y, radius, bottom, top [m].
 
-    It is the convex hull of the two rims; parts nearer than `NEAR` are cut off, so that it may be empty.
+    It is the convex hull of the two rims; parts nearer than `NEAR_PLANE` are cut off, so that it may be empty.
     """
     x, y, radius, bottom, top = cylinder.tolist()
     rim = np.column_stack([x + radius * np.cos(_TURN), y + radius * np.sin(_TURN)])
     points = np.vstack([np.column_stack([rim, np.full(len(rim), z)]) for z in (bottom, top)])
     depth = camera.project(pose, points)[1]
-    front, behind = points[depth >= NEAR], points[depth < NEAR]
+    front, behind = points[depth >= NEAR_PLANE], points[depth < NEAR_PLANE]
     if len(front) == 0:
         return np.zeros((0, 2))
     if len(behind):
-        excess, lack = depth[depth >= NEAR][:, None] - NEAR, NEAR - depth[depth < NEAR]
+        excess, lack = depth[depth >= NEAR_PLANE][:, None] - NEAR_PLANE, NEAR_PLANE - depth[depth < NEAR_PLANE]
         share = (excess / (excess + lack))[..., None]
         front = np.vstack([front, (front[:, None] + share * (behind - front[:, None])).reshape(-1, 3)])
     pixels = camera.project(pose, front)[0]

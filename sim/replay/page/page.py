@@ -38,7 +38,7 @@ _RESULTS = {  # metrics at the top, by their label there
     "GOSPA mean": "gospa.mean_m",
     "people held": "share_held",
 }
-_SHOWN = 3  # number of faults of different kinds at the top
+_MOST_FAULTS = 3  # number of faults of different kinds at the top
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 
 
@@ -131,8 +131,8 @@ def _film(film: bytes) -> str:
 
 def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
     """Warnings about the results: the part that was not flown, and the first faults of planner and detector."""
-    lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_SHOWN]]
-    if (more := len(faults) - _SHOWN) > 0:
+    lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_MOST_FAULTS]]
+    if (more := len(faults) - _MOST_FAULTS) > 0:
         lines.append(f"{more} more {'kind of fault is' if more == 1 else 'kinds of fault are'} listed below.")
     if recording.interrupted:
         lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {recording.setting.duration:g} s.")

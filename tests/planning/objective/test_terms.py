@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from planning.objective.terms import Search, Separation, _closest, _sight, _steps_off
 from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
-from planning.prediction.intent import camera_paths, expect_plans
+from planning.prediction.intent import expect_plans
 from planning.prediction.quadrangle import shortest_move
+from planning.prediction.response import camera_paths
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
 

@@ -18,7 +18,7 @@ from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.replay.frames.pages import scans_between
+from sim.replay.frames.frame_panels import scans_between
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault

@@ -15,7 +15,7 @@ from planning.prediction.quadrangle import inside, shortest_move
 from sim.mission.trial import Trial
 from sim.recording.archive import find_recording
 from sim.replay.export import export
-from sim.replay.frames.pages import write_frames
+from sim.replay.frames.frame_panels import write_frames
 from sim.replay.measurement_tables import read_cameras
 from sim.running.results import run_mission
 from sim.scenario.loading import load

@@ -21,7 +21,7 @@ from sim.recording.archive import find_recording, load, save
 from sim.recording.fault_text import LONGEST, MOST
 from sim.recording.npz import MOST_BYTES
 from sim.replay.export import export
-from sim.replay.frames.pages import write_frames
+from sim.replay.frames.frame_panels import write_frames
 from sim.replay.history import History
 from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError

@@ -47,13 +47,13 @@ def told(recording, without=("link lost", "link restored")):
     return [(round(e.time, 6), e.kind, e.sentence) for e in Flight(recording).events if e.kind not in without]
 
 
-def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
+def test_tracks_are_born_received_handed_over_swapped_and_deleted_by_number():
     one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
     assert [e for e in found if e[1].startswith("track")] == [
         (0.0, "track born", "track 0 known at the start to UAV 0"),
         (0.0, "track born", "track 1 known at the start to UAVs 0 and 1"),
-        (0.2, "track taken up", "track 0 taken up by UAV 1"),
+        (0.2, "track received", "track 0 received by UAV 1"),
         (0.4, "track dropped", "track 0 dropped by UAV 0"),
         (0.6, "track deleted", "track 0 deleted by UAV 1"),
     ]

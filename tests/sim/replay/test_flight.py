@@ -20,7 +20,7 @@ from sim.recording.fault_text import encode_faults
 from sim.replay import events as events_module
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight, load
-from sim.replay.frames.pages import draw
+from sim.replay.frames.frame_panels import draw
 from sim.replay.frames.rerender import Rerenderer
 from sim.sensing.fault import Fault
 from tracking.errors import InputError

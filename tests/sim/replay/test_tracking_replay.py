@@ -65,7 +65,7 @@ def test_trackers_do_and_tell_again_what_they_did_in_flight(case):
             assert (again.account.association is None) == (not recording.setting.has_frame(i, k))
     accounts = [account for k in range(len(recording.times)) for _, account in replay.accounts_at(k)]
     if "none" in " ".join(CASES[case]):
-        assert sum(len(a.births) for a in accounts) > 5 and sum(len(a.ends) for a in accounts) > 1
+        assert sum(len(a.births) for a in accounts) > 5 and sum(len(a.deletions) for a in accounts) > 1
 
 
 def test_associations_are_what_they_say():

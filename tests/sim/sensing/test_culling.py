@@ -5,7 +5,7 @@ import numpy as np
 from helpers.poses import tilted
 from helpers.views import CAMERA
 
-from sim.sensing.culling import FAR, NEAR, find_hidden_people, find_hidden_trunks, find_in_frustum
+from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE, find_hidden_people, find_hidden_trunks, find_in_frustum
 from tracking.geometry.visibility import Forest, Tree
 
 
@@ -18,7 +18,7 @@ def test_a_sphere_is_in_the_frustum_if_a_point_is_in_the_image():
         surface = rng.normal(size=(50, 3))
         points = centres[:, None] + radii[:, None, None] * surface / np.linalg.norm(surface, axis=1)[:, None]
         _, depths = CAMERA.project(pose, points.reshape(-1, 3))
-        inside = CAMERA.sees(pose, points.reshape(-1, 3)) & (depths >= NEAR) & (depths <= FAR)
+        inside = CAMERA.sees(pose, points.reshape(-1, 3)) & (depths >= NEAR_PLANE) & (depths <= LEAST_FAR_PLANE)
         inside = inside.reshape(200, 50).any(axis=1)
         found = find_in_frustum(centres, radii, pose.position, pose.rotation, CAMERA.fov)
         assert not np.any(inside & ~found)
@@ -47,8 +47,8 @@ def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_it():
     assert not np.any(hidden & seen) and np.mean((hidden | seen)[above]) > 0.95
     assert np.sum(hidden) > 100 and np.sum(seen & above) > 50
     tree = np.array([astuple(Tree(0.0, 0.0))])
-    assert not find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + NEAR]), CAMERA.fov)[0]
-    assert find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + 2 * NEAR]), CAMERA.fov)[0]
+    assert not find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + NEAR_PLANE]), CAMERA.fov)[0]
+    assert find_hidden_trunks(tree, np.array([0.0, 0.0, 6.0 + 2 * NEAR_PLANE]), CAMERA.fov)[0]
     assert not find_hidden_trunks(tree, np.array([0.0, 0.0, 2.0]), CAMERA.fov)[0]
 
 

@@ -13,7 +13,7 @@ from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import DEFAULT_FLEET
-from sim.sensing.renderer import FAR, NEAR, Renderer, capture
+from sim.sensing.renderer import LEAST_FAR_PLANE, NEAR_PLANE, Renderer, capture
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -146,7 +146,11 @@ def test_people_are_labelled_by_their_index_and_the_absent_are_not_seen():
 
 def surface(pose, depth, rows, columns):
     """Points (N, 3) that pixels show."""
-    z = FAR * NEAR / (FAR - (FAR - NEAR) * depth[rows, columns].astype(float))
+    z = (
+        LEAST_FAR_PLANE
+        * NEAR_PLANE
+        / (LEAST_FAR_PLANE - (LEAST_FAR_PLANE - NEAR_PLANE) * depth[rows, columns].astype(float))
+    )
     return pose.position + z[:, None] * CAMERA.rays(pose, np.column_stack([columns + 0.5, rows + 0.5]))
 
 

@@ -89,7 +89,7 @@ def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     births = ((facts, *facts.births(facts.first, facts.id)) for facts in every)
     facts, (begun, *_) = next((facts, born) for facts, born in births if all(m.person < 0 for m in born))
     groups = dict(track_story(facts))
-    assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
+    assert list(groups)[1:] == ["born", "fed by", "kept", "deleted"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
     place, time = f"({x:.1f}, {y:.1f}) m", f"{recording.times[begun.k]:.1f} s"
@@ -103,8 +103,8 @@ def test_the_end_of_a_track_has_the_reason_of_its_tracker(mission):
     recording, observer = mission
     ended = [event for event in Flight(recording).events if event.kind == "track deleted"]
     for event in ended:
-        (line,) = [line for line in story(observer, event.track)["ended"] if line.startswith("deleted")]
-        told = re.fullmatch(rf"deleted at {event.time:.1f} s by UAVs 0, 1 and 2: existence (.+); a track is (.+)", line)
+        (line,) = [line for line in story(observer, event.track)["deleted"] if line.startswith("at ")]
+        told = re.fullmatch(rf"at {event.time:.1f} s by UAVs 0, 1 and 2: existence (.+); a track is (.+)", line)
         assert float(told[1]) < 0.001 and told[2] == "deleted below 0.001"
     assert len(ended) >= 2
 
@@ -121,14 +121,14 @@ def test_tracks_end_for_each_reason(options, reason):
     alarms = ("sensing.false_alarms=2", "trees.density=45", "tracking.initial_tracks=none")
     recording = recorded(*IDEAL, *alarms, *options, seed=1, duration=10)
     with Observer(Flight(recording)) as observer:
-        ends = [line for number in recording.track_numbers.values() for line in story(observer, number)["ended"]]
-    assert any(re.fullmatch(rf"deleted at [\d.]+ s by UAVs? [\d, and]+: {reason}", line) for line in ends)
+        ends = [line for number in recording.track_numbers.values() for line in story(observer, number)["deleted"]]
+    assert any(re.fullmatch(rf"at [\d.]+ s by UAVs? [\d, and]+: {reason}", line) for line in ends)
 
 
 def test_a_track_whose_uavs_broke_down_was_not_deleted():
     recording = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
     with Observer(Flight(recording)) as observer:
-        assert story(observer, 0)["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
+        assert story(observer, 0)["deleted"] == ["at 1.0 s, as UAV 0 broke down"]
 
 
 def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
@@ -142,7 +142,7 @@ def test_a_track_that_a_uav_ends_as_another_breaks_down_was_deleted():
     tables = {name: getattr(recording, name)[kept] for name in names}
     ended = broken(replace(recording, track_offsets=rows, **tables), 0, last + 1)
     with Observer(Flight(ended)) as observer:
-        assert story(observer, 0)["ended"][0] == "ended at 1.0 s"
+        assert story(observer, 0)["deleted"][0] == "at 1.0 s"
 
 
 def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
@@ -183,7 +183,7 @@ def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused)
         assert TrackFacts(observer, 0).known
     save(recording, tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz", "--track", "0")
-    assert code == 0 and "  known at the start\n" in out and "still there at the end of the mission" in out
+    assert code == 0 and "  known at the start\n" in out and "not before the end of the mission" in out
     assert "--track: '4' is not allowed" in refused("explain", "mission.npz", "--track", "4")
     for other in (("--time", "1"), ("--target", "0"), ("--out", "a.png")):
         told = refused("explain", "mission.npz", "--track", "0", *other)

@@ -16,9 +16,9 @@ from sim.drawing.map_view import ellipse
 from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
 from sim.recording.recording import Recording
-from sim.replay.frames import pages
+from sim.replay.frames import frame_panels
 from sim.replay.frames.annotation import annotate
-from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
+from sim.replay.frames.frame_panels import _draw_panel, _field_of_view, scans_between, write_frames
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from sim.world.world import World
@@ -185,7 +185,7 @@ def test_views_of_anything_can_be_drawn():
     for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
         recording = record(3, seed=0, **options)
         with Rerenderer(recording) as again:
-            page = pages.draw(again, 2, 1, size=300)
+            page = frame_panels.draw(again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
@@ -216,8 +216,8 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
     ):
         assert annotate(blank, sight, 512)[1] == expected
     listed = []
-    monkeypatch.setattr(pages, "write", lambda image, text, at, style, align=0.0: listed.append(text))
-    pages._draw_panel(in_view, [], found | truth, height=100)
+    monkeypatch.setattr(frame_panels, "write", lambda image, text, at, style, align=0.0: listed.append(text))
+    frame_panels._draw_panel(in_view, [], found | truth, height=100)
     assert set(listed) & (found | truth | plain | hiding) == found | truth
 
 
@@ -228,7 +228,9 @@ def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp
     assert scans_between(recording, 3.9, 4.0) == [20]
     with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
         scans_between(recording, 1.05, 1.15)
-    monkeypatch.setattr(pages, "draw", lambda again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)])
+    monkeypatch.setattr(
+        frame_panels, "draw", lambda rerenderer, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
+    )
     with pytest.raises(ZeroDivisionError):
         write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)
     assert list(tmp_path.iterdir()) == []

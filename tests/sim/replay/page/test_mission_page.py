@@ -21,7 +21,7 @@ from sim.evaluation.metric import Outcome
 from sim.mission.trial import Trial
 from sim.recording.fault_text import encode_faults
 from sim.replay.flight import Flight
-from sim.replay.frames.pages import scans_between
+from sim.replay.frames.frame_panels import scans_between
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.page.data import page_data

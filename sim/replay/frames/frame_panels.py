@@ -30,11 +30,11 @@ _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's d
 _SLACK = 1e-6  # s, tolerance for typed times
 
 
-def draw(again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
+def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotate`."""
-    recording, scenario = again.recording, again.recording.setting
+    recording, scenario = rerenderer.recording, rerenderer.recording.setting
     sight = Sight.of(recording, k, uav)
-    view, shown = annotate(again.image(k, uav), sight, size)
+    view, shown = annotate(rerenderer.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
@@ -62,19 +62,20 @@ def write_frames(
     recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
 ) -> None:
     """Write a UAV's annotated frames as PNG files into the new folder `out`, all or none; `progress` gets each scan."""
-    with new_folder(out) as folder, Rerenderer(recording) as again:
+    with new_folder(out) as folder, Rerenderer(recording) as rerenderer:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
-            (folder / name).write_bytes(png(draw(again, k, uav, size=size)))
+            (folder / name).write_bytes(png(draw(rerenderer, k, uav, size=size)))
             progress(k)
 
 
 def scans_between(
     recording: Recording, start: float, end: float | None, uav: int | None = None, *, name: str = "--time"
 ) -> list[int]:
-    """Scans from `start` to `end` s, or only the one nearest to `start`; `name` of the time in error messages.
+    """Scans from `start` to `end` s, or only the one nearest to `start`.
 
-    InputError if a time is not in the recording, or the UAV, if given, had broken down at one of the scans.
+    `name`: what error messages call the time. InputError if a time is not in the recording, or the UAV, if given, had
+    broken down at one of the scans.
     """
     times, last = recording.times, float(recording.times[-1])
     for time in (start, *([] if end is None else [end])):

@@ -12,7 +12,7 @@ from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
-class Partitions:
+class SequentialPartitions:
     """Rounds of decisions: the UAVs of a round decide at once, given the plans that they received in earlier rounds.
 
     A UAV leaves out the UAVs without a known plan, so that it maximises the gain over the known plans.

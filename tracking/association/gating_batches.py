@@ -1,4 +1,4 @@
-"""Independent gating clusters of a scan, with which a scan's cost is linear, not quadratic, in the number of people."""
+"""Independent batches of tracks and measurements, with which a scan's cost is linear, not quadratic, in the people."""
 
 import math
 
@@ -7,26 +7,26 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-_TRACKS = 64  # number of tracks to collect in a cluster: for smaller clusters calls cost more than arithmetic
+_TRACKS = 64  # number of tracks to collect in a batch: for smaller batches calls cost more than arithmetic
 _ROOM = 1.001  # factor by which boxes exceed gates, for rounding
 
 
-def gating_clusters(
+def find_gating_batches(
     means: Array, covariances: Array, measurements: Array, noise: Array, gate: float
 ) -> list[tuple[Indices, Indices]]:
-    """Indices of tracks and of measurements, ascending, of clusters that have no measurement in common.
+    """Indices of tracks and of measurements, ascending, of batches that share no gate.
 
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate: largest squared Mahalanobis
-    distance. Each track is in one cluster; a measurement near no track is in none. A cluster consists of whole
-    connected components of the graph of gates.
+    distance. Each track is in one batch; a measurement near no track is in none. A batch consists of whole
+    connected components of the graph of gates, which JPDA calls clusters.
     """
     roots = _roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
-    cluster = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
+    batch = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
     near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
-    of_measurements = np.where(firsts[near] == roots[len(means) :], cluster[near], -1)
-    numbers = np.unique(cluster).tolist()
-    return [(np.flatnonzero(cluster[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
+    of_measurements = np.where(firsts[near] == roots[len(means) :], batch[near], -1)
+    numbers = np.unique(batch).tolist()
+    return [(np.flatnonzero(batch[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
 
 
 @compiled

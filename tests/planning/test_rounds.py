@@ -9,7 +9,7 @@ from helpers.nominal import information
 from helpers.teams import planned
 
 from planning.composed import Composed
-from planning.coordination.partitions import Partitions
+from planning.coordination.rounds import SequentialPartitions
 from planning.optimizers.grid_search import GridSearch
 
 HORIZON = 2
@@ -27,7 +27,7 @@ GRID = Exhaustive(4)
 
 def in_rounds(team, seed, rounds):
     pieces = {"beta": 0.0, "optimizer": GRID, "uncertainty": "information"}
-    return planned(Composed(HORIZON, Partitions(rounds), **pieces), team, seed)
+    return planned(Composed(HORIZON, SequentialPartitions(rounds), **pieces), team, seed)
 
 
 def value(team, uavs, plans):

@@ -1,11 +1,11 @@
-"""Scans worked on in blocks give what scans worked on at once give."""
+"""Scans worked on in batches give what scans worked on at once give."""
 
 import numpy as np
 import pytest
 from helpers.scenes import MOTION, R
 
 from tracking import measurement_update as correction
-from tracking.association.clusters import gating_clusters
+from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import gated_likelihood
 from tracking.measurement_update import ScanPrediction, update_scan
 from tracking.tracker import TrackerParameters
@@ -31,28 +31,28 @@ def scene(rng, people, side):
 
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0, 15.0], ids=["far apart", "some near", "groups", "one crowd"])
 @pytest.mark.parametrize("certain", [True, False])
-def test_a_scan_in_blocks_gives_the_tracks_of_the_whole_scan(side, certain, monkeypatch):
+def test_a_scan_in_batches_gives_the_tracks_of_the_whole_scan(side, certain, monkeypatch):
     """To the bit for certain tracks; existence is updated by sums, with a rounding that depends on their length."""
     rng = np.random.default_rng(int(side))
     for people in (120, 300):
         before, z, noise = scene(rng, people, side)
         before = before._replace(existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE
-        blockwise = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
+        batchwise = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
         with monkeypatch.context() as patch:
             patch.setattr(correction, "_AT_ONCE", people * len(z))
             whole = update_scan(before, z, noise, LOST[: len(z)], PARAMETERS)
         for name in ("means", "covariances", "existence", "missed", "explained"):
-            ours, theirs = getattr(blockwise, name), getattr(whole, name)
+            ours, theirs = getattr(batchwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
-        assert sorted(blockwise.gates.tolist()) == whole.gates.tolist()
+        assert sorted(batchwise.gates.tolist()) == whole.gates.tolist()
 
 
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0])
-def test_no_measurement_is_in_a_gate_of_another_block(side):
+def test_no_measurement_is_in_a_gate_of_another_batch(side):
     rng = np.random.default_rng(7)
     before, z, noise = scene(rng, 300, side)
-    parts = gating_clusters(before.means, before.covariances, z, noise, PARAMETERS.measurement_gate)
+    parts = find_gating_batches(before.means, before.covariances, z, noise, PARAMETERS.measurement_gate)
     tracks, measurements = (np.concatenate([part[k] for part in parts]) for k in range(2))
     np.testing.assert_array_equal(np.sort(tracks), np.arange(300))
     assert len(set(measurements.tolist())) == len(measurements) < len(z)  # false alarms far from all are in none
