@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.groups import Group, Run
-from sim.analysis.intervals import LEVEL, Estimate, maps_needed, means, p_values
+from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
@@ -35,6 +35,9 @@ class Difference:
     def significant(self) -> bool:
         """True if the two can be told apart, without a correction for other differences."""
         return self.p_value <= 1 - LEVEL
+
+
+NO_DIFFERENCE = Difference(NO_ESTIMATE, pairs=0, unpaired=0, won=0, tied=0, lost=0)
 
 
 def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 
@@ -15,10 +14,6 @@ class Spread:
 
     between: float = np.nan
     within: float = np.nan
-
-    def texts(self, metric: Metric) -> list[str]:
-        """Both standard deviations in the metric's unit, without the unit's name."""
-        return [metric.text(self.between), metric.text(self.within)]
 
 
 NO_SPREAD = Spread()

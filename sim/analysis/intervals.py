@@ -16,7 +16,7 @@ from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
-POWER = 0.8  # probability with which `maps_needed` maps find a difference
+POWER = 0.8  # probability with which `maps_needed` maps detect a difference
 MOST_MAPS = 9999  # largest number of maps that is reported
 
 
@@ -60,9 +60,8 @@ def means(values: Array) -> list[Estimate]:
 def medians(values: Array) -> list[Estimate]:
     """The median of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    The interval ends at two of the values, with equal rank from below and from above: the innermost ones that contain
-    the median of any distribution with at least 95 %. For fewer than six values these are the least and the greatest,
-    which contain it with 1 - 2 / 2ⁿ.
+    The interval is from the r-th smallest to the r-th largest value, with the largest r that still covers 95 %,
+    whatever the distribution. Fewer than six values cover less: from the least to the greatest, 1 - 2 / 2ⁿ.
     """
     return _by_column(values, _medians)
 
@@ -87,7 +86,7 @@ def maps_needed(values: Array) -> list[float]:
 
 
 def _moments(values: Array) -> tuple[float, float, float]:
-    """Mean of two or more values, its standard error, and the unit γ s / 6n of the Edgeworth term."""
+    """Mean of two or more values, its standard error, and its skewness correction γ s / 6n."""
     n, centre = len(values), float(values.mean())
     if np.ptp(values) == 0:
         return float(values[0]), 0.0, 0.0
@@ -104,29 +103,29 @@ def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Est
 
 
 def _means(values: Array) -> Estimate:
-    centre, error, unit = _moments(values)
+    centre, error, correction = _moments(values)
     quantile = float(stdtrit(len(values) - 1, (1 + LEVEL) / 2))
-    reach = unit * (1 + 2 * quantile**2)
+    reach = correction * (1 + 2 * quantile**2)
     return Estimate(centre, centre - quantile * error + min(reach, 0.0), centre + quantile * error + max(reach, 0.0))
 
 
 def _medians(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
-    # The greatest rank with a value above the median in at most 2.5 % of cases: fewer heads than that in n coin flips.
-    rank = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
-    return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
+    # The largest r with P(Binomial(n, 1/2) < r) <= 2.5 %, or 1.
+    r = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
+    return Estimate(float(np.median(ordered)), float(ordered[r - 1]), float(ordered[n - r]))
 
 
 def _p_value(values: Array) -> float:
     n = len(values)
     if n < 2:
         return 1.0
-    centre, error, unit = _moments(values)
+    centre, error, correction = _moments(values)
     least = 2.0 ** (1 - n)
     if error == 0.0:
         return least if centre else 1.0
     # The quantile q for which the end of the interval towards zero is zero: |centre| = q error + reach (1 + 2 q²).
-    reach = max(-unit if centre > 0 else unit, 0.0)
+    reach = max(-correction if centre > 0 else correction, 0.0)
     room = abs(centre) - reach
     if room <= 0:
         return 1.0
@@ -142,11 +141,11 @@ def _needed(values: Array) -> float:
         return np.inf
     effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf
     numbers = range(6, MOST_MAPS + 1)
-    first = bisect_left(numbers, True, key=lambda maps: _found(effect, maps))
+    first = bisect_left(numbers, True, key=lambda maps: _detects(effect, maps))
     return float(numbers[first]) if first < len(numbers) else np.inf
 
 
-def _found(effect: float, maps: int) -> bool:
-    """True if so many maps find a mean of `effect` standard deviations with a probability of `POWER`."""
+def _detects(effect: float, maps: int) -> bool:
+    """True if a test with so many maps detects a mean of `effect` standard deviations with a probability of `POWER`."""
     shift = effect * np.sqrt(maps)
     return bool(shift > 30 or nctdtr(maps - 1, shift, stdtrit(maps - 1, (1 + LEVEL) / 2)) <= 1 - POWER)

@@ -4,8 +4,12 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
+from itertools import groupby
 from string import Template
 from typing import NamedTuple
+
+from sim.analysis.cell_text import cell_text
+from sim.report.tables import Table
 
 
 class Section(NamedTuple):
@@ -39,11 +43,36 @@ def command_line(text: str) -> str:
     return f'<code class="command">{escape(text)}</code>'
 
 
-def table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
-    """An HTML table from its headings and its rows of HTML."""
+def titled_tables(tables: Iterable[Table]) -> str:
+    """Tables under their titles, which say which direction of the metric is better."""
+    parts = []
+    for table in tables:
+        better = table.metric.better if table.metric else "neither"
+        aim = f'<span class="soft">: {better} is better</span>' if better != "neither" else ""
+        parts.append(f"<h3>{escape(table.title)}{aim}</h3>\n{html_table(table)}")
+    return "\n".join(parts)
+
+
+def html_table(table: Table) -> str:
+    """A table, with a heading above the rows of each cell."""
+    heads = [head.replace("\n", " ") for head in table.heads]
+    html = []
+    for cell, rows in groupby(table.rows, lambda row: row.cell):
+        if cell != ():
+            place = "all cells, seed by seed" if cell is None else cell_text(cell)
+            html.append(f'<tr><th colspan="{len(heads)}">{escape(place)}</th></tr>')
+        for row in rows:
+            first, *rest = map(escape, row.texts)
+            entries = "".join(f"<td>{text}</td>" for text in rest)
+            html.append(f'<tr><td class="name">{first}</td>{entries}</tr>')
+    return table_element(heads, html)
+
+
+def table_element(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
+    """The HTML element of a table from its headings and its rows of HTML."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    lines = "\n".join(_labelled(row, heads) for row in rows)
-    text = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{lines}\n</tbody></table>'
+    body = "\n".join(_labelled(row, heads) for row in rows)
+    text = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>'
     return f'<div class="wide">{text}</div>'
 
 

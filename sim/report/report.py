@@ -22,10 +22,10 @@ from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
-from sim.report.html_parts import Section, bullet_list, command_line, page, paragraph
-from sim.report.page_tables import html_table, runtime_tables, titled_tables, verdict
+from sim.report.html_parts import Section, bullet_list, command_line, html_table, page, paragraph, titled_tables
+from sim.report.sentences import notes, shortfalls, verdict
 from sim.report.single_trials import failures, maps
-from sim.report.tables import notes, score_table, shortfalls, tables
+from sim.report.tables import answer_tables, runtime_tables, score_table
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.errors import InputError
@@ -105,9 +105,9 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         Section("In short", _in_short(found, baseline, metrics[0])),
         Section("What was run", _what_was_run(rows, every, about, baseline)),
         *([Section("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        Section("Results", f"{bullet_list(notes(found))}\n{titled_tables(tables(found, baseline))}"),
+        Section("Results", f"{bullet_list(notes(found))}\n{titled_tables(answer_tables(found, baseline))}"),
         Section("Figures", _figures(drawn)),
-        *([Section("Run time", _figures(timing) + runtime_tables(times))] if times else []),
+        *([Section("Run time", _figures(timing) + titled_tables(runtime_tables(times)))] if times else []),
         *_trials(groups, every, metrics[0]),
         Section("How to read this", bullet_list(_HOW_TO_READ)),
     ]

@@ -11,7 +11,7 @@ from sim.analysis.cell_text import Cell, cell_text, slug
 from sim.analysis.groups import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
-from sim.report.html_parts import command_line, table
+from sim.report.html_parts import command_line, table_element
 from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
 
@@ -63,7 +63,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     heads = ["cell"] * several + ["planner"]
     for name in names:
         heads += [f"{name}{unit}", "map"]
-    return table(heads, rows, "left"), "\n".join(places)
+    return table_element(heads, rows, "left"), "\n".join(places)
 
 
 def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:

@@ -16,13 +16,13 @@ from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import baseline_of, short_labels
 from sim.report.report import About
-from sim.report.tables import Table, notes, score_table, shortfalls, tables
+from sim.report.sentences import notes, shortfalls
+from sim.report.tables import Table, answer_tables, score_table
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
 _WIDE = 100  # characters, least width of a terminal with room for all columns
 _NAMES = 12  # characters, least width of the column of names
-_WIDE_ONLY = ("median", "maps needed")
 
 
 def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
@@ -38,7 +38,8 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
-    for table in tables(found, shorts[first]):
+    wide = on.width >= _WIDE
+    for table in answer_tables(found, shorts[first], wide=wide):
         on.print(_terminal_table(table, on.width))
     if scores := score_planners(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)
@@ -47,29 +48,28 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     for label, short in {**about.labels, **shorts}.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
-    for note in notes(found, wide=on.width >= _WIDE):
+    for note in notes(found, wide=wide):
         on.print(escape(note), style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")
 
 
 def _terminal_table(shown: Table, width: int) -> rich.table.Table:
-    kept = [i for i, name in enumerate(shown.heads) if width >= _WIDE or not shown.metric or name not in _WIDE_ONLY]
     table = rich.table.Table(
         title=escape(shown.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
-    heads = {i: shown.heads[i].replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded") for i in kept}
     # Names make room for numbers, if that shows these whole. Heads may be folded between words if they are planners.
     cut = "\n" if shown.metric else None
-    widths = (max(map(len, (*heads[i].split(cut), *(line.texts[i] for line in shown.lines)))) for i in kept[1:])
-    room = width - sum(widths) - (2 * len(kept) + 1)  # less the gaps
-    for i, head in heads.items():
+    columns = zip(shown.heads, *(row.texts for row in shown.rows), strict=True)
+    widths = [max(map(len, (*head.split(cut), *texts))) for head, *texts in columns]
+    room = width - sum(widths[1:]) - (2 * len(widths) + 1)  # less the gaps
+    for i, head in enumerate(shown.heads):
         most = room if i == 0 and room >= _NAMES else None
         table.add_column(escape(head), justify="left" if i == 0 else "right", overflow="fold", max_width=most)
-    for cell, lines in groupby(shown.lines, lambda line: line.cell):
+    for cell, rows in groupby(shown.rows, lambda row: row.cell):
         table.add_section()
         if cell != ():
             table.add_row(f"[bold]{escape(cell_text(cell))}[/bold]")
-        for line in lines:
-            table.add_row(*(escape(line.texts[i]) for i in kept))
+        for row in rows:
+            table.add_row(*map(escape, row.texts))
     return table

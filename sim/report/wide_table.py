@@ -3,6 +3,7 @@
 `python -m sim.report.wide_table DIR` prints it as Markdown; docs/results/paper.md has examples.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -27,12 +28,12 @@ from tracking.errors import InputError, check_known
 _SHARE = "ospa.share_under_1m"
 
 
-def table(
+def set_side_by_side(
     rows: Sequence[Row], columns: str, less: str = "left", metric: str = _SHARE, baseline: str | None = None
 ) -> str:
-    """Table in Markdown: a line for each cell, and a column for each level of the factor `columns`, or each planner.
+    """Table in Markdown: a row for each cell, and a column for each level of the factor `columns`, or each planner.
 
-    Each mean is followed by its paired difference from the first column (less="left") or from the previous line of the
+    Each mean is followed by its paired difference from the first column (less="left") or from the previous row of the
     column, if only the last factor differs (less="above"); without such a pair, by its interval. The baseline, by
     default the first planner by alphabet, comes first.
     """
@@ -41,22 +42,21 @@ def table(
     by = {**varying_factors(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
     check_known("--columns", columns, by)
     down = [name for name in by if name != columns and len(by[name]) > 1]
-    places = {_place(group, columns, down): group for group in groups}
-    lines = list(dict.fromkeys(line for line, _ in places))
-    levels = list(dict.fromkeys([*by[columns], *(level for _, level in places)]))
+    found: dict[tuple[str, ...], dict[str, Group]] = {}  # by the beginning of the row, then by column
+    for group in groups:
+        levels = defaultdict(lambda: "-", group.cell, planner=group.planner)  # a dash for a factor that it lacks
+        found.setdefault(tuple(levels[name] for name in down), {})[levels[columns]] = group
+    across = list(dict.fromkeys([*by[columns], *(level for own in found.values() for level in own)]))
     symbol = "" if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = "
-    head = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in levels)]
+    heads = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in across)]
     texts = []
-    for before, line in zip([(), *lines], lines, strict=False):
-        entries = []
-        for level in levels:
-            related = before[:-1] == line[:-1] and len(before) == len(line)
-            base = {"left": (line, levels[0]), "above": (before, level) if related else None}[less]
-            group = places.get((line, level))
-            other = places.get(base) if base else None
-            entries.append(_entry(group, None if other is group else other, known))
-        texts.append(map(escape_markdown, [*line, *entries]))
-    return markdown_table(map(escape_markdown, head), texts)
+    above: tuple[str, ...] = ()
+    for start, own in found.items():
+        left = dict.fromkeys(across, own.get(across[0]))
+        bases = left if less == "left" else found[above] if above and above[:-1] == start[:-1] else {}
+        texts.append([*start, *(_entry(own.get(level), bases.get(level), known) for level in across)])
+        above = start
+    return markdown_table(map(escape_markdown, heads), [map(escape_markdown, row) for row in texts])
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:
@@ -74,17 +74,11 @@ def without_start(rows: Sequence[Row], first: int) -> list[Row]:
     ]
 
 
-def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    """Place of a group: the beginning of its line, and its column; a dash for a factor that it lacks."""
-    found = {"planner": group.planner, **dict(group.cell)}
-    return tuple(found.get(name, "-") for name in down), found.get(columns, "-")
-
-
 def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     if group is None:
         return "-"
     mean = map_means(group, metric)
-    if base is None:
+    if base is None or base is group:
         return mean.text(metric)
     (difference,) = differences(pair_differences(group, base, [metric]), [metric])
     return f"{metric.text(mean.value)}: {difference.mean.text(metric, signed=True)}"
@@ -110,7 +104,7 @@ def main(
     check_known("--less", less, ("left", "above"))
     if first and metric != _SHARE:
         raise InputError(f"--from-scan: counts {_SHARE} alone, not {metric}; leave one of both out")
-    print(table(without_start(read_rows(folder), first), columns, less, metric, baseline))
+    print(set_side_by_side(without_start(read_rows(folder), first), columns, less, metric, baseline))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import by_rows, new_figure, rgb
 from sim.evaluation.metric import Metric
-from sim.report.figures.panels import COLOURS, COLUMNS, Curve, Sheet, Style
+from sim.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
 from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches, width of a figure as wide as the report
@@ -30,7 +30,7 @@ _FEW = 4  # largest number of curves with bands in one panel
 _SHAPES = "oD^s"  # shapes of dots, in turn, so that planners do not differ in colour only
 
 
-def ecdf_figure(sheet: Sheet) -> Figure:
+def ecdf_figure(layout: FigureLayout) -> Figure:
     """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
@@ -44,13 +44,13 @@ def ecdf_figure(sheet: Sheet) -> Figure:
         axes.set_ylim(0, 102)
         axes.axvline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
-    return _grid(sheet, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
+    return _grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
 
 
-def time_figure(sheet: Sheet) -> Figure:
+def time_figure(layout: FigureLayout) -> Figure:
     """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
-    few = all(len(panel.curves) <= _FEW for panel in sheet.panels)
-    ends = [times[-1] for group in sheet.groups if len(times := group.curves().times)]
+    few = all(len(panel.curves) <= _FEW for panel in layout.panels)
+    ends = [times[-1] for group in layout.groups if len(times := group.curves().times)]
 
     def draw(axes: Axes, curve: Curve) -> None:
         times, errors = curve.group.curves()
@@ -69,31 +69,31 @@ def time_figure(sheet: Sheet) -> Figure:
         axes.set_xlim(0, max([*ends, 1e-3]))
         axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
-    return _grid(sheet, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
+    return _grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
 
 
 def _grid(
-    sheet: Sheet, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
+    layout: FigureLayout, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
 ) -> Figure:
-    rows = -(-len(sheet.panels) // sheet.columns)
-    width = _WIDTH if sheet.columns > 1 else 0.6 * _WIDTH
-    with _drawing(0.8 + 2.15 * rows + 0.22 * -(-len(sheet.legend) // 3), width=width) as figure:
-        every = figure.subplots(rows, sheet.columns, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes, panel in zip(every, sheet.panels, strict=False):
+    rows = -(-len(layout.panels) // layout.columns)
+    width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
+    with _drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
+        every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes, panel in zip(every, layout.panels, strict=False):
             for curve in panel.curves:
                 draw(axes, curve)
             axes.set_title(panel.title, fontsize=10, loc="left", fontweight="bold")
             axes.grid(lw=0.5, alpha=0.4)
             axes.spines[["top", "right"]].set_visible(False)
-        for axes in every[: len(sheet.panels)]:
+        for axes in every[: len(layout.panels)]:
             dress(axes)
-        for axes in every[len(sheet.panels) :]:
+        for axes in every[len(layout.panels) :]:
             axes.set_visible(False)
-        for axes in every[max(0, len(sheet.panels) - sheet.columns) : len(sheet.panels)]:
+        for axes in every[max(0, len(layout.panels) - layout.columns) : len(layout.panels)]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
         figure.supylabel(labels[1], fontsize=10)
-        _legend(figure, {name: _line(style) for name, style in sheet.legend.items()})
+        _legend(figure, {name: _line(style) for name, style in layout.legend.items()})
     return figure
 
 

@@ -40,8 +40,8 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
-    """One figure."""
+class FigureLayout:
+    """Panels of a figure."""
 
     title: str  # text that all panels share
     panels: tuple[Panel, ...]
@@ -58,10 +58,11 @@ class Sheet:
         return {curve.label: curve.style for panel in self.panels for curve in panel.curves}
 
 
-def sheets(groups: Sequence[Group]) -> list[Sheet]:
-    """The figures of a study. Several planners have a curve each in one panel per cell, as in [Li22] Fig. 5.
+def lay_out_figures(groups: Sequence[Group]) -> list[FigureLayout]:
+    """The figures of a study.
 
-    A single planner has a panel per value of the first factor and curves for the other factors, as in [Li22] Fig. 4.
+    Several planners: a panel per cell, a curve per planner, as in [Li22] Fig. 5. A single planner: a panel per value of
+    the first factor, curves for the other factors, as in [Li22] Fig. 4.
     If there were too many panels, each value of the factor with the fewest values has its own figure.
     """
     order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
@@ -69,7 +70,7 @@ def sheets(groups: Sequence[Group]) -> list[Sheet]:
         return [_of_one_planner(groups)]
     looks = product(DASHES, COLOURS)  # colours vary first
     styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
-    return [_sheet(shared, part, styles) for shared, part in _split((), groups)]
+    return [_of_planners(shared, part, styles) for shared, part in _split((), groups)]
 
 
 def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
@@ -84,35 +85,35 @@ def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[G
         yield from _split((*shared, (fewest, value)), part)
 
 
-def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> Sheet:
+def _of_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
     factors = varying_factors(groups)
     panels = []
     for cell in dict.fromkeys(group.cell for group in groups):
         curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
-        panels.append(Panel(cell_text(_some(cell, factors)), curves))
+        panels.append(Panel(cell_text(_factors_named(cell, factors)), curves))
     sizes = [len(values) for values in factors.values()]
     crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
     columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
-    return Sheet(cell_text(shared), tuple(panels), min(columns, len(panels)))
+    return FigureLayout(cell_text(shared), tuple(panels), min(columns, len(panels)))
 
 
-def _of_one_planner(groups: Sequence[Group]) -> Sheet:
+def _of_one_planner(groups: Sequence[Group]) -> FigureLayout:
     """Panels by the first factor, colours by the last, and dashes by the factors in between."""
     factors = list(varying_factors(groups))
     outer = factors[:1] if len(factors) > 1 else []
     inner = factors[len(outer) :]
-    last = list(dict.fromkeys(_some(group.cell, inner[-1:]) for group in groups))
-    between = list(dict.fromkeys(_some(group.cell, inner[:-1]) for group in groups))
+    last = list(dict.fromkeys(_factors_named(group.cell, inner[-1:]) for group in groups))
+    between = list(dict.fromkeys(_factors_named(group.cell, inner[:-1]) for group in groups))
     panels: dict[Cell, list[Curve]] = {}
     for group in groups:
-        colour = COLOURS[last.index(_some(group.cell, inner[-1:])) % len(COLOURS)]
-        dash = DASHES[between.index(_some(group.cell, inner[:-1])) % len(DASHES)]
-        label = cell_text(_some(group.cell, inner)) or group.planner
+        colour = COLOURS[last.index(_factors_named(group.cell, inner[-1:])) % len(COLOURS)]
+        dash = DASHES[between.index(_factors_named(group.cell, inner[:-1])) % len(DASHES)]
+        label = cell_text(_factors_named(group.cell, inner)) or group.planner
         curve = Curve(label, Style(colour, dash), group)
-        panels.setdefault(_some(group.cell, outer), []).append(curve)
+        panels.setdefault(_factors_named(group.cell, outer), []).append(curve)
     found = tuple(Panel(cell_text(cell), tuple(curves)) for cell, curves in panels.items())
-    return Sheet("", found, min(COLUMNS, len(found)))
+    return FigureLayout("", found, min(COLUMNS, len(found)))
 
 
-def _some(cell: Cell, names: Collection[str]) -> Cell:
+def _factors_named(cell: Cell, names: Collection[str]) -> Cell:
     return tuple(factor for factor in cell if factor[0] in names)

@@ -17,7 +17,7 @@ from sim.analysis.metric_choice import DECISION, metric_shown
 from sim.analysis.normalised_score import SCORE, Ends, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
-from sim.report.figures.panels import Sheet, sheets
+from sim.report.figures.panels import FigureLayout, lay_out_figures
 from tracking.numerics.arrays import Array
 
 
@@ -37,8 +37,8 @@ def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) 
     """Distributions of OSPA, OSPA over time, and planners compared by map; without pictures that would be empty."""
     flown = [group for group in groups if group.done]
     found: list[Picture] = []
-    for sheet in sheets(flown) if flown else ():
-        found += [_ecdf(sheet), _over_time(sheet)]
+    for layout in lay_out_figures(flown) if flown else ():
+        found += [_ecdf(layout), _over_time(layout)]
     compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
     drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
     return _apart(found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]])
@@ -77,20 +77,20 @@ def score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
 
 
-def _ecdf(sheet: Sheet) -> Picture:
-    shares = [(group.title, share_under(group.pooled_ospa(), 1.0)) for group in sheet.groups]
+def _ecdf(layout: FigureLayout) -> Picture:
+    shares = [(group.title, share_under(group.pooled_ospa(), 1.0)) for group in layout.groups]
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
         "Share of scans with a mean OSPA of the UAVs of at most x, over all scans of all trials. "
         "Further left is better. The axis is logarithmic; the dashed line is at 1 m."
     )
-    return _picture("ecdf", "Distribution of OSPA", caption, alt, ecdf_figure(sheet), sheet.title)
+    return _picture("ecdf", "Distribution of OSPA", caption, alt, ecdf_figure(layout), layout.title)
 
 
-def _over_time(sheet: Sheet) -> Picture:
+def _over_time(layout: FigureLayout) -> Picture:
     ends = []
-    for group in sheet.groups:
+    for group in layout.groups:
         medians = bands(group.curves().ospa)[1]
         last = medians[~np.isnan(medians)][-1:]
         ends.append(f"{group.title} {last[0]:.2f} m" if len(last) else f"{group.title} {UNKNOWN}")
@@ -99,7 +99,7 @@ def _over_time(sheet: Sheet) -> Picture:
         "them. The axis is linear below 1 m (dashed) and logarithmic above."
     )
     alt = "Median OSPA at the last scan: " + "; ".join(ends)
-    return _picture("time", "OSPA over time", caption, alt, time_figure(sheet), sheet.title)
+    return _picture("time", "OSPA over time", caption, alt, time_figure(layout), layout.title)
 
 
 def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Picture:

@@ -12,7 +12,7 @@ from sim.analysis.distributions import bands
 from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
-from sim.report.figures.panels import sheets
+from sim.report.figures.panels import lay_out_figures
 from sim.report.figures.pictures import content, pictures
 
 
@@ -27,17 +27,17 @@ def lines(axes):
 
 def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
     found = groups()
-    (sheet,) = sheets(found)
-    figure = ecdf_figure(sheet)
+    (layout,) = lay_out_figures(found)
+    figure = ecdf_figure(layout)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["λ = 15", "λ = 75"]
-    for axes, panel in zip(figure.axes, sheet.panels, strict=True):
+    for axes, panel in zip(figure.axes, layout.panels, strict=True):
         for line, curve in zip(lines(axes), panel.curves, strict=True):
             pooled = np.concatenate([r.ospa for r in curve.group.done])
             brute = [100 * np.mean(pooled <= x) for x in AT]
             np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
         assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
-    figure = time_figure(sheet)
-    for axes, panel in zip(figure.axes, sheet.panels, strict=True):
+    figure = time_figure(layout)
+    for axes, panel in zip(figure.axes, layout.panels, strict=True):
         for line, shade, curve in zip(lines(axes), axes.collections, panel.curves, strict=True):
             low, median, high = bands(np.array([r.ospa for r in curve.group.done], dtype=float))
             np.testing.assert_allclose(line.get_ydata(), median)
@@ -80,15 +80,15 @@ def test_run_times_are_means_in_their_unit():
 
 def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     found = groups(study(densities=("15", "45", "75")))
-    (sheet,) = sheets(found)
-    colours = [{c.label: c.style for c in panel.curves} for panel in sheet.panels]
+    (layout,) = lay_out_figures(found)
+    colours = [{c.label: c.style for c in panel.curves} for panel in layout.panels]
     assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
-    legend = [text.get_text() for text in ecdf_figure(sheet).legends[0].get_texts()]
+    legend = [text.get_text() for text in ecdf_figure(layout).legends[0].get_texts()]
     assert legend == ["sma-nbo", "greedy", "hover"]
-    (sheet,) = sheets(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
-    styles = [curve.style for curve in sheet.panels[0].curves]
+    (layout,) = lay_out_figures(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
+    styles = [curve.style for curve in layout.panels[0].curves]
     assert len({(s.colour, s.dash) for s in styles}) == 9
-    figure = ecdf_figure(sheet)
+    figure = ecdf_figure(layout)
     assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
     assert words(figure, figure.legends[0]) == [f"p{i}" for i in range(9)]
 
@@ -100,30 +100,32 @@ def factored(**factors):
 def test_studies_of_two_and_three_factors_are_drawn_as_in_the_paper():
     cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
     rows = [row(f"sma-nbo(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1)]
-    (sheet,) = sheets(groups(rows))
-    assert [panel.title for panel in sheet.panels] == ["λ = 15", "λ = 45", "λ = 75"] and sheet.columns == 3
-    assert [curve.label for curve in sheet.panels[0].curves] == [f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)]
-    styles = {(c.style.colour, c.style.dash) for c in sheet.panels[0].curves}
+    (layout,) = lay_out_figures(groups(rows))
+    assert [panel.title for panel in layout.panels] == ["λ = 15", "λ = 45", "λ = 75"] and layout.columns == 3
+    assert [curve.label for curve in layout.panels[0].curves] == [
+        f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)
+    ]
+    styles = {(c.style.colour, c.style.dash) for c in layout.panels[0].curves}
     assert len(styles) == 6 and len({dash for _, dash in styles}) == 2  # colour: H, dash: R
     rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
-    found = sheets(groups(rows))
-    assert [sheet.title for sheet in found] == ["R = 1", "R = 5"]
-    assert sum(len(panel.curves) for sheet in found for panel in sheet.panels) == 36
+    found = lay_out_figures(groups(rows))
+    assert [layout.title for layout in found] == ["R = 1", "R = 5"]
+    assert sum(len(panel.curves) for layout in found for panel in layout.panels) == 36
     cells = factored(**{"lambda": ["15", "45", "75"], "H": ["1", "3", "5"]})
     rows = [row(f"{p}(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1) for p in ("sma-nbo", "mcr")]
-    (sheet,) = sheets(groups(rows))
-    assert sheet.columns == 3 and len(sheet.panels) == 9
-    assert [panel.title for panel in sheet.panels[:3]] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
+    (layout,) = lay_out_figures(groups(rows))
+    assert layout.columns == 3 and len(layout.panels) == 9
+    assert [panel.title for panel in layout.panels[:3]] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
 
 
 def test_missing_curves_and_values_do_not_stop_a_figure():
     rows = [*study(), row("late", 0, (("lambda", "15"), ("R", "5")), {"ospa.mean_m": np.nan})]
     found = groups(rows)
-    (sheet,) = sheets(found)
+    (layout,) = lay_out_figures(found)
     shown = metric_shown("ospa.mean_m")
     for figure in (
-        ecdf_figure(sheet),
-        time_figure(sheet),
+        ecdf_figure(layout),
+        time_figure(layout),
         scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
         runtime_figure(found, metric_shown("planning_s_per_decision")),
     ):

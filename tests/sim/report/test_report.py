@@ -18,8 +18,8 @@ from sim.__main__ import COMMANDS
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, maps_needed, means, p_values
 from sim.analysis.metric_choice import metric_shown
-from sim.report.page_tables import verdict
 from sim.report.report import About, duration, make_files, ranges, write
+from sim.report.sentences import verdict
 from sim.scenario.loading import load
 from sim.terminal.commands import load_command
 from tracking.errors import InputError

@@ -8,7 +8,7 @@ from helpers.trials import failed, row, study
 
 from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.intervals import means
-from sim.report.wide_table import main, table, without_start
+from sim.report.wide_table import main, set_side_by_side, without_start
 
 SHARE = "ospa.share_under_1m"
 
@@ -33,17 +33,17 @@ def shown(values, *, signed=False):
 
 def test_planners_side_by_side_are_compared_with_the_first_or_baseline():
     rows = study(planners=("a", "b"))
-    head, lines = parsed(table(rows, "planner"))
+    head, lines = parsed(set_side_by_side(rows, "planner"))
     assert head == ["λ", "a", "b"] and list(lines) == ["15", "75"]
     for density in ("15", "75"):
         a, b = (shares(rows, name, density) for name in ("a", "b"))
         assert lines[density] == [shown(a), f"{100 * b.mean():.1f}: {shown(b - a, signed=True)}"]
     rows = study(planners=("a(x=1)", "b"))
-    head, lines = parsed(table(rows, "planner", baseline="b"))
+    head, lines = parsed(set_side_by_side(rows, "planner", baseline="b"))
     assert head == ["λ", "b", "a(x=1)"]
     a, b = (shares(rows, name, "15") for name in ("a(x=1)", "b"))
     assert lines["15"] == [shown(b), f"{100 * a.mean():.1f}: {shown(a - b, signed=True)}"]
-    assert table(rows, "planner", baseline="a") == table(rows, "planner")
+    assert set_side_by_side(rows, "planner", baseline="a") == set_side_by_side(rows, "planner")
 
 
 def test_levels_one_below_the_other_are_compared_with_the_line_before():
@@ -54,7 +54,7 @@ def test_levels_one_below_the_other_are_compared_with_the_line_before():
         for k, step in enumerate(steps)
         for seed, rng in enumerate(np.random.default_rng((k, int(density))).uniform(size=8).tolist())
     ]
-    head, lines = parsed(table(rows, "lambda", "above"))
+    head, lines = parsed(set_side_by_side(rows, "lambda", "above"))
     assert head == ["step", "λ = 15", "λ = 75"] and tuple(lines) == steps
     values = {
         step: [
@@ -78,27 +78,27 @@ def test_what_is_not_comparable_not_flown_or_failed_is_left_out():
         for step in ("1", "2")
         for seed in range(3)
     ]
-    text = table(rows, "planner", "above").splitlines()[2:]
+    text = set_side_by_side(rows, "planner", "above").splitlines()[2:]
     assert [":" in line for line in text] == [False, True, False, True]
     rows = [row("a", s, (("H", h),), {SHARE: 0.5 + 0.1 * s}) for h in ("1", "3") for s in range(3)]
     rows += [row("b", 0, (("H", "3"),), {SHARE: 0.9}), failed("b", 1, (("H", "3"),))]
-    _head, lines = parsed(table(rows, "planner"))
+    _head, lines = parsed(set_side_by_side(rows, "planner"))
     assert lines["1"][1] == "-" and lines["3"][1] == "90.0: +40.0"
 
 
 def test_trials_flown_without_a_factor_stand_beside_the_others():
     rows = [row("a", s, (("H", h),), {SHARE: 0.5}) for h in ("1", "3") for s in range(3)]
     rows += [row("a", s, (), {SHARE: 0.25}) for s in range(3)]
-    _, lines = parsed(table(rows, "planner"))
+    _, lines = parsed(set_side_by_side(rows, "planner"))
     assert list(lines) == [("-",), ("1",), ("3",)] and lines["-",] == ["25.0 [25.0, 25.0]"]
-    head, _ = parsed(table(rows, "H"))
+    head, _ = parsed(set_side_by_side(rows, "H"))
     assert head == ["H = 1", "H = 3", "H = -"]
     few = [r for r in rows if r.factors != (("H", "3"),)]  # one value, and none: no value of all
     assert {group.cell for group in drop_constant_factors(group_rows(few))} == {(), (("H", "1"),)}
 
 
 def test_names_are_escaped_as_in_other_tables():
-    assert table([row("lab:Mine(style='a|b')", 0, (), {SHARE: 0.5})], "planner").startswith(
+    assert set_side_by_side([row("lab:Mine(style='a|b')", 0, (), {SHARE: 0.5})], "planner").startswith(
         r"| lab:Mine(style='a\|b') |"
     )
 
@@ -124,7 +124,7 @@ def test_the_start_of_a_mission_can_be_left_out():
 def test_wrong_options_of_a_wide_table_are_named(tmp_path, options, words):
     with pytest.raises(ValueError) as caught:
         if "columns" in options:
-            table(study(), **options)
+            set_side_by_side(study(), **options)
         else:
             main(tmp_path, **{"columns": "planner", "less": "left", "first": 0, "metric": SHARE, **options})
     assert words in str(caught.value) and "\n" not in str(caught.value)

@@ -1,0 +1,110 @@
+"""The columns of an answer, as tables and table.csv show it. A new column is one entry of `make_entries`."""
+
+import math
+from typing import Literal, NamedTuple
+
+from sim.analysis.answers import Answer
+from sim.analysis.differences import NO_DIFFERENCE, Difference
+from sim.analysis.intervals import MOST_MAPS, Estimate
+from sim.evaluation.metric import UNKNOWN, Metric
+
+Value = str | float | None
+
+
+class Entry(NamedTuple):
+    """An answer's entry in one column."""
+
+    head: str  # the terminal starts a new line at a newline; other formats show a space
+    text: str
+    fields: dict[str, Value]  # columns of table.csv, in SI units; None and NaN are left empty
+    of: Literal["answer", "cell", "difference"]  # of a cell: empty over all cells; of a difference: without one
+    table: Literal["results", "spread", "both"] = "results"
+    wide_only: bool = False  # True if the table of results lacks the column on a narrow terminal
+    if_empty: str = ""  # text instead, if the entry is empty
+
+
+def make_entries(answer: Answer, baseline: str) -> list[Entry]:
+    """The entries of an answer from left to right; baseline: its label."""
+    metric, spread, gap = answer.metric, answer.spread, answer.difference or NO_DIFFERENCE
+    entries = [
+        Entry("planner", answer.planner, {"planner": answer.planner, "metric": metric.name}, "answer", "both"),
+        Entry(
+            "maps",
+            _maps(answer),
+            {
+                "maps": answer.maps,
+                "flown": answer.flown,
+                "trials": answer.trials,
+                "failed": answer.failed,
+                "undefined": answer.undefined,
+            },
+            "answer",
+        ),
+        Entry("mean", answer.mean.text(metric), _ends("mean", answer.mean), "cell"),
+        Entry("median", answer.median.text(metric), _ends("median", answer.median), "cell", wide_only=True),
+        Entry(
+            f"minus {baseline}",
+            ("* " if gap.survives else "") + gap.mean.text(metric, signed=True),
+            _ends("difference", gap.mean),
+            "difference",
+            if_empty="baseline",
+        ),
+        Entry("between maps", metric.text(spread.between), {"between_maps": spread.between}, "cell", "spread"),
+        Entry("within maps", metric.text(spread.within), {"within_maps": spread.within}, "cell", "spread"),
+        Entry(
+            f"minus {baseline}: between",
+            metric.text(gap.spread.between),
+            {"difference_between_maps": gap.spread.between},
+            "difference",
+            "spread",
+            if_empty="baseline",
+        ),
+        Entry(
+            "within",
+            metric.text(gap.spread.within),
+            {"difference_within_maps": gap.spread.within},
+            "difference",
+            "spread",
+        ),
+        Entry(
+            "won, tied,\nlost",
+            _record(gap, metric),
+            {
+                "baseline": baseline,
+                "pairs": gap.pairs,
+                "unpaired": gap.unpaired,
+                "won": gap.won,
+                "tied": gap.tied,
+                "lost": gap.lost,
+                "p": gap.p_value,
+                "holm": int(gap.survives),
+            },
+            "difference",
+        ),
+        Entry("maps\nneeded", _maps_needed(gap), {"maps_needed": gap.needed}, "difference", "both", wide_only=True),
+    ]
+    empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
+    return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.of] else e for e in entries]
+
+
+def _ends(name: str, estimate: Estimate) -> dict[str, Value]:
+    """Fields of an estimate: its value and the ends of its interval."""
+    return {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+
+
+def _maps(answer: Answer) -> str:
+    if answer.cell is None:
+        return f"{answer.difference.cells} cells" if answer.difference else ""
+    return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
+
+
+def _record(gap: Difference, metric: Metric) -> str:
+    if metric.better == "neither" or not gap.pairs:
+        return UNKNOWN
+    return f"{gap.won}, {gap.tied}, {gap.lost}"
+
+
+def _maps_needed(gap: Difference) -> str:
+    if math.isinf(gap.needed):
+        return f"> {MOST_MAPS}" if gap.mean.value else UNKNOWN
+    return UNKNOWN if math.isnan(gap.needed) else str(round(gap.needed))
