@@ -203,10 +203,12 @@ def parallel_env(
     Actions are velocities east and north as fractions of the UAV's speed limit; faster ones are shortened to the limit.
     Observations hold the knowledge of a UAV and no ground truth; see `understory.Observations`. An agent is terminated
     when its UAV breaks down, and truncated at the last decision. Infos hold the time and the true OSPA and GOSPA.
-    The environment's `flight()` returns the recording so far.
+    The environment's `flight()` returns the recording so far; `flight().save("episode.npz")` writes it. `state()` is
+    the true state as a vector, for training only.
 
     `reset(seed=3)` flies the map of `understory run --seed 3`. A reset without a seed draws a seed of 2**32 or more, so
-    that a policy is not trained on the maps of reports. The option `{"repeat": 1}` of `reset` gives different noise.
+    that a policy is not trained on the maps of reports. Options of `reset`: `{"repeat": 1}` gives different noise, and
+    `{"settings": {"trees.density": 75}}` changes keys of the scenario for one episode.
 
     Args:
         scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
@@ -214,7 +216,8 @@ def parallel_env(
         reward: `"gospa"`: negative GOSPA expected under the UAV's own belief; `"trace"`: negative sum of its tracks'
             variances; `"true_gospa"`: negative true GOSPA; or a function of a `Situation` and of the true positions
             (M, 2) m. The last two use ground truth and are for training only.
-        observe: Numbers of rows of `tracks` and `trees`, 10 each by default, and True for `image` to add the frame.
+        observe: Numbers of rows of `tracks` and `trees`, 10 each by default; True for `image` adds the frame, True for
+            `flat` gives one vector, the arrays in the order of their names.
         render_mode: With `"rgb_array"`, `render()` returns frames like those of films, which show the true people.
 
     Raises:

@@ -71,7 +71,6 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
     ("arguments", "message"),
     [
         ({"settings": {"trees.densty": 3}}, "trees.densty: unknown key"),
-        ({"scenario": Scenario(), "settings": SHORT}, "settings: not allowed with a Scenario"),
         ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
         ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected `float` >= 0"),
         (

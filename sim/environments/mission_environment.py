@@ -2,29 +2,42 @@
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import error, logger, spaces
 from numpy.typing import NDArray
 
+from sim.environments import true_state
 from sim.environments.episode import Episode
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, find_reward
 from sim.mission.trial import prefix_errors
+from sim.mission.world_setup import count_people
 from sim.replay.flight import Flight
-from sim.scenario.loading import place_of, resolve_scenario
-from sim.scenario.quantities import REPEATS
+from sim.scenario.loading import change_settings, place_of, resolve_scenario
+from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
 from tracking.numerics.arrays import Array
 from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]
-_OBSERVE = {"tracks": 10, "trees": 10, "image": False}
+_OBSERVE = {"tracks": 10, "trees": 10, "image": False, "flat": False}
 _MOST_ROWS = 10_000
 _REPORTED = 2**32  # seeds below this are reserved for reports
+_OPTIONS = ("repeat", "settings")  # of `reset`
+Observation = Observed | NDArray[np.float32]
+
+
+class Asked(NamedTuple):
+    """An episode as `reset` was asked for it."""
+
+    scenario: Scenario
+    seed: int | None  # None: draw one
+    repeat: int
 
 
 class MissionEnvironment:
@@ -44,20 +57,19 @@ class MissionEnvironment:
         """Check the arguments, which are those of `understory.parallel_env`; InputError says what is wrong."""
         self._scenario = resolve_scenario(scenario, settings)
         self._place = place_of(scenario, settings)
-        if len(self._scenario.decision_times) < 2:
-            raise InputError(f"duration: {self._scenario.duration:g} s is too short; an episode needs two decisions")
         rows = _complete(observe)
         self._image: bool = rows["image"]
-        if self._image and not self._scenario.sensing.renders:
-            raise InputError(f"observe: there is no image with sensing.mode {self._scenario.sensing.mode!r}")
+        self._flat: bool = rows["flat"]
+        self._check(self._scenario)
         self._uavs = range(len(self._scenario.uavs))
         self._observations = Observations(len(self._uavs) - 1, rows["tracks"], rows["trees"])
-        self._spaces = [self._space(uav) for uav in self._uavs]  # observation spaces
+        self._spaces = self._observation_spaces(self._scenario)  # one per UAV
         self._reward = find_reward(reward)
         self.metadata = {
             **self.metadata,
             "render_fps": self._scenario.rates.planning,
             "reward_sees_truth": reward not in ON_BELIEF,
+            "state_sees_truth": True,
         }
         if render_mode not in (None, *RENDER_MODES):
             raise error.UnsupportedMode(f"render_mode: {render_mode!r} is not allowed; expected None or 'rgb_array'")
@@ -84,8 +96,24 @@ class MissionEnvironment:
             self._present = None
 
     def flight(self) -> Flight:
-        """Recording since the last reset, with tables and figures; ValueError before the first step."""
+        """Recording since the last reset, with tables and figures; ValueError before the first step.
+
+        `flight().save("episode.npz")` writes it for `understory explain`, `replay` and `export`.
+        """
         return self._episode().flight()
+
+    @cached_property
+    def state_space(self) -> spaces.Box:
+        """Space of `state`, with room for as many people as the scenario has."""
+        return true_state.space(len(self._uavs), count_people(self._scenario))
+
+    def state(self) -> NDArray[np.float32]:
+        """The true state of the mission as a vector, for training only: a policy may not use it in flight.
+
+        Time [s]; of each UAV x, y, z [m], velocity east and north [m/s], and 1 if it works; of each person x, y [m],
+        velocity east and north [m/s], and 1 if present. What is absent is zero.
+        """
+        return true_state.state(self._episode(), self.state_space)
 
     def _episode(self) -> Episode:
         """The episode since the last reset; `ResetNeeded` if there was no reset."""
@@ -93,23 +121,35 @@ class MissionEnvironment:
             raise error.ResetNeeded("call reset first")
         return self._present
 
-    def _start(self, seed: int | None, options: Mapping[str, Any] | None, rng: np.random.Generator) -> Episode:
-        """Start the mission of a seed, by default one drawn from `rng`; the option `repeat` gives different noise.
+    def _check(self, scenario: Scenario) -> None:
+        """InputError if an episode of a scenario would be too short, or has no images although they are asked for."""
+        if len(scenario.decision_times) < 2:
+            raise InputError(f"duration: {scenario.duration:g} s is too short; an episode needs two decisions")
+        if self._image and not scenario.sensing.renders:
+            raise InputError(f"observe: there is no image with sensing.mode {scenario.sensing.mode!r}")
+
+    def _read_reset(self, seed: int | None, options: Mapping[str, Any] | None) -> Asked:
+        """Read the arguments of `reset`; InputError says what is wrong, and the present episode can go on."""
+        given = options or {}
+        for name in given:
+            if name not in _OPTIONS:
+                logger.warn(f"options: {name!r} is unknown and has no effect; allowed are {', '.join(_OPTIONS)}")
+        number, repeat = parse_seed_and_repeat(0 if seed is None else seed, given.get("repeat", 0))
+        scenario = change_settings(self._scenario, given.get("settings"))
+        self._check(scenario)
+        if scenario is not self._scenario and self._observation_spaces(scenario) != self._spaces:
+            raise InputError("options: settings of other area, uavs or pixels need an environment of their own")
+        return Asked(scenario, None if seed is None else number, repeat)
+
+    def _start(self, asked: Asked, rng: np.random.Generator) -> Episode:
+        """Start an episode; its seed is drawn from `rng` if none was asked for.
 
         Drawn seeds are 2**32 or more, so that policies are not trained on the maps of reports.
         """
-        repeat = 0
-        for name, value in (options or {}).items():
-            if name != "repeat":
-                logger.warn(f"options: {name!r} is unknown and has no effect; allowed is 'repeat'")
-            elif not (_is_integer(value) and 0 <= value < REPEATS):
-                raise InputError(f"options: repeat {value!r} is not allowed; expected an integer, 0 to {REPEATS - 1}")
-            else:
-                repeat = int(value)
         self.close()
         drawn = int(rng.integers(_REPORTED, 2**63))
         with prefix_errors(self._place):
-            self._present = Episode(self._scenario, drawn if seed is None else seed, repeat)
+            self._present = Episode(asked.scenario, drawn if asked.seed is None else asked.seed, asked.repeat)
         return self._present
 
     def _fly(self, actions: Mapping[int, object]) -> None:
@@ -127,7 +167,8 @@ class MissionEnvironment:
             return {name: _zeros(space) for name, space in self._spaces[uav].items()}
         found = self._observations.of(situation)
         if self._image:
-            found["image"] = episode.images.get(uav, self._blank(uav)).copy()
+            image = episode.images.get(uav)
+            found["image"] = _zeros(self._spaces[uav]["image"]) if image is None else image.copy()
         return found
 
     def _reward_of(self, uav: int) -> float:
@@ -145,23 +186,32 @@ class MissionEnvironment:
             raise InputError(f"reward: the function returned {given!r}; expected a finite number")
         return reward
 
-    def _space(self, uav: int) -> spaces.Dict:
-        """Observation space of one UAV."""
-        o, area = self._observations, (self._scenario.area.width, self._scenario.area.height)
+    def _flat_space(self, space: spaces.Dict) -> spaces.Space[Any]:
+        """The space of observations that are given: one vector if they are asked for as `flat`."""
+        return spaces.flatten_space(space) if self._flat else space
+
+    def _flatten(self, space: spaces.Dict, observed: Observed) -> Observation:
+        """An observation as it is given: one vector if they are asked for as `flat`."""
+        return np.asarray(spaces.flatten(space, observed)) if self._flat else observed
+
+    def _observation_spaces(self, scenario: Scenario) -> list[spaces.Dict]:
+        """Observation spaces of the UAVs of a scenario."""
+        area = scenario.area.width, scenario.area.height
+        return [self._space(area, uav.pixels) for uav in scenario.uavs]
+
+    def _space(self, area: tuple[float, float], edge: int) -> spaces.Dict:
+        """Observation space of one UAV, given width and height [m] of the area and the edge [pixels] of its image."""
+        o = self._observations
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
         found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
         if not o.neighbours:
             del tables["neighbours"]
         for name, (rows, columns) in tables.items():
-            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
+            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), mask_space(rows)
         found["undetected"] = spaces.Box(0.0, np.inf, raster_shape(area))
         if self._image:
-            found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
+            found["image"] = spaces.Box(0, 255, (edge, edge, 3), np.uint8)
         return spaces.Dict(found)
-
-    def _blank(self, uav: int) -> NDArray[np.uint8]:
-        edge = self._scenario.uavs[uav].pixels
-        return np.zeros((edge, edge, 3), dtype=np.uint8)
 
     def _velocity(self, uav: int, action: object) -> Array:
         """Velocity (2,) m/s of an action, shortened to the UAV's speed limit."""
@@ -173,7 +223,8 @@ class MissionEnvironment:
             what = f"of shape {given.shape}" if given.shape != (2,) else f"{given.tolist()}"
             raise error.InvalidAction(f"action of UAV {uav}: {what} is not allowed; expected two numbers in [-1, 1]")
         east, north = np.clip(given, -1.0, 1.0).tolist()
-        return np.array([east, north]) * (self._scenario.uavs[uav].max_speed / max(1.0, math.hypot(east, north)))
+        most = self._episode().mission.scenario.uavs[uav].max_speed
+        return np.array([east, north]) * (most / max(1.0, math.hypot(east, north)))
 
 
 def _complete(given: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -183,13 +234,13 @@ def _complete(given: Mapping[str, Any] | None) -> dict[str, Any]:
     observed = {**_OBSERVE, **(given or {})}
     for name, value in observed.items():
         check_known("observe", name, _OBSERVE)
-        if name == "image":
+        if isinstance(_OBSERVE[name], bool):
             usable, expected = isinstance(value, bool), "True or False"
         else:
             usable, expected = _is_integer(value) and 1 <= value <= _MOST_ROWS, f"an integer, 1 to {_MOST_ROWS}"
         if not usable:
             raise InputError(f"observe: {name} {value!r} is not allowed; expected {expected}")
-    return {name: value if name == "image" else int(value) for name, value in observed.items()}
+    return {name: value if isinstance(value, bool) else int(value) for name, value in observed.items()}
 
 
 def _is_integer(value: object) -> bool:
@@ -201,6 +252,11 @@ def _zeros(space: spaces.Space[Any]) -> NDArray[Any]:
     """Zeros with the shape and type of a space of arrays."""
     assert space.shape is not None
     return np.zeros(space.shape, space.dtype)
+
+
+def mask_space(*shape: int) -> spaces.Box:
+    """Space of masks, in a form that all libraries know."""
+    return spaces.Box(0, 1, shape, np.int8)
 
 
 def _reals(*shape: int) -> spaces.Box:

@@ -8,12 +8,12 @@ import numpy as np
 from gymnasium import error, spaces
 from numpy.typing import NDArray
 
-from sim.environments.mission_environment import MissionEnvironment
+from sim.environments.mission_environment import MissionEnvironment, Observation, mask_space
 from sim.environments.observations import Observed
 from tracking.errors import InputError
 
 
-class TeamEnv(MissionEnvironment, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
+class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating[Any]]]):
     """Mission with the team as one agent: actions (n, 2) and observations have a row for each of the n UAVs.
 
     For UAVs that have broken down, observations and the entries of the mask `working` (n,) are zero. The reward is the
@@ -25,18 +25,20 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observed, NDArray[np.floating[An
             raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
         count = len(self._uavs)
         repeated = {name: _repeat(space, count) for name, space in self._spaces[0].items()}
-        self.observation_space = spaces.Dict({**repeated, "working": spaces.MultiBinary(count)})
+        self._whole = spaces.Dict({**repeated, "working": mask_space(count)})
+        self.observation_space = self._flat_space(self._whole)
         self.action_space = spaces.Box(-1.0, 1.0, (count, 2), np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observed, dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
-        super().reset(seed=seed)
-        self._start(seed, options, self.np_random)
+        asked = self._read_reset(seed, options)
+        super().reset(seed=asked.seed)
+        self._start(asked, self.np_random)
         return self._observe_all(), self._info()
 
-    def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly to the next decision by actions (n, 2); actions of UAVs that have broken down are ignored."""
         if np.shape(action) != self.action_space.shape:
             raise error.InvalidAction(f"action: of shape {np.shape(action)}, not {self.action_space.shape}")
@@ -46,11 +48,11 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observed, NDArray[np.floating[An
         reward = math.fsum(map(self._reward_of, team)) / max(len(team), 1)
         return self._observe_all(), reward, not team, bool(team) and episode.over, self._info()
 
-    def _observe_all(self) -> Observed:
+    def _observe_all(self) -> Observation:
         each = [self._observe(i) for i in self._uavs]
         found: Observed = {name: np.stack([one[name] for one in each]) for name in each[0]}
         found["working"] = np.array([i in self._episode().team for i in self._uavs], dtype=np.int8)
-        return found
+        return self._flatten(self._whole, found)
 
     def _info(self) -> dict[str, Any]:
         """Time, and means of OSPA and GOSPA over the working UAVs."""
@@ -61,8 +63,6 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observed, NDArray[np.floating[An
 
 def _repeat(space: spaces.Space[Any], count: int) -> spaces.Space[Any]:
     """Space of arrays that stack `count` elements of a space."""
-    if isinstance(space, spaces.MultiBinary):
-        return spaces.MultiBinary((count, *space.shape))
     assert isinstance(space, spaces.Box)
     low, high = (np.repeat(bound[None], count, axis=0) for bound in (space.low, space.high))
     return spaces.Box(low, high, dtype=space.dtype.type)

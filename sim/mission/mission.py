@@ -15,7 +15,8 @@ from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.mission.snapshot import Snapshot, reported_positions
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.wind import Air
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import draw_starts, forest_and_people
+from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
@@ -42,7 +43,8 @@ class Mission:
 
     def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
         """Build the world, reset a stateful planner and take the first scan; ValueError if that is impossible."""
-        self.scenario, self.seed, self.repeat = scenario, seed, repeat
+        self.seed, self.repeat = seed, repeat = parse_seed_and_repeat(seed, repeat)
+        self.scenario = scenario = draw_starts(scenario, seed)
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # images of the present scan, one per UAV; None: not rendered

@@ -1,27 +1,71 @@
 """Set-up of a mission's world from its seed: the forest, and the people who walk in it."""
 
+import msgspec
 import numpy as np
 
 from sim.scenario.random_streams import stream
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, is_clear
 from sim.world.forest import grow
 from sim.world.trajectories import Trajectories, read_trajectories
 from sim.world.walkers import walk
+from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
+from tracking.numerics.distances import length
+
+_TRIES = 10_000  # places that are drawn for one UAV
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
     """The trees of a scenario and seed, and the people: simulated walkers or the recorded ones of the scenario's file.
 
-    Walkers go round trunks. Recorded people do not, so no trunk stands on their paths. Trajectories cover at least two
-    scans, because a velocity needs two positions.
+    Walkers go round trunks. Recorded people do not, so no trunk stands on their paths.
     """
-    people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
-    file = people.trajectory_file
-    recorded = None if file is None else read_trajectories(file, scenario.area, duration=duration)
+    people, duration = scenario.people, _duration(scenario)
+    recorded = _recorded_people(scenario)
     paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
     grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
     forest = Forest(grown.trees, scenario.sensing.occlusion)
     if recorded is not None:
         return forest, recorded
     return forest, walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))
+
+
+def draw_starts(scenario: Scenario, seed: int) -> Scenario:
+    """The scenario with the starts that a seed draws; InputError if there is no room for a UAV beside the others.
+
+    A place is drawn uniformly from the disc around `start`, again and again until it lies inside the area and clear of
+    the other UAVs.
+    """
+    rng, area = stream(seed, "starts"), scenario.area
+    placed = {i: uav for i, uav in enumerate(scenario.uavs) if not uav.start_radius}
+    if len(placed) == len(scenario.uavs):
+        return scenario
+    for i, uav in enumerate(scenario.uavs):
+        if i in placed:
+            continue
+        for offset in uav.start_radius * rng.uniform(-1.0, 1.0, (_TRIES, 2)):
+            x, y = (uav.start + offset).tolist()
+            there = msgspec.structs.replace(uav, start=(x, y), start_radius=0.0)
+            inside = length(offset) <= uav.start_radius and abs(x) <= area.width / 2 and abs(y) <= area.height / 2
+            if inside and all(is_clear(there, other) for other in placed.values()):
+                placed[i] = there
+                break
+        else:
+            raise InputError(f"uavs.{i}.start_radius: {uav.start_radius:g} m leaves no room beside the other UAVs")
+    return msgspec.structs.replace(scenario, uavs=tuple(placed[i] for i in range(len(placed))))
+
+
+def count_people(scenario: Scenario) -> int:
+    """Number of people in the missions of a scenario."""
+    recorded = _recorded_people(scenario)
+    return scenario.people.count if recorded is None else recorded.positions.shape[1]
+
+
+def _recorded_people(scenario: Scenario) -> Trajectories | None:
+    file = scenario.people.trajectory_file
+    return None if file is None else read_trajectories(file, scenario.area, duration=_duration(scenario))
+
+
+def _duration(scenario: Scenario) -> float:
+    """Time [s] that trajectories cover: at least two scans, because a velocity needs two positions."""
+    return max(scenario.duration, 1 / scenario.rates.sensing)

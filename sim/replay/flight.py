@@ -21,7 +21,7 @@ from sim.evaluation.catalogue import METRICS
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import planner_title
-from sim.recording.archive import find_recording
+from sim.recording.archive import find_recording, save
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, arrays, columns, event_columns
@@ -65,6 +65,13 @@ class Flight:
     def events(self) -> tuple[Event, ...]:
         """The events of the mission, in order of time."""
         return events_of(self.recording, self.history)
+
+    def save(self, path: str | Path) -> None:
+        """Write the recording to a file, such as episode.npz, which `load` and the commands read; else InputError."""
+        try:
+            save(self.recording, path)
+        except OSError as error:
+            raise InputError(f"path: {path} cannot be written: {error.strerror or error}") from error
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError suggests the nearest table."""

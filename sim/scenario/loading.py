@@ -61,17 +61,27 @@ def place_of(scenario: object, settings: Collection[str] | None) -> str:
 
 
 def resolve_scenario(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
-    """A checked scenario: a packaged one or a .toml file, with changed settings, or a `Scenario`; else InputError."""
+    """A checked scenario: a packaged one, a .toml file or a `Scenario`, with changed settings; else InputError."""
     if isinstance(scenario, str | os.PathLike):
         return load(os.fspath(scenario), format_overrides(settings))
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
-    if settings:
-        raise InputError("settings: not allowed with a Scenario; set its fields")
     try:  # unlike the reading of a file, constructors check neither types nor bounds
-        return decode(msgspec.to_builtins(scenario, enc_hook=_make_plain))
+        checked = decode(msgspec.to_builtins(scenario, enc_hook=_make_plain))
     except TypeError as error:
         raise InputError(f"scenario: {error}") from error
+    return change_settings(checked, settings)
+
+
+def change_settings(scenario: Scenario, settings: Mapping[str, Any] | None) -> Scenario:
+    """The scenario with changed settings; InputError unless the result is valid."""
+    overrides = format_overrides(settings)
+    if not overrides:
+        return scenario
+    data = msgspec.json.decode(msgspec.json.encode(scenario))
+    for override in overrides:
+        apply_override(data, override)
+    return _anchor(decode(data), Path())
 
 
 def decode(data: Mapping[str, Any]) -> Scenario:

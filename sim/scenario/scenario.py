@@ -19,7 +19,7 @@ from tracking.parameters import Tracking
 from tracking.plugins.registry import Registry
 from tracking.settings import DAY, Time
 
-_CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
+CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
 _ABOVE_CANOPIES = 1.0  # m, least height of rendering cameras above canopies; images leave out the nearest 0.5 m
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
@@ -78,9 +78,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
-            gaps = (one.start[0] - other.start[0], one.start[1] - other.start[1], one.altitude - other.altitude)
-            if math.sqrt(math.fsum(gap * gap for gap in gaps)) < _CLEARANCE:
-                raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
+            if not (one.start_radius or other.start_radius or is_clear(one, other)):
+                raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {CLEARANCE:g} m from uavs.{i}")
 
     def _check_times(self) -> None:
         if self.first_decision > self.duration:
@@ -149,6 +148,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         return fails_at is None or time < fails_at
 
 
+def is_clear(one: Uav, other: Uav) -> bool:
+    """True if the starts of two UAVs are `CLEARANCE` apart."""
+    gaps = (one.start[0] - other.start[0], one.start[1] - other.start[1], one.altitude - other.altitude)
+    return math.sqrt(math.fsum(gap * gap for gap in gaps)) >= CLEARANCE
+
+
 def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
     """ValueError if a time [s] is not a multiple of the period of a rate [Hz]."""
     count = value * rate
@@ -164,12 +169,15 @@ _LATER = (("trees", ("per_hectare", "largest_radius")), ("people", ("walks", "gr
 
 
 def encode_scenario(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out, except those of `_LATER`."""
+    """The scenario as JSON with every default written out, except those of `_LATER` and `uavs.N.start_radius`."""
     written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     for table, keys in _LATER:
         for key in keys:
             if written[table][key] == default[table][key]:
                 del written[table][key]
+    for uav in written["uavs"]:
+        if not uav["start_radius"]:
+            del uav["start_radius"]
     return msgspec.json.encode(written).decode()
 
 

@@ -31,6 +31,8 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     # camera that looks straight down
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
     fails_at: Time | None = None  # s, time at which the UAV breaks down; by default never
+    # m, the start is drawn by the seed within this distance of `start`, inside the area
+    start_radius: Annotated[float, Meta(ge=0, le=30_000)] = 0.0
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:

@@ -19,7 +19,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 import understory
 from sim.mission import mission as mission_module
 from sim.recording.archive import digest
-from sim.scenario.loading import SCENARIOS
+from sim.scenario.loading import SCENARIOS, load
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError
 
@@ -195,7 +195,11 @@ REFUSED = [
     ("people.cuont", understory.parallel_env, {"settings": {"people.cuont": 3}}),
     (f"reward: 'gopsa' is unknown; allowed are {KNOWN}; did you mean gospa?", TEAM, {"reward": "gopsa"}),
     (f"reward: '3' is unknown; allowed are {KNOWN}", understory.parallel_env, {"reward": 3}),
-    ("observe: 'track' is unknown; allowed are tracks, trees, image; did you mean", TEAM, {"observe": {"track": 3}}),
+    (
+        "observe: 'track' is unknown; allowed are tracks, trees, image, flat; did you mean",
+        TEAM,
+        {"observe": {"track": 3}},
+    ),
     ("observe: 'image' is not allowed; expected a dict with keys of tracks, trees", TEAM, {"observe": "image"}),
     ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
     ("observe: image 'no' is not allowed; expected True or False", TEAM, {"observe": {"image": "no"}}),
@@ -204,9 +208,6 @@ REFUSED = [
     ("observe: images of several sizes are not one array", TEAM, SIZES),
     ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
     ("settings: 'duration=3' is not allowed; expected a mapping", TEAM, {"settings": "duration=3"}),
-    ("settings: not allowed with a Scenario; set its", TEAM, {"scenario": understory.Scenario(), "settings": IDEAL}),
-    ("seed: 1.5 is not allowed; expected an integer, 0 to ", understory.mission, {"seed": 1.5}),
-    ("seed: '3' is not allowed; expected an integer, 0 to ", understory.mission, {"seed": "3"}),
 ]
 
 
@@ -224,12 +225,50 @@ def test_unknown_names_modes_and_repeats_are_refused():
         understory.parallel_env(render_mode="human")
     env = understory.parallel_env("forest", settings=IDEAL)
     for repeat in (-1, 1.5, True, 10_000):
-        with pytest.raises(
-            InputError, match=f"options: repeat {repeat} is not allowed; expected an integer, 0 to 9999"
-        ):
+        with pytest.raises(InputError, match=f"repeat: {repeat} is not allowed; expected an integer, 0 to 9999"):
             env.reset(options={"repeat": repeat})
-    with pytest.raises(gymnasium.error.Error):
-        env.reset(seed=-1)
+
+
+# Every way to fly a mission of a seed in this process.
+SEEDED = {
+    "run": lambda seed: understory.run("forest", "hover", seed=seed, settings=IDEAL),
+    "mission": lambda seed: understory.mission("forest", seed=seed, settings=IDEAL),
+    "Mission": lambda seed: understory.Mission(load("forest", ["sensing.mode=ideal"]), seed=seed),
+    "parallel": lambda seed: understory.parallel_env("forest", settings=IDEAL).reset(seed=seed),
+    "team": lambda seed: TEAM(settings=IDEAL).reset(seed=seed),
+}
+
+
+@pytest.mark.parametrize("way", SEEDED)
+def test_seeds_are_the_same_integers_for_every_way_to_fly(way):
+    for seed in (2**128, 2**130, -1, True, 1.5, "3", 3.0):
+        with pytest.raises(InputError, match=r"^seed: .* is not allowed; expected an integer, 0 to 3402823669"):
+            SEEDED[way](seed)
+    for seed in (np.int64(3), 2**128 - 1):
+        SEEDED[way](seed)
+
+
+def test_a_refused_reset_leaves_episode_and_generator_alone():
+    env, other = (understory.parallel_env("forest", settings=IDEAL) for _ in range(2))
+    for each in (env, other):
+        each.reset(seed=3)
+        each.step(dict.fromkeys(each.agents, FINE))
+    for wrong in ({"seed": True}, {"options": {"repeat": -1}}, {"options": {"settings": {"trees.densty": 3}}}):
+        with pytest.raises(InputError):
+            env.reset(**wrong)
+    given = dict.fromkeys(env.agents, FINE)
+    assert equal(env.step(given), other.step(given)) and equal(env.reset(), other.reset())
+
+
+def test_np_random_is_the_generator_that_draws_seeds():
+    env = understory.parallel_env("forest", settings=IDEAL)
+    assert isinstance(env.np_random, np.random.Generator)
+    env.reset(seed=5)
+    assert env.np_random_seed == 5
+    drawn = int(copy.deepcopy(env.np_random).integers(2**32, 2**63))
+    env.reset()
+    env.step(dict.fromkeys(env.agents, FINE))
+    assert env.flight().recording.seed == drawn
 
 
 def test_a_reward_that_sees_the_truth_is_marked_and_given_true_positions():
@@ -265,7 +304,7 @@ ACTIONS = {
     "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
     "action of UAV 1: [nan, 0.0] is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.array([np.nan, 0.0])},
     "action of UAV 1: 'north' is not two numbers in [-1, 1]": {"uav_1": "north"},
-    "actions: 'uav_7' is not an agent now; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
+    "actions: 'uav_7' is unknown; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
         "uav_1": FINE,
         "uav_7": FINE,
     },
@@ -285,13 +324,14 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
         assert str(refused.value).startswith(message)
     with pytest.raises(InvalidAction, match="actions: ndarray is not allowed; expected a dict by agent"):
         env.step(np.zeros((3, 2)))
-    with pytest.raises(InvalidAction, match="actions: 0 is not an agent now; allowed are uav_0, uav_1, uav_2"):
+    with pytest.raises(InvalidAction, match="actions: 0 is unknown; allowed are uav_0, uav_1, uav_2"):
         env.step({0: FINE})
     while env.agents:
         given = dict.fromkeys(env.agents, FINE)
         assert equal(env.step(given), other.step(given))
     with pytest.raises(ResetNeeded, match="the episode is over; call reset"):
-        env.step({})
+        env.step(given)
+    assert env.step({}) == ({}, {}, {}, {}, {})
     env.close()
     for late in (env.flight, env.render, lambda: env.step({})):
         with pytest.raises(ResetNeeded, match="call reset first"):
@@ -358,4 +398,115 @@ def test_an_option_that_is_unknown_is_told_of():
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         env.reset(seed=0, options={"repaet": 1})
-    assert "'repaet' is unknown and has no effect; allowed is 'repeat'" in str(told[0].message)
+    assert "'repaet' is unknown and has no effect; allowed are repeat, settings" in str(told[0].message)
+
+
+def test_actions_of_uavs_that_have_broken_down_are_ignored():
+    """Wrappers pass actions of all possible agents."""
+    settings = {**IDEAL, "uavs.0.fails_at": 0, "uavs.1.fails_at": 1.5}
+    env, other = (understory.parallel_env("forest", settings=settings) for _ in range(2))
+    team, same = (TEAM(settings=settings, disable_env_checker=True) for _ in range(2))
+    for each in (env, other, team, same):
+        each.reset(seed=0)
+    dead = {"uav_0"}
+    while env.agents:
+        given = dict.fromkeys(env.possible_agents, np.array([0.4, 0.1])) | dict.fromkeys(dead, np.array([np.nan, 7.0]))
+        assert equal(env.step(given), other.step({agent: given[agent] for agent in other.agents}))
+        rows = np.array(list(given.values()))
+        assert equal(team.step(rows), same.step(np.nan_to_num(rows)))
+        dead |= set(env.possible_agents) - set(env.agents)
+    assert dead == set(env.possible_agents)
+
+
+def boxes(space):
+    return (
+        [space] if isinstance(space, gymnasium.spaces.Box) else [box for each in space.values() for box in boxes(each)]
+    )
+
+
+def test_every_space_is_a_box_and_masks_are_zeros_and_ones():
+    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
+        env.reset(seed=0)
+        space = env.observation_space("uav_0") if hasattr(env, "possible_agents") else env.observation_space
+        assert len(boxes(space)) == len(space)
+        masks = {name: box for name, box in space.items() if name.endswith("_mask") or name == "working"}
+        assert len(masks) >= 3
+        for box in masks.values():
+            assert box == gymnasium.spaces.Box(0, 1, box.shape, np.int8)
+
+
+def test_a_flat_observation_is_all_arrays_one_after_another_in_order_of_their_names():
+    many, flat = (understory.parallel_env("forest", settings=IDEAL, observe={"flat": f}) for f in (False, True))
+    for observations, vectors in [(many.reset(seed=1)[0], flat.reset(seed=1)[0])]:
+        for agent, vector in vectors.items():
+            parts = [array.ravel() for _, array in sorted(observations[agent].items())]
+            np.testing.assert_array_equal(vector, np.concatenate(parts))
+            assert flat.observation_space(agent).contains(vector)
+    many, flat = (TEAM(settings=IDEAL, observe={"flat": f}) for f in (False, True))
+    vector, observation = flat.reset(seed=1)[0], many.reset(seed=1)[0]
+    np.testing.assert_array_equal(vector, np.concatenate([array.ravel() for _, array in sorted(observation.items())]))
+    assert flat.observation_space.contains(vector) and vector.dtype == np.float32
+
+
+def setting_of(*overrides):
+    return load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=4", *overrides])
+
+
+OWN = {"uavs.0.start": [5, -20], "trees.density": 3, "people.count": 2, "uavs.1.max_speed": 2.5}
+
+
+@pytest.mark.parametrize("scenario", ["forest", load("forest")], ids=["name", "object"])
+def test_an_episode_has_the_settings_of_its_reset_and_the_next_one_has_not(scenario):
+    env, own = (understory.parallel_env(scenario, settings=IDEAL | more) for more in ({}, OWN))
+    plain = digests = None
+    for options in (None, {"settings": OWN}, None):
+        for each in (env, own):
+            each.reset(seed=3, options=options if each is env else None)
+            while each.agents:
+                each.step(dict.fromkeys(each.agents, np.array([1.0, 0.5])))
+        digests = [digest(each.flight().recording) for each in (env, own)]
+        assert (digests[0] == digests[1]) == (options is not None)
+        if options is None:
+            assert env.flight().scenario == setting_of() and plain in (None, digests[0])
+            plain = digests[0]
+    team = TEAM(settings=IDEAL)
+    team.reset(seed=3, options={"settings": OWN})
+    team.step(np.zeros((3, 2)))
+    assert team.unwrapped.flight().scenario == own.flight().scenario
+
+
+NOT_OF_AN_EPISODE = {
+    "options: settings of other area, uavs or pixels need an environment of their own": {"area.width": 300},
+    "people.cuont: unknown key": {"people.cuont": 3},
+    "duration: 0.5 s is too short; an episode needs two decisions": {"duration": 0.5},
+    "settings: 'duration=3' is not allowed; expected a mapping": "duration=3",
+}
+
+
+@pytest.mark.parametrize("message", NOT_OF_AN_EPISODE)
+def test_settings_that_no_episode_can_have_are_refused(message):
+    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
+        with pytest.raises(InputError) as refused:
+            env.reset(seed=0, options={"settings": NOT_OF_AN_EPISODE[message]})
+        assert str(refused.value).startswith(message)
+
+
+def test_a_saved_episode_is_explained_replayed_and_exported(call, tmp_path):
+    env = understory.parallel_env("forest", settings={**IDEAL, "uavs.1.fails_at": 1.5})
+    env.reset(seed=2**100, options={"settings": {"people.count": 2}})
+    for _ in range(3):
+        env.step(dict.fromkeys(env.possible_agents, np.array([0.5, 0.0])))
+    flight = env.flight()
+    flight.save(tmp_path / "episode.npz")
+    again = understory.load(tmp_path / "episode.npz")
+    assert digest(again.recording) == digest(flight.recording) and again.recording.interrupted
+    for arguments in (
+        ("explain", "episode.npz", "--target", "1", "--time", "2", "--out", "explained.png"),
+        ("replay", "episode.npz", "--page", "--out", "page.html"),
+        ("export", "episode.npz", "--to", "csv", "--out", "tables"),
+    ):
+        code, _, err = call(*arguments)
+        assert code == 0, err
+        assert (tmp_path / arguments[-1]).exists()
+    with pytest.raises(InputError, match=r"^path: .* cannot be written: No such file or directory$"):
+        flight.save(tmp_path / "nowhere" / "episode.npz")
