@@ -151,7 +151,7 @@ def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     role = f"stands for the person for {fleet_text(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
-        return [f"{role}; began at {holder.since:.1f} s and has ended"]
+        return [f"{role}; began at {holder.since:.1f} s; no UAV has it any more"]
     error, square = holder.error(facts.place)
     major, minor = holder.axes.tolist()
     speed = math.hypot(*holder.belief.mean[2:])

@@ -24,7 +24,7 @@ class HoldingTrack:
     holds: tuple[int, ...]  # UAVs for which it stands for the person now
     elsewhere: dict[int, int]  # other people for whom it stands now, by UAV
     since: float  # s, time of its first scan
-    belief: Gaussian | None  # None if the track has ended
+    belief: Gaussian | None  # None if no UAV has the track any more
     existence: float  # existence probability; NaN if it is not estimated
     until: float  # s, time of the last scan at which it stood for the person
 
