@@ -29,12 +29,12 @@ def check_metric(c: float, p: float) -> None:
 
 
 def check_positions(name: str, positions: Array) -> Array:
-    """Return positions as an array (A, 2); an empty one may also be (0,).
+    """Return positions as an array (A, 2); an empty one may also be (0,) or (0, n).
 
     Raises ValueError for other shapes, as of states, and for positions that are not finite or beyond 1e150 m.
     """
     found = np.asarray(positions, dtype=float)
-    if found.shape[1:] != (2,) and found.shape != (0,):
+    if found.ndim > 2 or (found.size and found.shape[1:] != (2,)):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")
     found = found.reshape(-1, 2)
     if not all(-_FARTHEST <= x <= _FARTHEST for x in found.ravel().tolist()):  # faster than NumPy's for a few

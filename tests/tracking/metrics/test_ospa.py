@@ -284,7 +284,7 @@ def test_the_largest_distance_of_gospa_leaves_out_no_more_than_it_must():
 
 
 @pytest.mark.parametrize("distance", [ospa, gospa])
-@pytest.mark.parametrize("wrong", [[[[0, 0]]], [0.0, 0.0], [[0, 0, 0]], [[0]], np.zeros((0, 4)), 1.0])
+@pytest.mark.parametrize("wrong", [[[[0, 0]]], [0.0, 0.0], [[0, 0, 0]], [[0]], np.zeros((1, 0, 2)), 1.0])
 def test_positions_of_other_shapes_are_refused(distance, wrong):
     shape = re.escape(str(np.shape(wrong)))
     for name, sets in (("estimates", (wrong, NONE)), ("truths", (NONE, wrong))):
