@@ -2,8 +2,8 @@
 
 import csv
 import io
-import math
 import re
+from dataclasses import astuple
 
 import msgspec
 import numpy as np
@@ -13,14 +13,18 @@ from rich.console import Console
 
 from sim.analysis.answers import answers
 from sim.analysis.coverage import ERRORS, SHARES
+from sim.analysis.distributions import Spread
 from sim.analysis.groups import group_rows
+from sim.analysis.intervals import Estimate
 from sim.analysis.metric_choice import metric_shown
+from sim.report.answer_columns import Entry, make_entries
 from sim.report.formats import comma_separated, markdown
-from sim.report.report import About
+from sim.report.report import About, make_files
 from sim.report.terminal import show
 from tracking.errors import InputError
 
 MEAN = metric_shown("ospa.mean_m")
+ENDS = ("", "_low", "_high")  # of names of an estimate in table.csv
 
 
 def shown(rows, width, baseline="sma-nbo", metrics=()):
@@ -112,23 +116,6 @@ def test_a_lone_planner_has_no_wins_failures_are_counted_and_unknown_metrics_ref
         shown(study(), 80, metrics=["opsa.mean_m"])
 
 
-def test_the_csv_holds_the_numbers_in_full():
-    found = answers(group_rows(study(), "sma-nbo"), [MEAN], "sma-nbo")
-    lines = list(csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo"))))
-    assert len(lines) == len(found) == 3 * 2 + 2
-    for line, answer in zip(lines, found, strict=True):
-        assert (line["planner"], line["metric"]) == (answer.planner, "ospa.mean_m")
-        assert line["lambda"] == ("all" if answer.cell is None else dict(answer.cell)["lambda"])
-        for name in ("mean", "median"):
-            estimate = getattr(answer, name)
-            for end in ("value", "low", "high"):
-                value = getattr(estimate, end)
-                assert line[f"{name}_{end}".removesuffix("_value")] == ("" if math.isnan(value) else repr(value))
-        gap = answer.difference
-        assert line["difference"] == ("" if gap is None else repr(gap.mean.value))
-        assert line["won"] == ("" if gap is None else str(gap.won))
-
-
 def repeated(gap=1.0, seeds=8, repeats=3):
     """Two planners that differ by about `gap`, maps apart by about 1 and repeats by a tenth of it."""
     rng = np.random.default_rng(2)
@@ -174,38 +161,53 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     assert "* survives Holm's correction for all 2 differences shown (5 %)." in one_of_few
     assert "Holm" not in shown(repeated(), 120)
     assert "Holm" not in shown([*repeated(), row("alone", 99)], 120)  # no map in common: no second difference
-    rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
-    around = np.linspace(-1.0, 1.0, 10)
-    for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
-        shift = 0.8 * (k == 0) * around.std(ddof=1)
-        rows += [row(f"p{k}", s, metrics={"ospa.mean_m": 1.0 + shift + v}) for s, v in enumerate(around)]
-    found = answers(group_rows(rows, "base"), [MEAN], "base")
-    first = next(a.difference for a in found if a.planner == "p0")
-    assert first.significant and not first.survives and 0.05 / 6 < first.p_value < 0.05
 
 
 def test_tables_say_what_intervals_of_so_many_maps_or_pairs_cover():
-    eight = shown(repeated(repeats=1), 120)
     usual, least = ERRORS[MEAN.name][8]
-    assert f"Intervals of mean errors over 8 maps are right in {usual} % of cases, at worst in {least} %." in eight
-    shares = [row(p, s, metrics={"ospa.share_under_1m": 0.1 * s}) for p in ("sma-nbo", "greedy") for s in range(8)]
-    assert "are right in" not in shown(shares, 120)
-    few = [r for r in shares if r.seed < 5]
-    assert f"Intervals over only 5 maps are right in {SHARES[5]} % of cases." in shown(few, 120)
-    assert f"Intervals over only 4 maps are right in {SHARES[3]} %" in shown(few[:4] + few[5:9], 120)
-    name = "ospa.share_under_1m"
-    seeds = {"sma-nbo": range(10), "greedy": range(6, 16)}  # four pairs
-    rows = [row(planner, s, metrics={name: 0.05 * s}) for planner, own in seeds.items() for s in own]
-    assert f"Intervals over only 4 maps are right in {SHARES[3]} % of cases." in shown(rows, 120, metrics=[name])
-    rows = [row("sma-nbo", s, metrics={"contacts": float(s)}) for s in range(3)]
-    assert "how often intervals are right for: contacts." in shown(rows, 120, metrics=["contacts"])
+    eight = f"Intervals of mean errors over 8 maps are right in {usual} % of cases, at worst in {least} %."
+    assert eight in shown(repeated(repeats=1), 120)
+    seeds = {"sma-nbo": range(10), "greedy": range(6, 16)}  # ten maps each, four pairs
+    rows = [row(p, s, metrics={"ospa.share_under_1m": 0.05 * s}) for p, own in seeds.items() for s in own]
+    assert f"Intervals over only 4 maps are right in {SHARES[3]} % of cases." in shown(rows, 120)
+    assert "are right in" not in shown(rows[:10], 120)
 
 
-def test_the_csv_holds_spreads_chances_and_maps_needed():
-    found = answers(group_rows(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
-    base, other = csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo")))
-    gap = found[1].difference
-    assert (other["maps"], other["flown"], other["trials"], base["holm"], other["holm"]) == ("8", "8", "24", "", "1")
-    assert (other["p"], other["maps_needed"]) == (repr(gap.p_value), repr(gap.needed))
-    assert other["difference_between_maps"] == repr(gap.spread.between)
-    assert base["within_maps"] == repr(found[0].spread.within) and base["difference_within_maps"] == ""
+@pytest.mark.parametrize("rows", [study(), repeated(), study(planners=("sma-nbo",))])
+def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows):
+    found = answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    lines = list(csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo"))))
+    factors = dict.fromkeys(name for row in rows for name, _ in row.factors)
+    for line, answer in zip(lines, found, strict=True):
+        cell, gap = answer.cell, answer.difference
+        estimates = {"mean": answer.mean, "median": answer.median, "difference": gap.mean if gap else Estimate()}
+        spreads = {"": answer.spread, "difference_": gap.spread if gap else Spread()}
+        expected = {
+            **{name: "all" if cell is None else dict(cell)[name] for name in factors},
+            **{"planner": answer.planner, "metric": "ospa.mean_m", "baseline": "sma-nbo" if gap else ""},
+            **{name: getattr(answer, name) for name in ("maps", "flown", "trials", "failed", "undefined")},
+            **{name: getattr(gap, name, "") for name in ("pairs", "unpaired", "won", "tied", "lost")},
+            **{
+                f"{name}{end}": value
+                for name, e in estimates.items()
+                for end, value in zip(ENDS, astuple(e), strict=True)
+            },
+            **{f"{name}between_maps": spread.between for name, spread in spreads.items()},
+            **{f"{name}within_maps": spread.within for name, spread in spreads.items()},
+            **{"p": getattr(gap, "p_value", ""), "maps_needed": getattr(gap, "needed", "")},
+            "holm": int(gap.survives) if gap else "",
+        }
+        assert line == {name: "" if value != value else str(value) for name, value in expected.items()}
+
+
+def test_a_new_column_is_one_entry_for_every_format(monkeypatch, without_pictures):
+    def with_faults(answer, baseline):
+        faulty = Entry("faulty\ntrials", f"{answer.faulty} bad", {"faulty": answer.faulty}, "answer")
+        return [*make_entries(answer, baseline), faulty]
+
+    monkeypatch.setattr("sim.report.tables.make_entries", with_faults)
+    monkeypatch.setattr("sim.report.formats.make_entries", with_faults)
+    files = make_files(study(seeds=2), About("tried"))
+    assert b",maps_needed,faulty\n" in files["table.csv"] and b"| maps needed | faulty trials |" in files["table.md"]
+    assert b'<td data-head="faulty trials">0 bad</td>' in files["report.html"]
+    assert re.search(r"needed +trials *\n", shown(study(), 120)) and " 0 bad " in shown(study(), 80)

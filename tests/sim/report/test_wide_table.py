@@ -19,9 +19,11 @@ def parsed(text):
     return lines[0], {tuple(line[:-1]) if len(lines[0]) == 2 else line[0]: line[1:] for line in lines[2:]}
 
 
-def shares(rows, planner, density):
-    found = [r.metrics[SHARE] for r in rows if r.planner == planner and ("lambda", density) in r.factors]
-    return np.array(found)
+def shares(rows, **where):
+    """The shares of the trials of a planner or with levels of factors."""
+    return np.array(
+        [r.metrics[SHARE] for r in rows if where.items() <= {"planner": r.planner, **dict(r.factors)}.items()]
+    )
 
 
 def shown(values, *, signed=False):
@@ -36,12 +38,12 @@ def test_planners_side_by_side_are_compared_with_the_first_or_baseline():
     head, lines = parsed(set_side_by_side(rows, "planner"))
     assert head == ["λ", "a", "b"] and list(lines) == ["15", "75"]
     for density in ("15", "75"):
-        a, b = (shares(rows, name, density) for name in ("a", "b"))
+        a, b = (shares(rows, planner=name, **{"lambda": density}) for name in ("a", "b"))
         assert lines[density] == [shown(a), f"{100 * b.mean():.1f}: {shown(b - a, signed=True)}"]
     rows = study(planners=("a(x=1)", "b"))
     head, lines = parsed(set_side_by_side(rows, "planner", baseline="b"))
     assert head == ["λ", "b", "a(x=1)"]
-    a, b = (shares(rows, name, "15") for name in ("a(x=1)", "b"))
+    a, b = (shares(rows, planner=name, **{"lambda": "15"}) for name in ("a(x=1)", "b"))
     assert lines["15"] == [shown(b), f"{100 * a.mean():.1f}: {shown(a - b, signed=True)}"]
     assert set_side_by_side(rows, "planner", baseline="a") == set_side_by_side(rows, "planner")
 
@@ -56,19 +58,11 @@ def test_levels_one_below_the_other_are_compared_with_the_line_before():
     ]
     head, lines = parsed(set_side_by_side(rows, "lambda", "above"))
     assert head == ["step", "λ = 15", "λ = 75"] and tuple(lines) == steps
-    values = {
-        step: [
-            np.array([r.metrics[SHARE] for r in rows if r.factors == (("lambda", density), ("step", step))])
-            for density in ("15", "75")
-        ]
-        for step in steps
-    }
+    values = {step: [shares(rows, step=step, **{"lambda": density}) for density in ("15", "75")] for step in steps}
     assert lines[steps[0]] == [shown(v) for v in values[steps[0]]]
     for before, step in itertools.pairwise(steps):
-        assert lines[step] == [
-            f"{100 * v.mean():.1f}: {shown(v - w, signed=True)}"
-            for v, w in zip(values[step], values[before], strict=True)
-        ]
+        pairs = zip(values[step], values[before], strict=True)
+        assert lines[step] == [f"{100 * v.mean():.1f}: {shown(v - w, signed=True)}" for v, w in pairs]
 
 
 def test_what_is_not_comparable_not_flown_or_failed_is_left_out():
