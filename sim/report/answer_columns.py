@@ -17,10 +17,10 @@ class Entry(NamedTuple):
     head: str  # the terminal starts a new line at a newline; other formats show a space
     text: str
     fields: dict[str, Value]  # columns of table.csv, in SI units; None and NaN are left empty
-    of: Literal["answer", "cell", "difference"]  # of a cell: empty over all cells; of a difference: without one
+    of: Literal["answer", "cell", "difference"]  # "cell": empty over all cells; "difference": empty for the baseline
     table: Literal["results", "spread", "both"] = "results"
-    wide_only: bool = False  # True if the table of results lacks the column on a narrow terminal
-    if_empty: str = ""  # text instead, if the entry is empty
+    wide_only: bool = False  # True if a narrow terminal leaves the column out of the table of results
+    if_empty: str = ""  # text where the entry is empty
 
 
 def make_entries(answer: Answer, baseline: str) -> list[Entry]:
