@@ -12,7 +12,7 @@ from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, power_each
-from tracking.parameters import TrackerParameters
+from tracking.parameters import AssociationSettings, TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
@@ -59,7 +59,7 @@ def predict_scan(
     existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
     `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(beliefs, power_each(missed, p.negative_information))
+    undetected = negative_information_update(*beliefs, power_each(missed, p.negative_information))
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.management == "existence":
         detectable *= 1.0 - _unresolved_probability(beliefs[0], existence)
@@ -105,7 +105,7 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
 
 @compiled
 def associate(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings
 ) -> tuple[Array, Array, Array, Array]:
     """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
 
@@ -114,11 +114,11 @@ def associate(
     Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
     `tracking.association.jpda.existence_association`.
     """
-    gate_probability, clutter, detection = settings
-    likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
+    clutter = settings.clutter_density
+    likelihood = gated_likelihood(before.means, before.covariances, z, R, settings.gate_probability)
     # The view is free at a measurement, so only the probability of a miss depends on the whole belief. Thus a person
     # that leaves the cover of a tree earlier than predicted is detected at once.
-    chances = np.full((len(likelihood), len(z) + 1), detection * gate_probability)
+    chances = np.full((len(likelihood), len(z) + 1), settings.detection_probability * settings.gate_probability)
     for t in range(len(likelihood)):
         chances[t, 0] *= before.detectable[t]
         for j in range(len(z)):
@@ -127,9 +127,7 @@ def associate(
 
 
 @compiled
-def _updated(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
-) -> ScanUpdate:
+def _updated(before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings) -> ScanUpdate:
     likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
     gates, weights = np.empty((likelihood.size, 2), np.int64), np.empty(likelihood.size)
@@ -142,7 +140,7 @@ def _updated(
                 count += 1
                 # A track explains only measurements that it makes likelier than clutter, so that a wide belief takes
                 # none of new people.
-                explained[j] |= settings[2] * likelihood[t, j] > settings[1]
+                explained[j] |= settings.detection_probability * likelihood[t, j] > settings.clutter_density
         for a in range(4 if count == first else 0):
             means[t, a] = before.means[t, a]
             for b in range(4):

@@ -1,7 +1,7 @@
 """Settings of a tracker, and the parameters with which one is made."""
 
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct
@@ -72,6 +72,21 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
 _DEFAULTS = Tracking()
 
 
+class AssociationSettings(NamedTuple):
+    """Settings of data association, for compiled code."""
+
+    gate_probability: float
+    clutter_density: float  # 1/m²
+    detection_probability: float
+
+
+class LossRule(NamedTuple):
+    """When a track is lost, and how far its person may have moved since, for compiled code."""
+
+    after: float  # s without a sure detection after which a track is lost
+    max_speed: float  # m/s, largest speed of people
+
+
 class TrackerParameters:
     """What a tracker is told besides its camera and the map of trees.
 
@@ -104,15 +119,16 @@ class TrackerParameters:
         return getattr(self.settings, name)
 
     @cached_property
-    def association(self) -> tuple[float, float, float]:
-        """Probability of a gate, density of clutter [1/m²] and probability of detection, for compiled code."""
-        return self.settings.gate_probability, self.settings.clutter_density, self.settings.detection_probability
+    def association(self) -> AssociationSettings:
+        """Settings of data association."""
+        s = self.settings
+        return AssociationSettings(s.gate_probability, s.clutter_density, s.detection_probability)
 
     @cached_property
-    def loss(self) -> tuple[float, float]:
-        """Time [s] without a sure detection after which a track is lost, and people's largest speed [m/s]."""
+    def loss(self) -> LossRule:
+        """The rule by which tracks are lost."""
         after = self.settings.reacquire_after - self.motion.dt / 2  # half a scan less, against rounding
-        return max(after, 0.0), self.settings.max_speed
+        return LossRule(max(after, 0.0), self.settings.max_speed)
 
     @cached_property
     def measurement_gate(self) -> float:

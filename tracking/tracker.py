@@ -144,7 +144,7 @@ class Tracker:
         table, (last, before) = self._table, self._last_frame
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
-        views = visible_samples(self._forest, (table.means, table.covariances), frame, before)
+        views = visible_samples(self._forest, table.means, table.covariances, frame, before)
         table.views = (views << _BITS).sum(axis=2)
         table.times = table.times.copy()  # a message may hold the former ones
         table.times[:, FRAME_AT] = np.where(views[:, FRAME_BEFORE].any(axis=1), last, -math.inf)
@@ -192,8 +192,8 @@ class Tracker:
             table = table[order[~gone[order]]]
         self._table = self._reacquire(table)
         detected = self._table.sightings[:, 2] >= now
-        if detected.any() and hasattr(self.motion, "observed"):
-            self.motion = self.motion.observed(self._table.means[detected, 2:])
+        if detected.any() and hasattr(self.motion, "learn"):
+            self.motion = self.motion.learn(self._table.means[detected, 2:])
 
     def _apply_negative_information(self, message: Message) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
@@ -204,7 +204,7 @@ class Tracker:
         views = (message.views[..., None] >> _BITS) & 1 > 0
         views[detected] = False
         missed = miss_likelihood(*message.beliefs, views, now - message.times[:, FRAME_AT], p.detection_probability)
-        return negative_information_update(message.beliefs, power_each(missed, p.negative_information))
+        return negative_information_update(*message.beliefs, power_each(missed, p.negative_information))
 
     def _reacquire(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.

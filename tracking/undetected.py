@@ -84,7 +84,7 @@ class UndetectedIntensity:
             each = centres.reshape(-1, 2)
             # Variance of a uniform distribution over a cell.
             evenly = np.tile(np.diag(np.square(cell) / 12.0), (len(each), 1, 1))
-            share = visible_samples(forest, (each, evenly), camera.lens(pose))[:, 0].mean(axis=1)
+            share = visible_samples(forest, each, evenly, camera.lens(pose))[:, 0].mean(axis=1)
             people = people.copy()
             people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
         return people

@@ -3,13 +3,14 @@
 import numpy as np
 
 from planning.prediction.predicted_belief import LANES, belief_transition
+from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import logs
+from tracking.numerics.exponential import replace_by_logs
 
 
 @compiled
-def gain_transition(P: Array, transition: tuple[float, float], noise: Array, information: Array, costs: Array) -> None:
+def gain_transition(P: Array, transition: Transition, noise: Array, information: Array, costs: Array) -> None:
     """Apply `belief_transition` to P, and set `costs` (LANES,) to minus the information gained instead of the traces.
 
     The gain is the mutual information [nats] between a state one step later and its measurements, ½ log det(I + J P⁻)
@@ -28,7 +29,7 @@ def gain_transition(P: Array, transition: tuple[float, float], noise: Array, inf
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
         gains[k] = a * d - b * c
-    logs(gains)
+    replace_by_logs(gains)
     belief_transition(P, transition, noise, information, costs)
     for k in range(LANES):
         costs[k] = -0.5 * gains[k]

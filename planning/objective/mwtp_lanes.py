@@ -1,4 +1,7 @@
-"""The MWTP of many plans side by side: `mwtp` lane by lane, with the processor's vector instructions."""
+"""The multiple weighted trace penalty (MWTP): the cost-to-go of targets outside all fields of view at the end.
+
+Many plans are computed side by side, in lanes, with the processor's vector instructions.
+"""
 
 import math
 from typing import NamedTuple
@@ -7,7 +10,7 @@ import numpy as np
 
 from planning.prediction.predicted_belief import LANES
 from planning.prediction.quadrangle import corner, inside
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
 Pair = tuple[float, float]
@@ -40,9 +43,15 @@ def workspace(targets: int, uavs: int) -> Workspace:
 
 @compiled
 def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
-    """Add the MWTP of the targets that are `work.unseen` to `sums` (LANES,).
+    """Add the MWTP of the targets that are `work.unseen` to `sums` (LANES,), by Algorithm 2.
 
-    targets (T, 2 or 3) m, traces (T, LANES) m². The sensors in `work.sensors` have D_i of 0 at first, and are moved.
+    targets (T, 2 or 3) m at the end of the horizon; traces (T, LANES) m² of their position covariances; views (n, 5, 3)
+    as in `field_of_view.view_quadrangle`. The sensors in `work.sensors` have D_i of 0 at first, and are moved to p^MDO.
+    Source: [Li22], with β = 1.
+
+    Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
+    Note: a target that is in a field of view but hidden gets no match, because its p^MDO, the least displacement after
+    which the field of view covers it, would be zero.
     """
     _sort(work, targets, traces)
     most = int(work.counts.max())
@@ -55,8 +64,16 @@ def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums
 
 
 @compiled
+def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav: int) -> None:
+    """Mark in `seen` (T,) the targets (T, 2 or 3) m in the field of view of a UAV's sensor at (2,) m."""
+    for t in range(len(targets)):
+        if not seen[t]:
+            seen[t] = inside(views[uav], targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
+
+
+@compiled
 def mark_in_view_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
-    """Mark targets (T, 2 or 3) m in the field of view of a UAV as seen; `mwtp.mark_in_view` lane by lane."""
+    """Mark targets (T, 2 or 3) m in the field of view of a UAV as seen; `mark_in_view` lane by lane."""
     view, east, north = views[uav], work.sensors[uav, 0], work.sensors[uav, 1]
     for t in range(len(targets)):
         x, y, unseen = targets[t, 0], targets[t, 1], work.unseen[t]

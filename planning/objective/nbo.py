@@ -8,8 +8,7 @@ import numpy as np
 from planning.objective.camera_lanes import CameraLanes, camera_lanes
 from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
-from planning.objective.mwtp import mark_in_view
-from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
+from planning.objective.mwtp_lanes import Workspace, mark_in_view, mark_in_view_lanes, penalties, workspace
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
     LANES,

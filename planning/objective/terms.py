@@ -13,7 +13,7 @@ from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
-from tracking.geometry.line_of_sight import Grid, unobstructed
+from tracking.geometry.line_of_sight import Grid, is_unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -220,7 +220,7 @@ def _views(places: Array, seeing: _Seeing, points: Array, blockers: Array, grid:
             for k in range(points.shape[1]):
                 x, y = points[c, k, 0], points[c, k, 1]
                 if inside(view[uavs[v]], x - camera[0], y - camera[1]):
-                    seen += unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
+                    seen += is_unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
             if seen:
                 cells.append(c)
                 shares.append(seen / points.shape[1])

@@ -9,7 +9,7 @@ from tracking.geometry.camera import ALL_ROUND, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 from tracking.numerics.trigonometry import hypot, tan
 
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -26,7 +26,7 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
     fov, height = vehicle.camera.fov, float(vehicle.position[2] - TARGET_HEIGHT)
     half = height * (1.0 if fov >= ALL_ROUND else tan(fov / 2))
     rays = np.column_stack([half * marks, np.full(len(marks), -height)])
-    points = applied(rotation(np.asarray(vehicle.attitude, dtype=float)), rays)
+    points = apply(rotation(np.asarray(vehicle.attitude, dtype=float)), rays)
     return np.asarray(points[:, :2] * (height / -points[:, 2:]))
 
 

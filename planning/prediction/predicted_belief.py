@@ -9,7 +9,8 @@ import numpy as np
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
-from tracking.geometry.line_of_sight import Vector, blocked
+from tracking.filter.kalman import Transition
+from tracking.geometry.line_of_sight import Vector, is_blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -25,7 +26,7 @@ class PredictedBelief(NamedTuple):
     """
 
     step: float  # s
-    transition: tuple[float, float]  # of velocities over one step, see `NearlyConstantVelocity.transition`
+    transition: Transition  # of velocities over one step, see `NearlyConstantVelocity.transition`
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
     points: Array  # (H, T, K, 3) m: K equally probable trajectories of each target at its height; the first is the mean
     covariances: Array  # (T, 4, 4): P now
@@ -159,16 +160,14 @@ def _mark_visible(point: Vector, height: float, cameras: Array, view: Array, blo
     for k in range(len(blockers) if some else 0):
         cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
         for lane in range(LANES):
-            if free[lane] > 0.0 and blocked((east[lane], north[lane], height), point, cylinder):
+            if free[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
                 free[lane] = 0.0
                 some -= 1
     return some > 0
 
 
 @inlined
-def belief_transition(
-    P: Array, transition: tuple[float, float], noise: Array, information: Array, traces: Array
-) -> None:
+def belief_transition(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds the upper triangle of the covariance, all lanes of one element after another: xx, xy, xu, xv,

@@ -12,7 +12,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import eigensystems
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.stacks import cholesky_factors
 from tracking.track import beliefs_of
@@ -52,7 +52,7 @@ class Nominal:
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
             roots = cholesky_factors(np.ascontiguousarray(spread[:, :2, :2]))
-            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], FIVE_POINTS)
+            points[step, :, :, :2] = points[step, :, :1, :2] + apply(roots[:, None], FIVE_POINTS)
         return predict_belief(situation, points, covariances)
 
 
@@ -78,8 +78,8 @@ class MonteCarlo:
         for step in range(horizon):
             drift = _disturbance(motion, standard_normal(rng, (S, T, 2, 2)))
             ahead, spread = motion.predict_all(means, spread)
-            pull = ahead - applied(motion.F, means)  # of the long-run velocity
-            states, means = applied(motion.F, states) + drift + pull, ahead
+            pull = ahead - apply(motion.F, means)  # of the long-run velocity
+            states, means = apply(motion.F, states) + drift + pull, ahead
             points[step, :, :, 0, :2] = states[..., :2]
         return predict_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
@@ -88,7 +88,7 @@ def draw_deviations(covariances: Array, rng: np.random.Generator, draws: tuple[i
     """Deviations (*draws, T, 4) from means, drawn from covariances (T, 4, 4), which may be singular."""
     values, axes = eigensystems(np.ascontiguousarray(covariances))
     roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    return np.asarray(applied(roots, standard_normal(rng, (*draws, len(covariances), 4))))
+    return np.asarray(apply(roots, standard_normal(rng, (*draws, len(covariances), 4))))
 
 
 def nominal_positions(situation: Situation, horizon: int) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from planning.objective.information import gain_transition
 from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information
+from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
@@ -15,7 +16,7 @@ class Prior(NamedTuple):
 
     P: Array  # (B, 10 LANES), as `belief_transition` takes it
     weights: Array  # (B, LANES): weight of each trajectory
-    transition: tuple[float, float]  # of velocities over a step
+    transition: Transition  # of velocities over a step
     noise: Array  # (3,): process noise of a step
 
 

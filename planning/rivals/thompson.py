@@ -12,11 +12,11 @@ from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
-from tracking.geometry.line_of_sight import Grid, unobstructed
+from tracking.geometry.line_of_sight import Grid, is_unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.poisson import poisson
+from tracking.numerics.poisson import draw_poisson
 from tracking.track import beliefs_of
 
 
@@ -94,7 +94,7 @@ def draw_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
     people = np.zeros((0, 4))
     if situation.undetected is not None:
         sums = np.cumsum(situation.undetected.people)
-        count = poisson(rng, float(sums[-1]))
+        count = draw_poisson(rng, float(sums[-1]))
         cells = np.searchsorted(sums, rng.random(count) * sums[-1], side="right")
         centres = situation.undetected.centres().reshape(-1, 2)[np.minimum(cells, len(sums) - 1)]
         people = np.hstack([centres + situation.undetected.cell * (rng.random((count, 2)) - 0.5), np.zeros((count, 2))])
@@ -145,7 +145,7 @@ def _errors_in_view(
             x, y = state[0] + time * state[2], state[1] + time * state[3]
             if inside(view, x - places[n, 0], y - places[n, 1]):
                 camera = places[n, 0], places[n, 1], flight.start[2]
-                if unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
+                if is_unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
                     dx, dy = error[0] + time * error[2], error[1] + time * error[3]
                     found[n, m] = math.sqrt(dx * dx + dy * dy)
     return found

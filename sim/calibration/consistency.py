@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from sim.calibration.scenes import TILTS, Pair, Sample, pairs, samples, tilted
-from tracking.detection.blob_detector import located_detections
-from tracking.detection.partial_visibility import places_of
+from tracking.detection.blob_detector import locate_people
+from tracking.detection.partial_visibility import find_places
 from tracking.geometry.visibility import Forest
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
@@ -20,14 +20,14 @@ HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # shares that trees and the imag
 
 def nees(population: Sequence[Sample]) -> Array:
     """NEES (N,) of the samples with the detector's covariances; two degrees of freedom."""
-    found = [located_detections(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
+    found = [locate_people(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
     errors = np.array([f.ground[0] - s.person for f, s in zip(found, population, strict=True)]).reshape(-1, 2)
     return squared_distance(errors, np.array([f.covariances[0] for f in found]).reshape(-1, 2, 2))
 
 
 def _nees_of_pairs(population: Sequence[Pair]) -> Array:
     """NEES (2 N,) of people in pairs told apart."""
-    found = [located_detections(p.frame, p.blobs, Forest(()), p.components) for p in population]
+    found = [locate_people(p.frame, p.blobs, Forest(()), p.components) for p in population]
     errors = np.concatenate([f.ground - p.people for f, p in zip(found, population, strict=True)])
     return squared_distance(errors, np.concatenate([f.covariances for f in found]))
 
@@ -72,7 +72,7 @@ def tilt_bins(seed: int, frames: int) -> list[Bin]:
         rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
         views = tilted(rng, tilt, frames, sway)
         people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
-        whole = [s for s in people if places_of(s.frame, s.blob, s.forest) is None]
+        whole = [s for s in people if find_places(s.frame, s.blob, s.forest) is None]
         mount = f"tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
         bins.append(Bin.of(f"whole, {mount}", nees(whole)))
     return bins

@@ -10,10 +10,10 @@ from scipy.optimize import brentq, minimize
 from sim.calibration.scenes import ALTITUDES, LEVEL, TILTS, Sample, pairs, samples, tilted
 from sim.scenario.environment import Area, Trees
 from sim.world.forest import grow
-from tracking.detection.blob_detector import located_detections
+from tracking.detection.blob_detector import locate_people
 from tracking.detection.detection_errors import SPLIT, WHOLE, SplitError, WholeError, pixel_footprints, sight_axes
 from tracking.detection.ground_measurement import detections_of, split_gaps
-from tracking.detection.partial_visibility import PART, PartError, Places, places_of
+from tracking.detection.partial_visibility import PART, PartError, Places, find_places
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -57,7 +57,7 @@ def _sight_errors(people: Sequence[Sample]) -> _SightErrors:
     """Errors of the people who are detected as whole."""
     rows = []
     for sample in people:
-        if places_of(sample.frame, sample.blob, sample.forest) is None:
+        if find_places(sample.frame, sample.blob, sample.forest) is None:
             lens = sample.frame.camera.lens(sample.frame.pose)
             ground = detections_of(sample.frame, [sample.blob]).ground
             axes, tangents = sight_axes(lens, ground)
@@ -75,7 +75,9 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
         people += samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
     tangents, pixels, errors = _sight_errors([sample for sample in people if len(sample.blobs) == 1])
     start = np.array([*WHOLE.powers, WHOLE.stretch])
-    found = _minimise(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
+    found = _minimise(
+        lambda x: _surprise(_with_powers(error, x).detection_variances(tangents, pixels), errors), start, 2000
+    )
     return _with_powers(error, found)
 
 
@@ -90,7 +92,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
         rng = np.random.default_rng([seed, 4, k])
         for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
-            found = located_detections(pair.frame, pair.blobs, Forest(()))
+            found = locate_people(pair.frame, pair.blobs, Forest(()))
             lens = pair.frame.camera.lens(pair.frame.pose)
             axes, tangents = sight_axes(lens, found.ground)
             alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)
@@ -133,7 +135,7 @@ def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequ
 def fit_part(seed: int, frames: int) -> PartError:
     """Maximum-likelihood constants for people seen in part, at four resolutions of equal weight."""
     people = [s for k in (256, 192, 128, 96) for s in people_in_forests(seed + k, frames, k)]
-    found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in people)
+    found = ((find_places(s.frame, s.blob, s.forest), s.person) for s in people)
     cases = [(places, person) for places, person in found if places is not None]
 
     def surprise(x: Array) -> float:

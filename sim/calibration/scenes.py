@@ -14,7 +14,7 @@ from sim.scenario.uavs import DEFAULT_FLEET, Uav
 from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.detection.blob_detector import blobs_of
+from tracking.detection.blob_detector import find_blobs
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -67,7 +67,7 @@ class Pair:
 
     frame: Frame
     blobs: list[Array]  # two blobs, (K, 2) pixels
-    components: NDArray[np.int64]  # (2,) as from `blobs_of`
+    components: NDArray[np.int64]  # (2,) as from `find_blobs`
     people: Array  # (2, 2) m, in the order of the blobs
 
 
@@ -100,7 +100,7 @@ def samples(
             rendered = full.render(camera, pose)
             frame = Frame(0, 0.0, camera, pose, rendered.image)
             whole = alone.render(wide, pose).people
-            blobs, components = blobs_of(frame)
+            blobs, components = find_blobs(frame)
             for i, blob in enumerate(blobs):
                 owners = rendered.people[tuple((blob[:, ::-1] - 0.5).astype(int).T)]
                 person = int(np.bincount(owners[owners >= 0]).argmax())
@@ -150,7 +150,7 @@ def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] =
             world.place_people(people, rng.uniform(-math.pi, math.pi, 2))
             rendered = renderer.render(camera, pose)
             frame = Frame(0, 0.0, camera, pose, rendered.image)
-            blobs, components = blobs_of(frame)
+            blobs, components = find_blobs(frame)
             if len(blobs) == 2 and components[0] == components[1] and _touch(rendered.people):
                 yield Pair(frame, blobs, components, people[_owners(frame, blobs, people)])
 

@@ -65,7 +65,7 @@ def warm_up() -> None:
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
     # Negative information does not occur within 0.6 s in every forest.
-    negative_information_update((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
+    negative_information_update(np.zeros((1, 4)), np.eye(4)[None], np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
     under = Forest((Tree(4.0, 0.0),))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.detection.blob_detector import located_detections
+from tracking.detection.blob_detector import locate_people
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -58,7 +58,7 @@ class MaskDetector:
         # The order is that of the topmost pixels, so that it does not reveal identities.
         first = np.unique(owners, return_index=True)[1]
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
-        found = located_detections(frame, blobs, self.forest)
+        found = locate_people(frame, blobs, self.forest)
         # Detections lie on a pixel of their person, so that metrics do not count people at the edge as false alarms.
         own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

@@ -16,7 +16,7 @@ from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import applied, product
+from tracking.numerics.matrices import apply, product
 from tracking.numerics.trigonometry import tan
 
 _TEXELS = 10.0  # per m
@@ -51,7 +51,7 @@ class Ground:
         )
         plane[:2] = _TEXELS * (product(self._place[:, :2], plane[:2]) + np.outer(self._place[:, 2], plane[2]))
         # Shifted by whole tiles until the camera is above the first, so that most texels are found without a division.
-        tile, over = len(self._texels) - 1, applied(self._place[:, :2], position[:2]) + self._place[:, 2]
+        tile, over = len(self._texels) - 1, apply(self._place[:, :2], position[:2]) + self._place[:, 2]
         plane[:2] -= np.outer(tile * np.floor(over * _TEXELS / tile), plane[2])
         _draw(image, bodies, self._texels, plane)
 
@@ -185,7 +185,7 @@ def capture(
     rotation, position = pose.rotation, pose.position
     view = np.eye(4)
     view[:3, :3] = rotation.T
-    view[:3, 3] = -applied(rotation.T, position)
+    view[:3, 3] = -apply(rotation.T, position)
     projection = _projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         camera.pixels,

@@ -19,9 +19,9 @@ from tracking.detection.ground_measurement import whole_covariances
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal
-from tracking.numerics.poisson import poisson
+from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.stacks import cholesky_factors
 from tracking.track import Scan
 
@@ -47,7 +47,7 @@ class Clutter:
 
     def draw_false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms, all of them below the horizon."""
-        count = poisson(self._alarms, self._expected)
+        count = draw_poisson(self._alarms, self._expected)
         if not count:
             return np.zeros((0, 2)), np.zeros((0, 2))
         pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
@@ -144,7 +144,7 @@ class Sensors:
         The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
         """
         roots = cholesky_factors(self._covariances(uav, pose, output.ground))
-        z = output.ground + applied(roots, standard_normal(self._rng, output.ground.shape))
+        z = output.ground + apply(roots, standard_normal(self._rng, output.ground.shape))
         R = self._covariances(uav, pose, z)
         return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 

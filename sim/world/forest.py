@@ -10,7 +10,7 @@ from tracking.errors import InputError
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import length
-from tracking.numerics.poisson import poisson
+from tracking.numerics.poisson import draw_poisson
 
 MAX_TREES = 10_000
 CLEARANCE = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear
@@ -31,7 +31,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
     expected = trees.expected_count(area)
     if expected > _most(trees, area):
         raise _too_dense(trees, area, f"no more than {_most(trees, area):.0f}")
-    count = poisson(rng, expected)
+    count = draw_poisson(rng, expected)
     radii = np.full(count, trees.canopy_radius)
     if trees.largest_radius is not None:
         radii = np.sort(rng.uniform(trees.canopy_radius, trees.largest_radius, count))[::-1]

@@ -3,13 +3,13 @@
 import numpy as np
 
 from tracking.numerics.factorisation import inverses
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 
 
 def information_form(means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
     omega = inverses(covariances.reshape(-1, 4, 4)).reshape(covariances.shape)
-    return applied(omega, means), omega
+    return apply(omega, means), omega
 
 
 def moment_form(q: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

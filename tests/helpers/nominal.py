@@ -1,6 +1,7 @@
 """Nominal beliefs and their cost, also computed plainly."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -8,12 +9,14 @@ from scipy.stats import norm
 
 from helpers.teams import among
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
-from planning.objective.mwtp import mark_in_view, matches
+from planning.objective.mwtp_lanes import mark_in_view
 from planning.objective.nbo import Measure, objective
 from planning.prediction.propagation import Nominal
+from planning.prediction.quadrangle import shortest_move
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.distances import length
 
 GAINS = Measure(gains=True, cutoff=np.inf)
 
@@ -32,6 +35,35 @@ def information(situation, uavs, plans, *, expected=False):
     """Mutual information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id, as if there were no others."""
     belief = Nominal(expected).predict(among(situation, uavs), plans.shape[2], np.random.default_rng(0))
     return -objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
+
+
+class Match(NamedTuple):
+    """A target outside all fields of view, and the UAV that Algorithm 2 assigns to it."""
+
+    uav: int  # row of the sensors
+    target: int
+    distance: float  # m, from the aim point of the camera after its earlier matches
+    penalty: float  # m³; only the first match of a UAV has one
+
+
+def matches(targets, traces, seen, sensors, views):
+    """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
+
+    targets (T, 2 or 3) m; traces (T,) m²; sensors (n, 3): x, y [m] and D_i, overwritten with the positions p^MDO; views
+    (n, 5, 3) as in `field_of_view.view_quadrangle`. `mwtp_lanes.penalties` is the compiled form.
+    """
+    found = []
+    for t in np.argsort(-traces, kind="stable").tolist():  # equal traces by index
+        if not seen[t]:
+            gaps = targets[t, :2] - sensors[:, :2]
+            distances = length(gaps - views[:, 4, :2])
+            uav = int(np.argmin(sensors[:, 2] + distances))
+            distance = float(distances[uav])
+            penalty = distance * float(traces[t]) if sensors[uav, 2] == 0.0 else 0.0
+            found.append(Match(uav, t, distance, penalty))
+            sensors[uav, 2] += distance
+            sensors[uav, :2] += shortest_move(views, uav, *gaps[uav])
+    return found
 
 
 def weighted_trace_penalty(targets, traces, sensors, views):

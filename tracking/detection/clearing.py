@@ -9,7 +9,7 @@ from tracking.geometry.lens import Lens, ground_point
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import products, transposed
+from tracking.numerics.matrices import products, transpose
 
 Pair = tuple[float, float]
 
@@ -31,14 +31,14 @@ class Clearing(NamedTuple):
 
 
 @compiled
-def relative(clearing: Clearing, x: float, y: float) -> Pair:
+def to_clearing_axes(clearing: Clearing, x: float, y: float) -> Pair:
     """Coordinates (u, v) of a point (x, y) m of the plane."""
     x, y = x - clearing.origin[0], y - clearing.origin[1]
     return clearing.away[0] * x + clearing.away[1] * y, clearing.away[0] * y - clearing.away[1] * x
 
 
 @compiled
-def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
+def make_clearing(lens: Lens, pixel: Pair) -> Clearing:
     """Clearing around the place that a pixel shows, without shadows yet."""
     x, y = ground_point(lens, pixel, TARGET_HEIGHT)
     east, north = x - lens.eye[0], y - lens.eye[1]
@@ -46,7 +46,7 @@ def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
     away = (east / distance, north / distance) if distance > 0.0 else (1.0, 0.0)
     # Body coordinates right, up and back, each as a linear function of (u, v, 1).
     plane = np.array([[[away[0], -away[1], east], [away[1], away[0], north], [0.0, 0.0, TARGET_HEIGHT - lens.eye[2]]]])
-    body = products(transposed(lens.rotation.reshape(1, 3, 3)), plane)[0]
+    body = products(transpose(lens.rotation.reshape(1, 3, 3)), plane)[0]
     edges = np.empty((4, 3))
     half = lens.pixels / 2
     for j in range(3):

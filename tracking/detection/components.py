@@ -11,19 +11,19 @@ from tracking.numerics.compiled import compiled
 _FAINT, _SURE = 20, 40
 
 
-def components(image: NDArray[np.uint8]) -> list[Array]:
+def find_components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2), row after row, of each 8-connected component in a person's colour.
 
     The image (P, P, 3) is RGB. Components are in the order of a search from the top by cells of two by two pixels.
     """
-    pixels, ends = _components(np.ascontiguousarray(image))
+    pixels, ends = _find_components(np.ascontiguousarray(image))
     return [pixels[start:end] for start, end in zip([0, *ends], ends, strict=False)]
 
 
 @compiled
-def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
+def _find_components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
     """Pixel centres (M, 2) of all components, and the end of each."""
-    mask, left = _coloured(image)
+    mask, left = _mark_colour(image)
     todo, found = np.empty(left, dtype=np.int64), np.empty(left, dtype=np.int64)
     width = mask.shape[1]
     flat = mask.ravel()
@@ -35,7 +35,7 @@ def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
         for cell in range(row * width + 2, (row + 1) * width - 2, 2):
             for seed in (cell, cell + 1, cell + width, cell + width + 1):
                 if flat[seed] > 0:
-                    size, sure = _filled(flat, (seed, width), todo, found[end:])
+                    size, sure = _take_component(flat, (seed, width), todo, found[end:])
                     left -= size
                     if sure:
                         end += size
@@ -47,7 +47,7 @@ def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
 
 
 @compiled
-def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+def _mark_colour(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     """Mask of a person's colour (1, or 2 if sure) in an image (P, P, 3), with a border of 2 pixels; and its count."""
     rows, columns, _ = image.shape
     mask = np.zeros((rows + 4, columns + 4), dtype=np.uint8)
@@ -62,7 +62,7 @@ def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 @compiled
-def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> tuple[int, bool]:
+def _take_component(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> tuple[int, bool]:
     """Move the component at start (index, width of a row) from a flat mask to `out`; its size, and if it is sure."""
     seed, width = start
     sure = mask[seed] == 2

@@ -48,7 +48,7 @@ class WholeError(NamedTuple):
         return radial, polynomial(self.tangential_posture, self.tangential_rounding)
 
     @compiled
-    def detected(self, tangents: Array, footprints: Array) -> Array:
+    def detection_variances(self, tangents: Array, footprints: Array) -> Array:
         """Radial and tangential variances (N, 2) m² of detections by a camera at any attitude.
 
         footprints (N, 2) m as from `pixel_footprints`. For a level camera both are gsd, and variances up to `corner`

@@ -39,7 +39,7 @@ def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
 def whole_covariances(lens: Lens, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
     axes, tangents = sight_axes(lens, ground)
-    variances = WHOLE.detected(tangents, pixel_footprints(lens, ground))
+    variances = WHOLE.detection_variances(tangents, pixel_footprints(lens, ground))
     # Towards the horizon a pixel's footprint grows without bound; the distance bounds the standard deviation.
     distances = np.sum(np.square(ground - lens.eye[:2]), axis=1) + np.square(lens.eye[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))

@@ -38,12 +38,12 @@ class NoiseModel:
 
         Variances are those of posture (limbs and stride) and of rounding. That of rounding is gsd² / 12 for one pixel
         of edge gsd at the target's height, and smaller by a factor of about gsd² / limb² for a centroid of many pixels.
-        The `excess` of `WholeError.detected` is left out. `tracking.detection.partial_visibility` gives the covariance
-        of a person hidden in part.
+        The `excess` of `WholeError.detection_variances` is left out. `tracking.detection.partial_visibility` gives the
+        covariance of a person hidden in part.
         """
         height = altitude - TARGET_HEIGHT
         radial, tangential = WHOLE.variances(np.array(height / camera.focal))
-        return NoiseModel(_in_range(radial, height), _in_range(tangential, height))
+        return NoiseModel(_convert_to_range(radial, height), _convert_to_range(tangential, height))
 
     @property
     def coefficients(self) -> Array:
@@ -62,7 +62,7 @@ class NoiseModel:
         return np.array([[xx, xy], [xy, yy]])
 
 
-def _in_range(polynomial: Array, height: float) -> Quadratic:
+def _convert_to_range(polynomial: Array, height: float) -> Quadratic:
     """A polynomial in the tangent of the angle off nadir as one in the planar distance."""
     constant, slope, curve = (polynomial / [1.0, height, height * height]).tolist()
     return constant, slope, curve

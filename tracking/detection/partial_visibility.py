@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.detection.clearing import Clearing, Pair, clearing_at, relative
+from tracking.detection.clearing import Clearing, Pair, make_clearing, to_clearing_axes
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.person_size import sizes_at
-from tracking.detection.shadows import is_open, with_shadows
-from tracking.detection.silhouette import TALLEST, Silhouette, shown, silhouette_of
+from tracking.detection.shadows import add_shadows, is_open
+from tracking.detection.silhouette import TALLEST, Silhouette, compute_visible_moments, make_silhouette
 from tracking.geometry.lens import Lens, ground_point
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
@@ -90,7 +90,7 @@ class Places(NamedTuple):
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
-def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
+def find_places(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     """Possible places of the person that a blob (K, 2) of pixels is from; None if nothing seems hidden.
 
     Camera, map of trees and a mean silhouette predict the visible part at each place; its centroid and area are
@@ -104,7 +104,10 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
         return None
     x, y = clearing.away
     whole = whole_covariances(lens, np.array([clearing.origin]))[0]
-    along, pixel = _congruent(np.array([[x, y], [-y, x]]), whole), _congruent(clearing.footprint, np.eye(2))
+    along, pixel = (
+        _transform_covariance(np.array([[x, y], [-y, x]]), whole),
+        _transform_covariance(clearing.footprint, np.eye(2)),
+    )
     places = _places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART)
     return places if places.shares.max() >= _LEAST else None
 
@@ -116,16 +119,16 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
     The clearing has the shadows that may matter; the area is in pixels.
     """
     centre = blob[:, 0].mean(), blob[:, 1].mean()
-    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre])).areas[0]
+    clearing, area = make_clearing(lens, centre), sizes_at(lens, np.array([centre])).areas[0]
     growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
-    clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
+    clearing = add_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
     # At the horizon sizes are not finite.
     placed = bool(np.isfinite(clearing.footprint).all() and np.isfinite(area))
-    return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
+    return placed and (len(blob) <= _SMALL * area or not _is_all_open(lens, clearing, blob)), clearing, area
 
 
 @compiled
-def _congruent(outer: Array, inner: Array) -> Array:
+def _transform_covariance(outer: Array, inner: Array) -> Array:
     """A B Aᵀ of two matrices (2, 2)."""
     out = np.zeros((2, 2))
     for i in range(2):
@@ -137,7 +140,7 @@ def _congruent(outer: Array, inner: Array) -> Array:
 
 
 @compiled
-def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
+def _is_all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
     """Test if nothing hides any place that the pixels (K, 2) of a blob, or those next to them, show."""
     left, top = int(blob[:, 0].min()) - 1, int(blob[:, 1].min()) - 1
     near = np.zeros((int(blob[:, 1].max()) + 2 - top, int(blob[:, 0].max()) + 2 - left), dtype=np.bool_)
@@ -148,7 +151,7 @@ def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
         for column in range(near.shape[1]):
             if near[row, column]:
                 x, y = ground_point(lens, (left + column + 0.5, top + row + 0.5), TARGET_HEIGHT)
-                u, v = relative(clearing, x, y)
+                u, v = to_clearing_axes(clearing, x, y)
                 if not is_open(clearing, u, v):
                     return False
     return True
@@ -157,13 +160,13 @@ def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
 @compiled
 def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -> Places:
     """Grid that covers all possible places of the person and no more."""
-    silhouette = silhouette_of(clearing.distance, altitude)
+    silhouette = make_silhouette(clearing.distance, altitude)
     rounding = error.rounding * error.rounding * max(seen.pixel[0, 0], seen.pixel[1, 1])
     slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + error.posture * error.posture + rounding)
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
     # `int`, because Numba compiles a function anew for each constant argument.
-    coarse = _grid(clearing, seen, silhouette, (low, high), int(_COARSE))
+    coarse = _grid(clearing, seen, silhouette, low, high, int(_COARSE))
     deviances = _deviances(coarse, error)
     least = deviances.min()
     if least == math.inf:
@@ -174,20 +177,19 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -
             if deviances[i, j] <= least + _IMPROBABLE:
                 low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
                 high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
-    return _grid(clearing, seen, silhouette, (low, high), int(_FINE))
+    return _grid(clearing, seen, silhouette, low, high, int(_FINE))
 
 
 @compiled
-def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair], count: int) -> Places:
-    """Grid of about `count` places in a box from its low to its high corner (u, v) m."""
-    low, high = box
+def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, low: Pair, high: Pair, count: int) -> Places:
+    """Grid of about `count` places in the box from the corner `low` to the corner `high`, (u, v) m."""
     width, height = high[0] - low[0], high[1] - low[1]
     columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
     rows = count // columns
     cell = width / columns, height / rows
     u = low[0] + cell[0] * (np.arange(columns, dtype=np.float64) + 0.5)
     v = low[1] + cell[1] * (np.arange(rows, dtype=np.float64) + 0.5)
-    shows = shown(clearing, silhouette, u, v)
+    shows = compute_visible_moments(clearing, silhouette, u, v)
     centroids, shares = np.empty((rows, columns, 2)), shows[:, :, 0] / silhouette.area
     for i in range(rows):
         for j in range(columns):

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from tracking.detection.clearing import Clearing, Pair, relative
+from tracking.detection.clearing import Clearing, Pair, to_clearing_axes
 from tracking.geometry.line_of_sight import Vector
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -18,7 +18,7 @@ Hull = tuple[float, float, float, float, float, float]  # two discs: u, v, radiu
 
 
 @compiled
-def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
+def add_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
     """The clearing with the shadows of cylinders (B, 5) within `reach` m of its origin."""
     shadows, count = np.empty((len(cylinders), 7)), 0
     for k in range(len(cylinders)):
@@ -27,8 +27,8 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
         if low > high:
             continue
         near, far = (eye[2] - TARGET_HEIGHT) / (eye[2] - low), (eye[2] - TARGET_HEIGHT) / (eye[2] - high)
-        u0, v0 = relative(clearing, eye[0] + near * (x - eye[0]), eye[1] + near * (y - eye[1]))
-        u1, v1 = relative(clearing, eye[0] + far * (x - eye[0]), eye[1] + far * (y - eye[1]))
+        u0, v0 = to_clearing_axes(clearing, eye[0] + near * (x - eye[0]), eye[1] + near * (y - eye[1]))
+        u1, v1 = to_clearing_axes(clearing, eye[0] + far * (x - eye[0]), eye[1] + far * (y - eye[1]))
         du, dv = u1 - u0, v1 - v0
         length = du * du + dv * dv
         s = min(max(-(u0 * du + v0 * dv) / length, 0.0), 1.0) if length > 0.0 else 0.0
@@ -45,7 +45,7 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
 
 
 @compiled
-def crossing(hull: Hull, v: float) -> Pair:
+def intersect_row(hull: Hull, v: float) -> Pair:
     """Interval of u in which the hull of two discs covers the row at v; (inf, -inf) if it does not."""
     u0, v0, r0, u1, v1, r1 = hull
     low, high = math.inf, -math.inf
@@ -70,7 +70,7 @@ def crossing(hull: Hull, v: float) -> Pair:
 
 
 @compiled
-def openings(clearing: Clearing, v: float, out: Array) -> int:
+def find_openings(clearing: Clearing, v: float, out: Array) -> int:
     """Write the intervals of u in the image and in no shadow into `out` (S + 1, 2); return their number."""
     low, high = -math.inf, math.inf
     for k in range(len(clearing.edges)):
@@ -87,7 +87,7 @@ def openings(clearing: Clearing, v: float, out: Array) -> int:
     count = 1
     for k in range(len(clearing.shadows)):
         s = clearing.shadows[k]
-        count = _cut(out, count, crossing((s[0], s[1], s[2], s[3], s[4], s[5]), v))
+        count = _cut(out, count, intersect_row((s[0], s[1], s[2], s[3], s[4], s[5]), v))
     return count
 
 
@@ -119,7 +119,7 @@ def is_open(clearing: Clearing, u: float, v: float) -> bool:
             return False
     for k in range(len(clearing.shadows)):
         s = clearing.shadows[k]
-        low, high = crossing((s[0], s[1], s[2], s[3], s[4], s[5]), v)
+        low, high = intersect_row((s[0], s[1], s[2], s[3], s[4], s[5]), v)
         if low <= u <= high:
             return False
     return True

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.detection.clearing import Clearing
-from tracking.detection.shadows import crossing, openings
+from tracking.detection.shadows import find_openings, intersect_row
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -44,7 +44,7 @@ class Silhouette(NamedTuple):
 
 
 @compiled
-def silhouette_of(distance: float, altitude: float) -> Silhouette:
+def make_silhouette(distance: float, altitude: float) -> Silhouette:
     """Silhouette of a person `distance` m away, horizontally, from a camera `altitude` m above ground."""
     circles, low, high, half = np.empty((len(_LEVELS), 3)), math.inf, -math.inf, 0.0
     for k, (h, radius, share) in enumerate(_LEVELS):
@@ -56,7 +56,7 @@ def silhouette_of(distance: float, altitude: float) -> Silhouette:
     cover, moment = np.zeros((_ROWS, _BINS + 1)), np.zeros((_ROWS, _BINS + 1))
     area = middle = 0.0
     for i in range(_ROWS):
-        line = _line((i + 0.5) * row, circles, (low, step))
+        line = _cover_row((i + 0.5) * row, circles, low, step)
         for j in range(_BINS):
             cover[i, j + 1] = cover[i, j] + line[j] * step
             moment[i, j + 1] = moment[i, j] + line[j] * step * (low + (j + 0.5) * step)
@@ -66,15 +66,15 @@ def silhouette_of(distance: float, altitude: float) -> Silhouette:
 
 
 @compiled
-def _line(v: float, circles: Array, bins: tuple[float, float]) -> Array:
+def _cover_row(v: float, circles: Array, low: float, step: float) -> Array:
     """Share of each bin (_BINS,) that a row of the silhouette covers.
 
-    circles (8, 3): u and radius of the levels, m, and their share of headings; bins: start and width, m.
+    circles (8, 3): u and radius of the levels, m, and their share of headings. The first bin starts at `low` m, and
+    each is `step` m wide.
     """
-    low, step = bins
     line = np.zeros(_BINS)
     for k in range(1, len(circles)):
-        start, end = crossing((circles[k - 1, 0], 0.0, circles[k - 1, 1], circles[k, 0], 0.0, circles[k, 1]), v)
+        start, end = intersect_row((circles[k - 1, 0], 0.0, circles[k - 1, 1], circles[k, 0], 0.0, circles[k, 1]), v)
         for j in range(_BINS):
             inside = min(end, low + (j + 1) * step) - max(start, low + j * step)
             if inside > 0.0:  # higher parts are nearer to the camera
@@ -83,7 +83,7 @@ def _line(v: float, circles: Array, bins: tuple[float, float]) -> Array:
 
 
 @compiled
-def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Array:
+def compute_visible_moments(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Array:
     """Visible area m² and its moments m³ (M, N, 3) of people at each pair of u (N,) and v (M,) m.
 
     The moments are those of the coordinates relative to the person.
@@ -97,28 +97,27 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
             last = first + 1
             while last < len(u) and np.all((c.shadows[:, 6] <= hypot(c.distance + u[last], v[i])) == near):
                 last += 1
-            _add_shown(around, silhouette, (u[first:last], v[i]), out[i, first:last])
+            _add_visible_moments(around, silhouette, u[first:last], v[i], out[i, first:last])
             first = last
     return out
 
 
 @compiled
-def _add_shown(clearing: Clearing, silhouette: Silhouette, places: tuple[Array, float], out: Array) -> None:
-    """Add the visible part of people at u (N,) m of one row to areas and moments (N, 3)."""
-    u, v = places
+def _add_visible_moments(clearing: Clearing, silhouette: Silhouette, u: Array, v: float, out: Array) -> None:
+    """Add the visible part of people at u (N,) m of the row at v m to areas and moments (N, 3)."""
     intervals = np.empty((len(clearing.shadows) + 1, 2))
     for k in range(-_ROWS, _ROWS):
         rise = (k + 0.5) * silhouette.row
         row = k if k >= 0 else -1 - k
         cover, moment = silhouette.cover[row], silhouette.moment[row]
-        for m in range(openings(clearing, v + rise, intervals)):
+        for m in range(find_openings(clearing, v + rise, intervals)):
             for j in range(len(u)):
                 start = _bins(intervals[m, 0] - u[j], silhouette)
                 end = _bins(intervals[m, 1] - u[j], silhouette)
                 if end > start:
-                    area = silhouette.row * (_interpolated(cover, end) - _interpolated(cover, start))
+                    area = silhouette.row * (_interpolate(cover, end) - _interpolate(cover, start))
                     out[j, 0] += area
-                    out[j, 1] += silhouette.row * (_interpolated(moment, end) - _interpolated(moment, start))
+                    out[j, 1] += silhouette.row * (_interpolate(moment, end) - _interpolate(moment, start))
                     out[j, 2] += area * rise
 
 
@@ -128,7 +127,7 @@ def _bins(u: float, silhouette: Silhouette) -> float:
 
 
 @compiled
-def _interpolated(values: Array, at: float) -> float:
+def _interpolate(values: Array, at: float) -> float:
     """Value at a fractional index of values (_BINS + 1,), by linear interpolation."""
     k = min(int(at), _BINS - 1)
     return float(values[k] + (at - k) * (values[k + 1] - values[k]))

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
@@ -21,6 +22,13 @@ class Gaussian:
 
     mean: Array  # (4,)
     covariance: Array  # (4, 4)
+
+
+class Transition(NamedTuple):
+    """How a deviation from the mean moves on over a step: F = [[I, way I], [0, left I]]."""
+
+    way: float  # s, displacement per initial velocity
+    left: float  # share of the initial velocity that is left after the step
 
 
 @dataclass(frozen=True)
@@ -44,9 +52,9 @@ class NearlyConstantVelocity:
             raise ValueError(f"scans must be an integer, 1 or more, is {self.scans}")
 
     @property
-    def transition(self) -> tuple[float, float]:
-        """Displacement over a step per initial velocity [s], and the share of that velocity left after the step."""
-        return self.dt, 1.0
+    def transition(self) -> Transition:
+        """Transition over one step."""
+        return Transition(self.dt, 1.0)
 
     @property
     def F(self) -> Array:
@@ -89,16 +97,14 @@ class NearlyConstantVelocity:
         return np.asarray(means[:, :2] + self.dt * np.arange(1, steps + 1)[:, None, None] * means[:, 2:])
 
 
-def nearly_constant_velocity(
-    dt: float, sigma_a: float, max_speed: float, walking_speed: float
-) -> NearlyConstantVelocity:
+def make_ncv_model(dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> NearlyConstantVelocity:
     """The model with the arguments that `motion.MOTION_MODELS` passes; the speeds are not used."""
     return NearlyConstantVelocity(dt, sigma_a)
 
 
 @compiled
-def predict_linear(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
-    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), where F = [[I, w I], [0, l I]] with `transition` (w, l)."""
+def predict_linear(means: Array, covariances: Array, transition: Transition, Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), where F = [[I, w I], [0, l I]] by `transition`."""
     moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
     way, left = transition
     for t in range(len(means)):

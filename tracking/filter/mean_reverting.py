@@ -3,19 +3,28 @@
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity, predict_linear
+from tracking.filter.kalman import NearlyConstantVelocity, Transition, predict_linear
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import exp
 
-_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, for one scan
-_Reverting = tuple[float, tuple[float, float], float]  # a scan [s], the result of `_reversion`, walking speed [m/s]
 _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
 _SETTLED = 600.0  # s, after which each scan adds the same to the mean and covariance of a position, and nothing else
+
+
+class _Scan(NamedTuple):
+    """The model over one scan, for compiled code."""
+
+    dt: float  # s
+    transition: Transition  # of deviations
+    Q: Array  # (4, 4)
+    reversion: Transition  # of the mean velocity's deviation from the walking velocity
+    walking_speed: float  # m/s
 
 
 @dataclass(frozen=True)
@@ -38,7 +47,7 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
             raise ValueError(f"walking_speed must be 0 or more and finite, is {self.walking_speed}")
 
     @cached_property
-    def transition(self) -> tuple[float, float]:
+    def transition(self) -> Transition:
         """As `NearlyConstantVelocity.transition`, for deviations from the mean."""
         return _reversion(self.dt, 2.0 * _MEMORY)
 
@@ -48,13 +57,12 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         return np.asarray(self.predict_all(np.zeros((1, 4)), np.zeros((1, 4, 4)))[1][0])
 
     @cached_property
-    def _scan(self) -> tuple[_Linear, _Reverting]:
-        """The last arguments of `_after_scans`."""
+    def _scan(self) -> _Scan:
         dt = self.dt / self.scans
-        linear = _reversion(dt, 2.0 * _MEMORY), NearlyConstantVelocity(dt, self.sigma_a).Q
-        return linear, (dt, _reversion(dt, _MEMORY), self.walking_speed)
+        Q = NearlyConstantVelocity(dt, self.sigma_a).Q
+        return _Scan(dt, _reversion(dt, 2.0 * _MEMORY), Q, _reversion(dt, _MEMORY), self.walking_speed)
 
-    def observed(self, velocities: Array) -> "MeanRevertingVelocity":
+    def learn(self, velocities: Array) -> "MeanRevertingVelocity":
         """The model after a scan in which people of these velocities (N, 2) m/s were detected.
 
         The walking speed is the mean of all detected speeds and of the initial value, which counts as much as a person
@@ -69,9 +77,9 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         scans = min(self.scans, math.ceil(_SETTLED * self.scans / self.dt))
         means, covariances = np.ascontiguousarray(means), np.ascontiguousarray(covariances)
-        means, covariances = _after_scans(means, covariances, scans, *self._scan)
+        means, covariances = _after_scans(means, covariances, scans, self._scan)
         if scans < self.scans:
-            moved, spread = _after_scans(means, covariances, 1, *self._scan)
+            moved, spread = _after_scans(means, covariances, 1, self._scan)
             means[:, :2] += (self.scans - scans) * (moved - means)[:, :2]
             covariances[:, :2, :2] += (self.scans - scans) * (spread - covariances)[:, :2, :2]
         return means, covariances
@@ -85,31 +93,31 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         return ahead
 
 
-def mean_reverting_velocity(dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MeanRevertingVelocity:
+def make_mean_reverting_model(
+    dt: float, sigma_a: float, max_speed: float, walking_speed: float
+) -> MeanRevertingVelocity:
     """The model with the arguments that `motion.MOTION_MODELS` passes; the largest speed is not used."""
     return MeanRevertingVelocity(dt, sigma_a, walking_speed=walking_speed)
 
 
-def _reversion(dt: float, memory: float) -> tuple[float, float]:
-    """Displacement in `dt` s per deviation of velocity [s], and share of it left, if it fades in `memory` s."""
+def _reversion(dt: float, memory: float) -> Transition:
+    """Transition over `dt` s of a deviation of velocity that fades in `memory` s."""
     left = exp(-dt / memory)
-    return memory * (1.0 - left), left
+    return Transition(memory * (1.0 - left), left)
 
 
 @compiled
-def _after_scans(
-    means: Array, covariances: Array, scans: int, linear: _Linear, reverting: _Reverting
-) -> tuple[Array, Array]:
+def _after_scans(means: Array, covariances: Array, scans: int, scan: _Scan) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of beliefs `scans` scans later."""
-    dt, (way, left), walking_speed = reverting
+    way, left = scan.reversion
     for _ in range(scans):
-        moved, spread = predict_linear(means, covariances, linear[0], linear[1])
+        moved, spread = predict_linear(means, covariances, scan.transition, scan.Q)
         for t in range(len(means)):
             x, y = means[t, 2], means[t, 3]
             square = x * x + y * y + covariances[t, 2, 2] + covariances[t, 3, 3]
-            share = walking_speed / math.sqrt(square) if square > 0.0 else 0.0  # u over E v
+            share = scan.walking_speed / math.sqrt(square) if square > 0.0 else 0.0  # u over E v
             for i in range(2):
-                moved[t, i] = means[t, i] + (way + (dt - way) * share) * means[t, 2 + i]
+                moved[t, i] = means[t, i] + (way + (scan.dt - way) * share) * means[t, 2 + i]
                 moved[t, 2 + i] = (left + (1.0 - left) * share) * means[t, 2 + i]
         means, covariances = moved, spread
     return means, covariances

@@ -16,8 +16,8 @@ from tracking.plugins.registry import Registry
 MOTION_MODELS = Registry(
     "tracking.motion",
     {
-        "mean-reverting": "tracking.filter.mean_reverting:mean_reverting_velocity",
-        "ncv": "tracking.filter.kalman:nearly_constant_velocity",
+        "mean-reverting": "tracking.filter.mean_reverting:make_mean_reverting_model",
+        "ncv": "tracking.filter.kalman:make_ncv_model",
     },
     ("predict_all(means, covariances)",),
 )
@@ -29,7 +29,7 @@ _ONE_BY_ONE = 1000  # steps, the most between two frames of a camera in a missio
 class MotionModel(Protocol):
     """Prediction of beliefs over one step of `dt`.
 
-    A built-in model may learn: `observed(velocities)` returns the model after a scan in which people of these
+    A built-in model may learn: `learn(velocities)` returns the model after a scan in which people of these
     velocities (N, 2) m/s were detected.
     """
 

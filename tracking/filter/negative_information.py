@@ -54,15 +54,14 @@ def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
 
 
 @compiled
-def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
+def negative_information_update(means: Array, covariances: Array, missed: Array) -> tuple[Array, Array]:
     """Beliefs after a scan without a detection, by Bayes' rule over samples; Gaussians with the posterior's moments.
 
-    predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): likelihood of no detection at each position of
-    `tracking.geometry.visibility.SAMPLES`. The state is mean + G u + a rest independent of the position, where u is the
-    standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
+    means (T, 4) and covariances (T, 4, 4) of the beliefs before; missed (T, K): likelihood of no detection at each
+    position of `tracking.geometry.visibility.SAMPLES`. The state is mean + G u + a rest independent of the position,
+    where u is the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
     Source: [Koch04], with samples in place of mixtures.
     """
-    means, covariances = predicted
     moved, spread = means.copy(), covariances.copy()
     G, narrowed = np.empty((4, 2)), np.empty(3)
     for t in range(len(missed)):

@@ -9,7 +9,7 @@ from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import eigensystems, inverses
-from tracking.numerics.matrices import products, symmetrise, transposed
+from tracking.numerics.matrices import products, symmetrise, transpose
 from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
 # Gains of information below this share of the prior's are rounding.
@@ -83,12 +83,12 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
     roots = cholesky_factors(covariances)
-    upper = transposed(roots)
+    upper = transpose(roots)
     inner = products(products(upper, omega), roots)
     symmetrise(inner)
     ratio, axes = eigensystems(inner)
     inverse = triangular_inverses(roots)
-    L, turned = products(transposed(inverse), axes), transposed(axes)
+    L, turned = products(transpose(inverse), axes), transpose(axes)
     # Along these axes the prior has unit information: q = L y, where y is the information vector along them.
     before = products(turned, products(inverse, means.reshape(-1, 4, 1)))
     after = products(turned, products(upper, q.reshape(-1, 4, 1)))

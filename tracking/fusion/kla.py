@@ -4,7 +4,7 @@ import numpy as np
 
 from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.factorisation import inverses
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 
 
 class KullbackLeiblerAverage:
@@ -13,5 +13,5 @@ class KullbackLeiblerAverage:
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`; nothing is added up."""
         omega = inverses(np.ascontiguousarray(local.covariances))
-        averaged = np.concatenate([applied(omega, local.means), omega.reshape(-1, 16)], axis=1)
+        averaged = np.concatenate([apply(omega, local.means), omega.reshape(-1, 16)], axis=1)
         return Contribution(averaged, np.zeros((len(averaged), 0)), local.weights)

@@ -81,7 +81,7 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     Note: the larger of the two densities of one person counts, rather than their weighted sum. The errors of two tracks
     of one person are taken as independent, although both contain the person's process noise [BarShalom81].
     """
-    cost = pair_costs(states[:2], states[:2])
+    cost = pair_costs(*states[:2], *states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
     reach, within = _reach(states, max_speed)

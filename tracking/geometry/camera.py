@@ -10,7 +10,7 @@ import numpy as np
 from tracking.geometry.lens import Lens, in_image
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 from tracking.numerics.trigonometry import tan
 
 ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directions; it has no image
@@ -82,7 +82,7 @@ class Camera:
 
         A point behind the camera has a depth <= 0 and no meaningful pixel.
         """
-        body = applied(pose.rotation.T, np.atleast_2d(points) - pose.position)
+        body = apply(pose.rotation.T, np.atleast_2d(points) - pose.position)
         depth = -body[:, 2]
         safe = np.where(depth > 0, depth, np.nan)
         uv = self.pixels / 2 + self.focal * np.column_stack([body[:, 0], -body[:, 1]]) / safe[:, None]
@@ -101,7 +101,7 @@ class Camera:
         """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
         offset = (np.atleast_2d(uv) - self.pixels / 2) / self.focal
         body = np.column_stack([offset[:, 0], -offset[:, 1], -np.ones(len(offset))])
-        return applied(pose.rotation, body)
+        return apply(pose.rotation, body)
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
         """World points (N, 2) m where rays through pixels meet the horizontal plane at `height` m; else NaN."""

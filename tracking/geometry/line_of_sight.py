@@ -31,7 +31,7 @@ class Grid(NamedTuple):
     members: Indices  # (M,): indices of cylinders, in each list the widest first, because they hide most
 
 
-def gridded(cylinders: Array) -> Grid:
+def make_grid(cylinders: Array) -> Grid:
     """Grid over cylinders (B, 5): x, y, radius, bottom, top [m]."""
     every = np.arange(len(cylinders))
     if len(cylinders) == 0:
@@ -43,14 +43,14 @@ def gridded(cylinders: Array) -> Grid:
     cell = max(_CELL, math.sqrt(width * height / _CELLS), max(width, height) / _CELLS)
     columns, rows = int(width / cell) + 1, int(height / cell) + 1
     centres, reach = np.column_stack([x - low[0], y - low[1]]), radii + PIECE / 2 + 2 * _MARGIN
-    index, member = _pairs(centres, reach, cell, (columns, rows))
+    index, member = _pair_cells_and_discs(centres, reach, cell, (columns, rows))
     order = np.lexsort((-radii[member], index))
     starts = np.searchsorted(index[order], np.arange(columns * rows + 1))
     members = np.concatenate([member[order], every])
     return Grid(low, high, cell, rows, columns, np.append(starts, len(members)), members)
 
 
-def _pairs(centres: Array, reach: Array, cell: float, shape: tuple[int, int]) -> tuple[Indices, Indices]:
+def _pair_cells_and_discs(centres: Array, reach: Array, cell: float, shape: tuple[int, int]) -> tuple[Indices, Indices]:
     """All pairs (M,), (M,) of a cell's index and a disc that it touches; discs of radius reach (B,) m."""
     # Take the square of cells around each disc, and keep the cells that the disc touches.
     first = np.maximum((centres - reach[:, None]) // cell, 0).astype(np.int64)
@@ -69,7 +69,7 @@ Vector = Array | tuple[float, ...]  # in compiled loops tuples take half the tim
 
 
 @compiled
-def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
+def is_blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
     """Test if the segment from origin (3,) to point (3,) touches the solid cylinder (5,)."""
     dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
     ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
@@ -93,9 +93,9 @@ def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
 
 
 @inlined
-def unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
+def is_unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
     """Test if the segment from origin (3,) to point (3,) misses all cylinders (B, 5)."""
-    start, end = _inside(origin, point, grid.low, grid.high)
+    start, end = _clip(origin, point, grid.low, grid.high)
     if start > end:
         return True
     dx, dy = point[0] - origin[0], point[1] - origin[1]
@@ -104,17 +104,17 @@ def unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) ->
     pieces = 1 if every else int(length / PIECE) + 1
     for k in range(pieces):
         s = start + (end - start) * (k + 0.5) / pieces
-        cell = grid.rows * grid.columns if every else _cell(origin[0] + s * dx, origin[1] + s * dy, grid)
+        cell = grid.rows * grid.columns if every else _find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
         for m in range(grid.starts[cell], grid.starts[cell + 1]):
             row = grid.members[m]
             cylinder = cylinders[row, 0], cylinders[row, 1], cylinders[row, 2], cylinders[row, 3], cylinders[row, 4]
-            if blocked(origin, point, cylinder):
+            if is_blocked(origin, point, cylinder):
                 return False
     return True
 
 
 @compiled
-def _cell(x: float, y: float, grid: Grid) -> int:
+def _find_cell(x: float, y: float, grid: Grid) -> int:
     """Index of the cell at a place, or of the nearest cell."""
     row = min(max(int((y - grid.low[1]) / grid.cell), 0), grid.rows - 1)
     column = min(max(int((x - grid.low[0]) / grid.cell), 0), grid.columns - 1)
@@ -122,7 +122,7 @@ def _cell(x: float, y: float, grid: Grid) -> int:
 
 
 @inlined
-def _inside(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
+def _clip(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
     """Part [start, end] in a box of the segment from origin (3,), at 0, to point (3,), at 1; start > end if none."""
     start, end = 0.0, 1.0
     for axis in range(3):

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import Grid, gridded, unobstructed
+from tracking.geometry.line_of_sight import Grid, is_unobstructed, make_grid
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp_each
@@ -78,7 +78,7 @@ class Forest:
     @cached_property
     def grid(self) -> Grid:
         """Grid over the `blockers`."""
-        return gridded(self.blockers)
+        return make_grid(self.blockers)
 
     def visible(self, cameras: Array, points: Array) -> Flags:
         """Flags (C, N) of unobstructed lines from cameras (C, 3) m to points (N, 3) m, in or out of the field of view.
@@ -86,18 +86,18 @@ class Forest:
         The result equals that of testing every tree, for cameras and points at any height.
         """
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
-        return _free(origins, ends, self.blockers, self.grid)
+        return _find_free_lines(origins, ends, self.blockers, self.grid)
 
 
 @compiled
-def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Flags:
+def _find_free_lines(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Flags:
     """Flags (C, N) of segments from cameras (C, 3) to points (N, 3) that miss all cylinders (B, 5)."""
     free = np.empty((len(cameras), len(points)), dtype=np.bool_)
     for i in range(len(cameras)):
         camera = cameras[i, 0], cameras[i, 1], cameras[i, 2]
         for j in range(len(points)):
             point = points[j, 0], points[j, 1], points[j, 2]
-            free[i, j] = unobstructed(camera, point, cylinders, grid)
+            free[i, j] = is_unobstructed(camera, point, cylinders, grid)
     return free
 
 
@@ -116,28 +116,27 @@ SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
 
-def visible_samples(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
+def visible_samples(forest: Forest, means: Array, covariances: Array, *frames: Lens | None) -> Flags:
     """Flags (N, F, 36) of the samples of each belief that F frames show in plain view: in the image and not hidden.
 
-    beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
+    Beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
     is the covariance of the position. frames: lenses as from `Camera.lens`; None shows nothing.
     """
-    means, covariances = beliefs
     roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
     for k, lens in enumerate(frames):
         if lens:
-            views[:, k] = _seen_samples(means, roots, lens, forest.blockers, forest.grid)
+            views[:, k] = _see_samples(means, roots, lens, forest.blockers, forest.grid)
     return views
 
 
 @compiled
-def _seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
+def _see_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
             point = x, y, TARGET_HEIGHT
-            seen[i, k] = in_image(point, lens) and unobstructed(lens.eye, point, cylinders, grid)
+            seen[i, k] = in_image(point, lens) and is_unobstructed(lens.eye, point, cylinders, grid)
     return seen

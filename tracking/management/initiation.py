@@ -106,7 +106,7 @@ def _predict(
     covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
     means, covariances = predict_steps(p.motion, means, covariances, elapsed)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
-    detectable = visible_samples(forest, (means, covariances), lens)[:, 0].mean(axis=1)
+    detectable = visible_samples(forest, means, covariances, lens)[:, 0].mean(axis=1)
     return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
 
 

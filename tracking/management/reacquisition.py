@@ -9,7 +9,7 @@ from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
-from tracking.parameters import TrackerParameters
+from tracking.parameters import LossRule, TrackerParameters
 
 # m, largest sum of the errors of the last and the present measurement.
 _MARGIN = 1.0
@@ -22,12 +22,12 @@ def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Ind
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
     unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
-    return np.flatnonzero((unseen > p.loss[0]) & (unseen < np.inf))
+    return np.flatnonzero((unseen > p.loss.after) & (unseen < np.inf))
 
 
 @compiled
 def turned_density(
-    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], loss: tuple[float, float]
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], loss: LossRule
 ) -> Array:
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
@@ -37,12 +37,12 @@ def turned_density(
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
     """
-    density, (least, max_speed) = np.zeros(len(z)), loss
+    density = np.zeros(len(z))
     for t in range(len(sightings)):
-        if not least < times[0] - sightings[t, 2] < np.inf:
+        if not loss.after < times[0] - sightings[t, 2] < np.inf:
             continue
         unseen = times[1] - sightings[t, 2]
-        turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * max_speed * unseen
+        turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * loss.max_speed * unseen
         for j in range(len(z)):
             x, y = z[j, 0] - sightings[t, 0], z[j, 1] - sightings[t, 1]
             xx, xy, yy = reach * reach + R[j, 0, 0], R[j, 0, 1], reach * reach + R[j, 1, 1]
@@ -66,7 +66,6 @@ def match_lost_tracks(
     A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
     one assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
     """
-    positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (new, lost))
-    cost = pair_costs(*positions)
+    cost = pair_costs(new[0][:, :2], new[1][:, :2, :2], lost[0][:, :2], lost[1][:, :2, :2])
     gaps = length(seen[None, :, :2] - new[0][:, None, :2])
     return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)

@@ -5,7 +5,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
-from tracking.numerics.stacks import cholesky_factors, forward_solutions, over_stacks
+from tracking.numerics.stacks import apply_to_stacks, cholesky_factors, forward_solutions
 
 
 def length(vectors: Array) -> Array:
@@ -18,18 +18,18 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
 
     NaN where P is not positive definite.
     """
-    return over_stacks(_squared_distances, (differences, 1), (covariances, 2))
+    return apply_to_stacks(_squared_distances, differences, covariances, axes=(1, 2))
 
 
-def pair_costs(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> Array:
+def pair_costs(means: Array, covariances: Array, other_means: Array, other_covariances: Array) -> Array:
     """Twice the negative log-likelihoods (A, B), up to a constant, that two Gaussians are of the same state.
 
-    ours: means (A, n) and covariances (A, n, n); theirs: means (B, n) and covariances (B, n, n). NaN where the sum of
-    two covariances is not positive definite.
+    Means (A, n) and covariances (A, n, n), other means (B, n) and covariances (B, n, n). NaN where the sum of two
+    covariances is not positive definite.
     """
-    spreads = ours[1][:, None] + theirs[1][None]
-    distances = squared_distance(ours[0][:, None] - theirs[0][None], spreads)
-    return distances + over_stacks(_log_determinants, (spreads, 2))
+    spreads = covariances[:, None] + other_covariances[None]
+    distances = squared_distance(means[:, None] - other_means[None], spreads)
+    return distances + apply_to_stacks(_log_determinants, spreads, axes=(2,))
 
 
 @compiled

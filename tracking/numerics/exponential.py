@@ -74,7 +74,7 @@ def log(x: float) -> float:
 
 
 @compiled
-def logs(x: Array) -> None:
+def replace_by_logs(x: Array) -> None:
     """Replace normal positive numbers (N,) by their natural logarithms, side by side; `log` takes them one by one."""
     bits = x.view(np.int64)
     for i in range(len(x)):

@@ -6,7 +6,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import products, transposed
+from tracking.numerics.matrices import products, transpose
 from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
 _SWEEPS = 30  # most sweeps of Jacobi's method; matrices of 4 x 4 take four to six
@@ -19,7 +19,7 @@ def inverses(matrices: Array) -> Array:
     They are Yᵀ Y, where Y is the inverse of the Cholesky factor.
     """
     halves = triangular_inverses(cholesky_factors(matrices))
-    return products(transposed(halves), halves)
+    return products(transpose(halves), halves)
 
 
 @compiled
@@ -38,7 +38,7 @@ def eigensystems(matrices: Array) -> tuple[Array, Array]:
             rotations = 0
             for p in range(n - 1):
                 for q in range(p + 1, n):
-                    rotations += _rotated(A, V, p, q)
+                    rotations += _rotate(A, V, p, q)
             if rotations == 0:
                 break
         for i in range(n):
@@ -60,7 +60,7 @@ def _sort(values: Array, vectors: Array) -> None:
 
 
 @compiled
-def _rotated(A: Array, V: Array, p: int, q: int) -> int:
+def _rotate(A: Array, V: Array, p: int, q: int) -> int:
     """Rotate a symmetric matrix A, and the axes V with it, so that A[p, q] becomes zero; 0 if it is already zero."""
     if abs(A[p, q]) <= 1e-18 * math.sqrt(abs(A[p, p] * A[q, q])) or A[p, q] == 0.0:
         return 0

@@ -8,15 +8,15 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import over_stacks
+from tracking.numerics.stacks import apply_to_stacks
 
 
 def product(left: Array, right: Array) -> Array:
     """Matrix products (..., n, m) of stacks (..., n, k) and (..., k, m); leading axes broadcast."""
-    return over_stacks(products, (left, 2), (right, 2))
+    return apply_to_stacks(products, left, right, axes=(2, 2))
 
 
-def applied(matrices: Array, vectors: Array) -> Array:
+def apply(matrices: Array, vectors: Array) -> Array:
     """Products (..., n) of matrices (..., n, k) and vectors (..., k); leading axes broadcast."""
     return product(matrices, np.asarray(vectors)[..., None])[..., 0]
 
@@ -34,7 +34,7 @@ def products(left: Array, right: Array) -> Array:
 
 
 @compiled
-def transposed(matrices: Array) -> Array:
+def transpose(matrices: Array) -> Array:
     """Transposes (T, m, n) of a stack (T, n, m), copied, so that `products` need not be compiled for another layout."""
     out = np.empty((len(matrices), matrices.shape[2], matrices.shape[1]))
     for t in range(len(matrices)):

@@ -10,12 +10,12 @@ from tracking.numerics.exponential import exp, log
 _LARGE = 10.0  # mean from which on rejection is faster than multiplication
 
 
-def poisson(rng: np.random.Generator, mean: float) -> int:
+def draw_poisson(rng: np.random.Generator, mean: float) -> int:
     """Draw the same Poisson number as `rng.poisson`, but without the C library's logarithm."""
     if mean <= 0.0:
         return 0
     if mean >= _LARGE:
-        return _rejected(rng, mean)
+        return _draw_by_rejection(rng, mean)
     # Count how many uniform numbers can be multiplied before the product falls to exp(-mean).
     least, count, product = exp(-mean), 0, rng.random()
     while product > least:
@@ -23,7 +23,7 @@ def poisson(rng: np.random.Generator, mean: float) -> int:
     return count
 
 
-def _rejected(rng: np.random.Generator, mean: float) -> int:
+def _draw_by_rejection(rng: np.random.Generator, mean: float) -> int:
     """Draw by transformed rejection with squeeze.
 
     Source: W. Hörmann, The transformed rejection method for generating Poisson random variables, Insurance:

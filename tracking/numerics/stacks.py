@@ -9,7 +9,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 
-def _stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
+def _stack(array: Array, lead: tuple[int, ...], kept: int) -> Array:
     """The array with its leading axes broadcast to `lead` and joined into one, contiguous.
 
     kept: the number of axes that are not leading.
@@ -20,15 +20,15 @@ def _stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
     return np.ascontiguousarray(array).reshape(math.prod(lead), *shape)
 
 
-def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> Array:
+def apply_to_stacks(function: Callable[..., Array], *arrays: Array, axes: tuple[int, ...]) -> Array:
     """Values of a function of stacks (T, ...) for arrays with leading axes that broadcast.
 
-    Each array comes with the number of its axes that are not leading.
+    axes: for each array the number of its axes that are not leading.
     """
-    given = [(np.asarray(array, dtype=float), kept) for array, kept in arrays]
+    given = [(np.asarray(array, dtype=float), kept) for array, kept in zip(arrays, axes, strict=True)]
     leads = {array.shape[: array.ndim - kept] for array, kept in given}
     lead = leads.pop() if len(leads) == 1 else np.broadcast_shapes(*leads)
-    out = function(*(_stacked(array, lead, kept) for array, kept in given))
+    out = function(*(_stack(array, lead, kept) for array, kept in given))
     return out.reshape(lead + out.shape[1:])
 
 

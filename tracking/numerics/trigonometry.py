@@ -24,7 +24,7 @@ _ARCTAN = tuple((1 - k // 2 % 2 * 2) / k for k in range(13, 1, -2))
 
 
 @compiled
-def _reduced(x: float) -> tuple[float, int]:
+def _reduce(x: float) -> tuple[float, int]:
     """Remainder of an angle x [rad] from the nearest multiple of π/2, and that multiple modulo 4."""
     x = x if abs(x) < 1e15 else math.nan  # beyond, no digit of the angle is left
     k = math.floor(x / _HALF_PI[0] + 0.5)
@@ -49,7 +49,7 @@ def _cosine(r: float) -> float:
 @compiled
 def sin(x: float) -> float:
     """Sine of an angle [rad], to an absolute error of 3e-16 up to |x| of 1e5."""
-    r, quarter = _reduced(x)
+    r, quarter = _reduce(x)
     value = _sine(r) if quarter % 2 == 0 else _cosine(r)
     return value if quarter < 2 else -value
 
@@ -57,7 +57,7 @@ def sin(x: float) -> float:
 @compiled
 def cos(x: float) -> float:
     """Cosine of an angle [rad], to an absolute error of 3e-16 up to |x| of 1e5."""
-    r, quarter = _reduced(x)
+    r, quarter = _reduce(x)
     value = _cosine(r) if quarter % 2 == 0 else _sine(r)
     return -value if quarter in (1, 2) else value
 

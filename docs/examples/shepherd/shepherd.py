@@ -16,7 +16,7 @@ from planning.prediction.propagation import nominal_positions
 from planning.prediction.response import mean_velocities, response
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.numerics.matrices import applied
+from tracking.numerics.matrices import apply
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Herding(Composed):
             ends = seen_from + step * flown.sum(axis=2)  # (N, n, 2) m
             gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
             over_horizon = objective(belief, flown[0], rows, 0.0)(flown[:, rows])
-            return np.asarray(over_horizon + applied(gaps, traces) / self.far)
+            return np.asarray(over_horizon + apply(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)
         starts = [intents]

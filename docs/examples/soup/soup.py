@@ -116,7 +116,7 @@ class SoupJPDA:
             return []
         means = np.array([track.belief.mean[:2] for track in self.tracks])
         spreads = np.array([track.belief.covariance[:2, :2] for track in self.tracks])
-        views = visible_samples(self.forest, (means, spreads), self.camera.lens(pose))
+        views = visible_samples(self.forest, means, spreads, self.camera.lens(pose))
         return (views.mean(axis=(1, 2)) > 0.5).tolist()
 
 

@@ -13,7 +13,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.line_of_sight import blocked
+from tracking.geometry.line_of_sight import is_blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -121,7 +121,7 @@ def _hiding_trees(camera: Array, points: Array, cylinders: Array, tree_of: Indic
     hiding = np.zeros((len(points), trees), dtype=np.bool_)
     for j in range(len(points)):
         for b in range(len(cylinders)):
-            hiding[j, tree_of[b]] |= blocked(camera, points[j], cylinders[b])
+            hiding[j, tree_of[b]] |= is_blocked(camera, points[j], cylinders[b])
     return hiding
 
 

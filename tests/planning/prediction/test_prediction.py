@@ -73,7 +73,7 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     assert tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
     first = planner.teams[0][0]  # after the first scan, at which all tracks that are given count as seen
     seen = np.array([track.belief.mean[2:] for track in first.tracks])
-    assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).observed(seen)
+    assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).learn(seen)
     assert planner.teams[-1][0].motion.learned_in > first.motion.learned_in
     plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
     assert planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)

@@ -12,12 +12,12 @@ from scipy.stats import chi2
 from sim.calibration.consistency import Bin, nees, nees_bins, pair_bins, tilt_bins
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
 from sim.calibration.scenes import tilted
-from tracking.detection.blob_detector import blobs_of, located_detections
+from tracking.detection.blob_detector import find_blobs, locate_people
 from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
 from tracking.detection.noise import NoiseModel
-from tracking.detection.partial_visibility import PART, places_of
+from tracking.detection.partial_visibility import PART, find_places
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -42,7 +42,7 @@ def parts(population):
 
 @pytest.fixture(scope="module")
 def placed(parts):
-    return [located_detections(s.frame, [s.blob], s.forest) for s in parts]
+    return [locate_people(s.frame, [s.blob], s.forest) for s in parts]
 
 
 def errors(population, found):
@@ -78,10 +78,10 @@ def test_people_seen_in_part_are_placed_without_bias_and_less_surely(parts, plac
 
 
 def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
-    whole = [s for s in population[:600] if s.hidden == 0.0 and places_of(s.frame, s.blob, s.forest) is None]
+    whole = [s for s in population[:600] if s.hidden == 0.0 and find_places(s.frame, s.blob, s.forest) is None]
     assert len(whole) > 300
     for sample in whole:
-        one = located_detections(sample.frame, [sample.blob], sample.forest)
+        one = locate_people(sample.frame, [sample.blob], sample.forest)
         other = detections_of(sample.frame, [sample.blob])
         assert one.ground.tobytes() == other.ground.tobytes()
         assert one.covariances.tobytes() == other.covariances.tobytes()
@@ -165,17 +165,17 @@ def test_only_people_told_apart_are_less_certain_the_more_the_nearer():
     image[60:63, 90:104] = (230, 62, 0)  # wide enough for three
     image[20:23, 20:23] = (230, 62, 0)
     frame = Frame(0, 0.0, CAMERA, posed(), image)
-    blobs, components = blobs_of(frame)
+    blobs, components = find_blobs(frame)
     assert len(blobs) > 2 and np.sum(components == components[0]) == 1
-    alone, told = detections_of(frame, blobs), located_detections(frame, blobs, None, components)
+    alone, told = detections_of(frame, blobs), locate_people(frame, blobs, None, components)
     np.testing.assert_array_equal(alone.ground, told.ground)
     np.testing.assert_array_equal(alone.covariances[0], told.covariances[0])
     wider = told.covariances[1:] - alone.covariances[1:]
     assert np.linalg.eigvalsh(wider).min() > 0.0
     np.testing.assert_allclose(wider, split_covariances(frame, told.pixels, components)[1:], atol=1e-15)
     parts = (
-        located_detections(frame, blobs, Forest(()), components).covariances
-        - located_detections(frame, blobs, Forest(())).covariances
+        locate_people(frame, blobs, Forest(()), components).covariances
+        - locate_people(frame, blobs, Forest(())).covariances
     )
     np.testing.assert_allclose(parts[1:], wider, atol=1e-15)
     traces = []
@@ -212,8 +212,8 @@ def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():
 def test_the_powers_in_force_are_those_that_the_fit_to_other_people_gives():
     tangents = np.array([1.0, 1.5, 2.5])
     pixels = 0.167 * np.column_stack([1 + tangents**2, np.sqrt(1 + tangents**2)])
-    theirs = fit_powers(WHOLE, 11, 250).detected(tangents, pixels)
-    np.testing.assert_allclose(WHOLE.detected(tangents, pixels), theirs, rtol=0.25)
+    theirs = fit_powers(WHOLE, 11, 250).detection_variances(tangents, pixels)
+    np.testing.assert_allclose(WHOLE.detection_variances(tangents, pixels), theirs, rtol=0.25)
 
 
 @pytest.mark.slow
@@ -226,7 +226,7 @@ def test_what_splitting_adds_is_what_the_fit_to_other_pairs_gives():
 @pytest.mark.slow
 def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     error = fit_part(11, 75)
-    parts = [places_of(s.frame, s.blob, s.forest) for s in people_in_forests(12, 20)]
+    parts = [find_places(s.frame, s.blob, s.forest) for s in people_in_forests(12, 20)]
     traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART, error)] for p in parts if p is not None])
     assert len(traces) > 150
     ratios = traces[:, 0] / traces[:, 1]

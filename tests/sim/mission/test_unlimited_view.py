@@ -52,7 +52,7 @@ def test_a_uav_sees_in_all_directions_with_the_noise_of_its_own_camera():
         pose = Pose(rng.normal(0, 10, 3), quaternion / np.linalg.norm(quaternion))
         assert Camera(ALL_ROUND, 128).sees(pose, points).all()
     means, covariances = rng.normal(0, 40, (50, 2)), np.tile(np.eye(2), (50, 1, 1))
-    assert visible_samples(Forest(()), (means, covariances), Camera(ALL_ROUND, 128).lens(pose))[:, 0].all()
+    assert visible_samples(Forest(()), means, covariances, Camera(ALL_ROUND, 128).lens(pose))[:, 0].all()
     for noise in ("camera", "range_bearing"):
         limited = load("forest", [f"sensing.noise={noise}"])
         free = load("forest", [*ALL, f"sensing.noise={noise}"])

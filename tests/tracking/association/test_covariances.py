@@ -30,7 +30,7 @@ def seen_empty(rng: np.random.Generator, P: np.ndarray) -> np.ndarray:
     """Edges of a view across the beliefs, from one sample seen to all but one."""
     normals = rng.normal(size=(len(P), 2))
     seen = normals @ SAMPLES.T > rng.normal(size=(len(P), 1))
-    return negative_information_update((np.zeros((len(P), 4)), P), (1 - 0.99 * seen) ** rng.choice([0.3, 1.0]))[1]
+    return negative_information_update(np.zeros((len(P), 4)), P, (1 - 0.99 * seen) ** rng.choice([0.3, 1.0]))[1]
 
 
 def averaged(rng: np.random.Generator, P: np.ndarray) -> np.ndarray:

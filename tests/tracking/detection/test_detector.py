@@ -9,8 +9,8 @@ from helpers.views import ALTITUDES, CAMERA, random_forest
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from tracking.detection.blob_detector import BlobDetector, blobs_of
-from tracking.detection.components import components
+from tracking.detection.blob_detector import BlobDetector, find_blobs
+from tracking.detection.components import find_components
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
@@ -64,7 +64,7 @@ def test_all_pixels_of_people_and_nothing_else_have_a_persons_colour():
             pose = Pose.level(0.0, 0.0, 19.0)
             rendered, found = shoot(pose, place, heading)
             rows, columns = np.nonzero(rendered.people == 0)
-            (blob,), _ = blobs_of(frame(rendered.image, pose, CAMERA))
+            (blob,), _ = find_blobs(frame(rendered.image, pose, CAMERA))
             assert sorted(blob.tolist()) == sorted((np.column_stack([columns, rows]) + 0.5).tolist())
             assert found.pixels[0] == pytest.approx([columns.mean() + 0.5, rows.mean() + 0.5])
 
@@ -176,7 +176,7 @@ def test_components_are_those_that_opencv_finds_by_colour():
             mask = (2 * red > 3 * green) & (red > 2 * blue) & (red - green >= 20)
             _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
             sure = np.unique(labels[mask & (red - green >= 40)])
-            found = components(image)
+            found = find_components(image)
             assert len(found) == len(sure)
             for k, blob in zip(sure, found, strict=True):
                 rows, columns = np.nonzero(labels == k)

@@ -8,7 +8,7 @@ from helpers.frames import photographed
 from helpers.poses import turned
 
 from sim.sensing.detection_truth import match_detections
-from tracking.detection.blob_detector import _joined, _one_person
+from tracking.detection.blob_detector import _is_one_person, _join
 from tracking.detection.detector import Frame
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.camera import Camera, Pose
@@ -34,7 +34,7 @@ def plainly_joined(frame, blobs, origins):
         pairs = np.argwhere(np.triu(distances < reach, 1)).tolist()
         for i, j in sorted(pairs, key=lambda pair: (distances[tuple(pair)], pair)):
             both = np.vstack([blobs[i], blobs[j]])
-            if _one_person(lens, both):
+            if _is_one_person(lens, both):
                 origins[i] = origins[i if len(blobs[i]) >= len(blobs[j]) else j]
                 blobs[i] = both
                 del blobs[j], origins[j]
@@ -55,7 +55,7 @@ def test_fragments_are_joined_nearest_first(tilt):
             for (x, y), n in zip(corners, sizes, strict=True)
         ]
         frame = Frame(0, 0.0, CAMERA, tilted(tilt), IMAGE)
-        found, origins = _joined(frame.camera.lens(frame.pose), blobs, range(count))
+        found, origins = _join(frame.camera.lens(frame.pose), blobs, range(count))
         expected, theirs = plainly_joined(frame, blobs, range(count)) if count else ([], [])
         assert origins == theirs
         for one, other in zip(found, expected, strict=True):
@@ -67,10 +67,10 @@ def test_fragments_are_joined_nearest_first(tilt):
 def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch):
     """Each join measures one blob anew and each pair is tried once."""
     tried = []
-    counted = lambda lens, blob: tried.append(1) or _one_person(lens, blob)  # noqa: E731
-    monkeypatch.setattr("tracking.detection.blob_detector._one_person", counted)
+    counted = lambda lens, blob: tried.append(1) or _is_one_person(lens, blob)  # noqa: E731
+    monkeypatch.setattr("tracking.detection.blob_detector._is_one_person", counted)
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
-    found, _ = _joined(CAMERA.lens(tilted(0.0)), blobs, range(800))
+    found, _ = _join(CAMERA.lens(tilted(0.0)), blobs, range(800))
     assert len(found) < 500 and len(tried) < 30 * 800
 
 

@@ -8,11 +8,11 @@ from helpers.poses import turned
 
 from sim.calibration.fit import people_in_forests
 from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.clearing import clearing_at
+from tracking.detection.clearing import make_clearing
 from tracking.detection.detector import Frame
-from tracking.detection.partial_visibility import PART, _deviances, _grid, _moments, places_of
-from tracking.detection.shadows import is_open, openings, with_shadows
-from tracking.detection.silhouette import shown, silhouette_of
+from tracking.detection.partial_visibility import PART, _deviances, _grid, _moments, find_places
+from tracking.detection.shadows import add_shadows, find_openings, is_open
+from tracking.detection.silhouette import compute_visible_moments, make_silhouette
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
@@ -28,8 +28,8 @@ def views(rng, count):
         quaternion = turned(rng.uniform(0, 0.5), rng.uniform(-math.pi, math.pi), rng.uniform(-math.pi, math.pi))
         pose = Pose(np.array([*rng.uniform(-5, 5, 2), rng.uniform(6.5, 22.0)]), quaternion)
         lens = camera.lens(pose)
-        clearing = clearing_at(lens, tuple(rng.uniform(0, 128, 2).tolist()))
-        yield camera, pose, forest, with_shadows(clearing, lens.eye, forest.blockers, 4.0)
+        clearing = make_clearing(lens, tuple(rng.uniform(0, 128, 2).tolist()))
+        yield camera, pose, forest, add_shadows(clearing, lens.eye, forest.blockers, 4.0)
 
 
 def world(clearing, uv):
@@ -50,7 +50,7 @@ def test_open_is_what_the_camera_has_a_line_of_sight_to():
         assert [is_open(clearing, u, v) for u, v in uv] == expected.tolist()
         intervals = np.empty((len(clearing.shadows) + 1, 2))
         for (u, v), free in zip(uv, expected.tolist(), strict=True):
-            inside = intervals[: openings(clearing, v, intervals)]
+            inside = intervals[: find_openings(clearing, v, intervals)]
             assert np.any((inside[:, 0] <= u) & (u <= inside[:, 1])) == free
         hidden, total = hidden + np.sum(~expected), total + len(expected)
     assert 0.3 < hidden / total < 0.9
@@ -64,9 +64,11 @@ def test_footprints_are_what_pixels_cover_and_silhouettes_show_whole():
         x, y = clearing.away
         covered = (moved @ np.array([[x, -y], [y, x]])).T / 1e-4
         np.testing.assert_allclose(clearing.footprint, covered, rtol=1e-3, atol=1e-6)
-    clearing = clearing_at(Camera(2.5, 512).lens(Pose.level(0.0, 0.0, 19.0)), (330.0, 210.0))
-    silhouette = silhouette_of(clearing.distance, 19.0)
-    area, along, across = shown(clearing, silhouette, np.array([0.0, 0.7]), np.array([-0.3, 0.0])).reshape(-1, 3).T
+    clearing = make_clearing(Camera(2.5, 512).lens(Pose.level(0.0, 0.0, 19.0)), (330.0, 210.0))
+    silhouette = make_silhouette(clearing.distance, 19.0)
+    area, along, across = (
+        compute_visible_moments(clearing, silhouette, np.array([0.0, 0.7]), np.array([-0.3, 0.0])).reshape(-1, 3).T
+    )
     np.testing.assert_allclose(area, silhouette.area, rtol=1e-9)
     np.testing.assert_allclose(along, silhouette.area * silhouette.middle, rtol=1e-9)
     np.testing.assert_allclose(across, 0.0, atol=1e-9)
@@ -75,14 +77,14 @@ def test_footprints_are_what_pixels_cover_and_silhouettes_show_whole():
 def test_what_shows_is_what_lines_of_sight_leave_of_the_silhouette():
     rng, parts = np.random.default_rng(2), 0
     for camera, pose, forest, clearing in views(rng, 40):
-        silhouette = silhouette_of(clearing.distance, float(pose.position[2]))
+        silhouette = make_silhouette(clearing.distance, float(pose.position[2]))
         uv = rng.uniform((silhouette.low, -silhouette.half), (silhouette.high, silhouette.half), (4000, 2))
         row = np.minimum(np.abs(uv[:, 1]) / silhouette.row, len(silhouette.cover) - 1).astype(int)
         column = ((uv[:, 0] - silhouette.low) / silhouette.bin).astype(int)
         weights = np.diff(silhouette.cover, axis=1)[row, column]
         at = rng.uniform(-0.5, 0.5, 2)
         free = weights * seen(camera, pose, forest, world(clearing, uv + at))
-        area, along, across = shown(clearing, silhouette, at[:1], at[1:])[0, 0]
+        area, along, across = compute_visible_moments(clearing, silhouette, at[:1], at[1:])[0, 0]
         assert area / silhouette.area == pytest.approx(free.sum() / weights.sum(), abs=0.05)
         if area > 0.2 * silhouette.area:
             np.testing.assert_allclose([along / area, across / area], free @ uv / free.sum(), atol=0.04)
@@ -103,7 +105,7 @@ def test_turning_or_moving_camera_and_scene_turns_or_moves_the_place():
     image, forest = cut_person(camera)
     pose = Pose.level(0.0, 0.0, 19.0)
     here = BlobDetector(forest).detect(Frame(0, 0.0, camera, pose, image))
-    assert places_of(Frame(0, 0.0, camera, pose, image), np.array([[90.5, 62.5], [91.5, 62.5]]), forest) is not None
+    assert find_places(Frame(0, 0.0, camera, pose, image), np.array([[90.5, 62.5], [91.5, 62.5]]), forest) is not None
     for yaw in (0.3, 1.7, -2.0):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         trees = tuple(Tree(*(turn @ [t.x, t.y]), t.canopy_radius) for t in forest.trees)
@@ -131,17 +133,17 @@ def test_the_number_of_places_does_not_depend_on_the_images_size(pixels):
     image, forest = cut_person(camera)
     frame = Frame(0, 0.0, camera, Pose.level(0.0, 0.0, 19.0), image)
     rows, columns = np.nonzero(image[:, :, 0] == ORANGE[0])
-    places = places_of(frame, np.column_stack([columns + 0.5, rows + 0.5]), forest)
+    places = find_places(frame, np.column_stack([columns + 0.5, rows + 0.5]), forest)
     assert 150 <= places.shares.size <= 200
 
 
 def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
     errors, spreads = [], []
     for s in people_in_forests(3, 4):
-        found = places_of(s.frame, s.blob, s.forest)
+        found = find_places(s.frame, s.blob, s.forest)
         if found is None:
             continue
-        silhouette = silhouette_of(found.clearing.distance, float(s.frame.pose.position[2]))
+        silhouette = make_silhouette(found.clearing.distance, float(s.frame.pose.position[2]))
         many = _grid(found.clearing, found.seen, silhouette, ((-3.0, -2.0), (3.0, 2.0)), 20000)
         (mean, covariance, _), (exact, exactly, _) = (
             _moments(places, _deviances(places, PART)) for places in (found, many)

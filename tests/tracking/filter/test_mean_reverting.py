@@ -91,7 +91,7 @@ def test_the_walking_speed_is_the_mean_of_what_was_expected_and_seen():
     seen = [rng.normal(size=(rng.integers(5), 2)) for _ in range(200)]
     model, step = WALKING, MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5)
     for velocities in seen:
-        model, step = model.observed(velocities), step.observed(velocities)
+        model, step = model.learn(velocities), step.learn(velocities)
     speeds = np.linalg.norm(np.concatenate(seen), axis=1)
     expected = (20.0 * 1.75 + DT * speeds.sum()) / (20.0 + DT * len(speeds))
     assert model.walking_speed == pytest.approx(expected, rel=1e-12) and expected < 1.5
@@ -118,7 +118,7 @@ def hidden(places: np.ndarray, first: NearlyConstantVelocity) -> dict[int, tuple
                     update(Gaussian(m, P), point, R) for m, P, point in zip(means, covariances, z[k], strict=True)
                 ]
                 means, covariances = np.array([b.mean for b in updated]), np.array([b.covariance for b in updated])
-                model = model.observed(means[:, 2:]) if hasattr(model, "observed") else model
+                model = model.learn(means[:, 2:]) if hasattr(model, "learn") else model
             elif k - 30 in found:
                 e = means[:, :2] - true[k]
                 nees = (e * np.linalg.solve(covariances[:, :2, :2], e[..., None])[..., 0]).sum(axis=1)
@@ -187,5 +187,5 @@ def test_pedestrians_on_a_plaza_are_found_where_they_are_believed():
 class Fixed(MeanRevertingVelocity):
     """Learns nothing."""
 
-    def observed(self, velocities: np.ndarray) -> MeanRevertingVelocity:
+    def learn(self, velocities: np.ndarray) -> MeanRevertingVelocity:
         return self

@@ -40,7 +40,7 @@ def test_the_samples_stand_for_a_standard_normal_distribution():
 def test_full_or_no_visibility_gives_no_negative_information(value):
     mean, covariance = belief(np.random.default_rng(0))
     seen = np.full((1, len(SAMPLES)), value)
-    means, covariances = negative_information_update((mean[None], covariance[None]), 1 - 0.99 * seen)
+    means, covariances = negative_information_update(mean[None], covariance[None], 1 - 0.99 * seen)
     np.testing.assert_array_equal(means[0], mean)
     np.testing.assert_array_equal(covariances[0], covariance)
 
@@ -50,7 +50,7 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
     covariance[0, 2] = covariance[2, 0] = 1.2
     mean = np.array([3.0, 0.0, 1.0, 0.5])
     seen = seen_where(lambda p: p[:, 0] > 3.0, mean, covariance)
-    means, covariances = negative_information_update((mean[None], covariance[None]), 1 - (1 - 1e-12) * seen[None])
+    means, covariances = negative_information_update(mean[None], covariance[None], 1 - (1 - 1e-12) * seen[None])
     half = stats.halfnorm()
     shift = -half.mean()
     assert means[0, 0] - 3.0 == pytest.approx(2 * shift, rel=1e-9)
@@ -90,7 +90,7 @@ def test_covariances_stay_positive_definite_over_many_scans_of_an_empty_place():
     for _ in range(200):
         seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
         before = np.trace(covariances[0])
-        means, covariances = negative_information_update((means, covariances), 1 - 0.99 * seen[None])
+        means, covariances = negative_information_update(means, covariances, 1 - 0.99 * seen[None])
         assert np.linalg.eigvalsh(covariances[0]).min() > 0 and np.trace(covariances[0]) <= before * (1 + 1e-9)
     assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
 
@@ -184,7 +184,7 @@ def test_a_frame_counts_in_full_beyond_the_last_frames_view():
     assert (there & before).any() and (there & ~before).any()
 
     def looked(time, last):
-        views = visible_samples(tree, beliefs, CAMERA.lens(ABOVE), last)
+        views = visible_samples(tree, *beliefs, CAMERA.lens(ABOVE), last)
         return views[:, 0], miss_likelihood(*beliefs, views, np.array([time - 1.0]), 0.9)
 
     seen, missed = looked(1.2, CAMERA.lens(beside))

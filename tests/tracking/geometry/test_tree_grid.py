@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.geometry.line_of_sight import blocked, gridded
+from tracking.geometry.line_of_sight import is_blocked, make_grid
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.numerics.compiled import compiled
 
@@ -17,7 +17,7 @@ def exhaustive(cameras, points, cylinders):
     for i in range(len(cameras)):
         for j in range(len(points)):
             for k in range(len(cylinders)):
-                if blocked(cameras[i], points[j], cylinders[k]):
+                if is_blocked(cameras[i], points[j], cylinders[k]):
                     free[i, j] = False
                     break
     return free
@@ -90,7 +90,7 @@ def test_what_is_not_a_number_is_answered_as_without_culling():
 def test_lists_hold_every_near_cylinder_and_grow_with_a_forests_density():
     rng = np.random.default_rng(3)
     cylinders = scene(rng, 40, 40.0).cylinders
-    grid = gridded(cylinders)
+    grid = make_grid(cylinders)
     for cell in range(grid.rows * grid.columns):
         corner = np.array(grid.low[:2]) + grid.cell * np.array([cell % grid.columns, cell // grid.columns])
         gap = np.hypot(*np.maximum(np.abs(cylinders[:, :2] - corner - grid.cell / 2) - grid.cell / 2, 0.0).T)
@@ -98,7 +98,7 @@ def test_lists_hold_every_near_cylinder_and_grow_with_a_forests_density():
         np.testing.assert_array_equal(listed, np.flatnonzero(gap <= cylinders[:, 2] + 2.0 + 2e-6))
 
     def length(trees, span):
-        grid = gridded(scene(np.random.default_rng(4), trees, span).cylinders)
+        grid = make_grid(scene(np.random.default_rng(4), trees, span).cylinders)
         return grid.starts[-2] / (len(grid.starts) - 2)
 
     assert length(1200, 4 * 61.2) == pytest.approx(length(75, 61.2), rel=0.15)

@@ -93,7 +93,7 @@ def test_canopies_and_trunks_hide_what_is_under_them_or_at_their_height():
 
 def detection(mean, sigma: float, forest: Forest) -> float:
     belief = np.array([mean], float), sigma**2 * np.eye(2)[None]
-    return float(visible_samples(forest, belief, CAMERA.lens(Pose.level(0.0, 0.0, 20.0))).mean())
+    return float(visible_samples(forest, *belief, CAMERA.lens(Pose.level(0.0, 0.0, 20.0))).mean())
 
 
 def test_probability_of_detection_is_one_zero_or_at_edges_between():
@@ -101,7 +101,7 @@ def test_probability_of_detection_is_one_zero_or_at_edges_between():
     assert detection((3, 3), 0.5, forest) == 1.0 and detection((-5, 0), 0.3, forest) == 0.0
     assert detection((HALF + 2, 0), 0.5, forest) == 0.0
     nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    assert visible_samples(forest, nothing, CAMERA.lens(Pose.level(0, 0, 20))).shape == (0, 1, 36)
+    assert visible_samples(forest, *nothing, CAMERA.lens(Pose.level(0, 0, 20))).shape == (0, 1, 36)
     assert detection((HALF, 0), 0.7, Forest(())) == 0.5 and detection((1, -HALF), 0.2, Forest(())) == 0.5
     assert detection((HALF, HALF), 0.4, Forest(())) == 0.25
 
@@ -120,7 +120,7 @@ def test_probability_of_detection_agrees_with_sampling_behind_trees():
         mean, root = rng.uniform(-10, 10, 2), rng.normal(size=(2, 2))
         covariance = root @ root.T + 0.1 * np.eye(2)
         pose = Pose.level(*rng.uniform(-5, 5, 2), 20.0)
-        given = visible_samples(forest, (mean[None], covariance[None]), CAMERA.lens(pose))[:, 0].mean()
+        given = visible_samples(forest, mean[None], covariance[None], CAMERA.lens(pose))[:, 0].mean()
         samples = np.column_stack([rng.multivariate_normal(mean, covariance, 2000), np.full(2000, TARGET_HEIGHT)])
         truth = np.mean(CAMERA.sees(pose, samples) & forest.visible(pose.position, samples)[0])
         errors.append(given - truth)
@@ -192,7 +192,7 @@ def samples_within(pose, belief, forest):
     """Samples (N, 36) seen beyond all doubt, and those that may be seen: by less and more image, past more and less."""
     bounds = ((-CRUMB, CRUMB), (CRUMB, -CRUMB))
     return [
-        visible_samples(moved(forest, 0, np.zeros(2), grown), belief, Camera(FOV + wider, 128).lens(pose))[:, 0]
+        visible_samples(moved(forest, 0, np.zeros(2), grown), *belief, Camera(FOV + wider, 128).lens(pose))[:, 0]
         for wider, grown in bounds
     ]
 
@@ -212,7 +212,7 @@ def test_moving_cameras_points_and_trees_together_changes_no_line_of_sight(trees
 def test_moving_camera_beliefs_and_trees_together_changes_no_probability_of_detection(trees, pose, belief, shift):
     forest, (means, covariances) = Forest(trees), belief
     there = Pose(pose.position + np.append(shift, 0.0), pose.quaternion)
-    now = visible_samples(moved(forest, 0, shift), (means + shift, covariances), CAMERA.lens(there))[:, 0]
+    now = visible_samples(moved(forest, 0, shift), means + shift, covariances, CAMERA.lens(there))[:, 0]
     surely, perhaps = samples_within(pose, belief, forest)
     assert np.all(surely <= now) and np.all(now <= perhaps)
 
@@ -225,7 +225,7 @@ def test_turning_all_by_right_angles_changes_no_probability_of_detection(trees, 
     position = turned(pose.position, angle) + np.append(shift, 0.0)
     there = Pose(position, (Rotation.from_euler("z", angle) * Rotation.from_quat(pose.quaternion)).as_quat())
     means = turned(means, angle) + shift
-    now = visible_samples(moved(forest, angle, shift), (means, covariances), CAMERA.lens(there))[:, 0].mean(axis=1)
+    now = visible_samples(moved(forest, angle, shift), means, covariances, CAMERA.lens(there))[:, 0].mean(axis=1)
     surely, perhaps = (seen.mean(axis=1) for seen in samples_within(pose, belief, forest))
     assert np.all(surely <= now) and np.all(now <= perhaps)
 
@@ -242,7 +242,7 @@ def test_more_trees_never_open_a_line_of_sight(trees, more, occlusion, cameras, 
 def test_more_trees_never_raise_the_probability_of_detection(trees, more, occlusion, pose, belief):
     few, many = Forest(trees, occlusion), Forest((*trees, *more), occlusion)
     lens = CAMERA.lens(pose)
-    assert np.all(visible_samples(many, belief, lens) <= visible_samples(few, belief, lens))
+    assert np.all(visible_samples(many, *belief, lens) <= visible_samples(few, *belief, lens))
 
 
 @claim
@@ -255,5 +255,5 @@ def test_what_is_above_all_canopies_is_visible_from_above(trees, cameras, points
 @claim
 @given(BUSHES, POSES, BELIEFS)
 def test_bushes_below_peoples_mid_height_hide_no_person_from_above(bushes, pose, belief):
-    seen = visible_samples(Forest(bushes), belief, CAMERA.lens(pose))[:, 0]
-    np.testing.assert_array_equal(seen, visible_samples(Forest(()), belief, CAMERA.lens(pose))[:, 0])
+    seen = visible_samples(Forest(bushes), *belief, CAMERA.lens(pose))[:, 0]
+    np.testing.assert_array_equal(seen, visible_samples(Forest(()), *belief, CAMERA.lens(pose))[:, 0])

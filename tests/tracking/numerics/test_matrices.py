@@ -25,7 +25,7 @@ def test_products_broadcast_as_numpy_has_them(shapes):
 
 def test_transposes_and_symmetric_parts_agree_with_numpy():
     wide = _RNG.normal(size=(6, 3, 4))
-    np.testing.assert_array_equal(matrices.transposed(wide), np.swapaxes(wide, 1, 2))
+    np.testing.assert_array_equal(matrices.transpose(wide), np.swapaxes(wide, 1, 2))
     square = _RNG.normal(size=(6, 4, 4))
     expected = 0.5 * (square + np.swapaxes(square, 1, 2))
     matrices.symmetrise(square)
@@ -35,7 +35,7 @@ def test_transposes_and_symmetric_parts_agree_with_numpy():
 def test_a_matrix_applies_to_vectors_along_the_last_axis():
     left, right = _RNG.normal(size=(4, 1, 3, 2)), _RNG.normal(size=(5, 2))
     expected = np.einsum("abij,bj->abi", left.repeat(5, 1), right)
-    np.testing.assert_allclose(matrices.applied(left, right), expected, rtol=1e-12)
+    np.testing.assert_allclose(matrices.apply(left, right), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
@@ -52,7 +52,7 @@ def test_matrices_without_variance_have_zero_roots_and_indefinite_ones_none():
     assert np.array_equal(roots @ np.swapaxes(roots, 1, 2), singular)
     wrong = np.array([[[1.0, 2.0], [2.0, 1.0]]])
     assert np.isnan(cholesky_factors(wrong)[0, 1, 1])
-    assert np.isnan(distances.pair_costs((np.ones((1, 2)), wrong), (np.ones((1, 2)), wrong))).all()
+    assert np.isnan(distances.pair_costs(np.ones((1, 2)), wrong, np.ones((1, 2)), wrong)).all()
     assert np.isnan(distances.squared_distance(np.ones(2), wrong)).all()
     assert np.isnan(factorisation.inverses(wrong)).any()
 
@@ -63,7 +63,7 @@ def test_distances_and_costs_of_pairs_agree_with_lapack(n):
     solved = np.linalg.solve(np.broadcast_to(P, (6, 5, n, n)), np.broadcast_to(d, (6, 5, n))[..., None])[..., 0]
     expected = (solved * d).sum(axis=-1)
     np.testing.assert_allclose(distances.squared_distance(d, P), expected, rtol=1e-8)
-    costs = distances.pair_costs((np.zeros((6, n)), 0.75 * P[:, 0]), (d, np.zeros((5, n, n))))
+    costs = distances.pair_costs(np.zeros((6, n)), 0.75 * P[:, 0], d, np.zeros((5, n, n)))
     np.testing.assert_allclose(costs, expected / 0.75 + np.linalg.slogdet(0.75 * P)[1], rtol=1e-8, atol=1e-9)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from planning.prediction.quadrangle import inside, shortest_move
 from seedling.weights import PAIR_FEATURES, PLACE_FEATURES
-from tracking.geometry.line_of_sight import Grid, unobstructed
+from tracking.geometry.line_of_sight import Grid, is_unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -45,7 +45,7 @@ def share_seen(view: View, uav: int, camera: tuple[float, float, float], t: int,
     for a, b in _ASIDE:
         px, py = x + a * track[4], y + b * track[5]
         if inside(view.views[uav], px - camera[0], py - camera[1]):
-            seen += unobstructed(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid)
+            seen += is_unobstructed(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid)
     return seen / len(_ASIDE)
 
 
