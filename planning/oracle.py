@@ -17,7 +17,7 @@ from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.track import Track, beliefs_of
 
-# Covariance for a person without a track: the trace 400 m², at which the paper's tracks end, and walking speed.
+# Covariance for a person without a track: the trace 400 m², at which the paper's tracks are deleted, and walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
 _ABOUT = 0.5  # m: standard deviation along each axis of the five places at which a person's visibility is judged
 

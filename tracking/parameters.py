@@ -27,13 +27,13 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # probability that a person's own measurement falls into the gate
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
     confirm: tuple[Scans, Scans] = (2, 3)  # m and n: a new track needs m detections in n scans; n is at most 62
-    # m and n: a track ends after m misses in n scans in which the person should have been seen; n is at most 62
+    # m and n: a track is deleted after m misses in n scans in which the person should have been seen; n is at most 62
     delete: tuple[Scans, Scans] = (5, 5)
     # exponent of the likelihood of negative information; 0 means that it is not used
     negative_information: Annotated[float, Meta(ge=0, le=100)] = 1.0
     # s, time without a detection after which a detection within the person's reach may re-acquire the track
     reacquire_after: Time = 0.2
-    # m², trace of the position covariance above which a track ends; the default is the square of GOSPA's cut-off
+    # m², trace of the position covariance above which a track is deleted; the default is the square of GOSPA's cut-off
     max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
     # m/s, largest speed of people, also of lost and undetected ones and of new tracks
     max_speed: Speed = 3.0

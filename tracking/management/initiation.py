@@ -14,7 +14,9 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 
-PATIENCE = 1.0  # s without a measurement after which a tentative track ends; a later one could be another person's
+PATIENCE = (
+    1.0  # s without a measurement after which a tentative track is deleted; a later one could be another person's
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,6 +68,16 @@ def test_lines_of_sight_are_mutual_and_discs_hide_what_is_inside():
     np.testing.assert_array_equal(forest.visible(cameras, points), np.tile(~inside.any(axis=1), (5, 1)))
 
 
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
+def test_each_blocker_and_each_canopy_is_that_of_its_tree(occlusion):
+    trees = tuple(Tree(float(k), -float(k), canopy_radius=1.0 + k) for k in range(3))
+    forest = Forest(trees, occlusion)
+    owners = [(trees[k].x, trees[k].y) for k in forest.tree_of_blockers.tolist()]
+    assert owners == [tuple(row) for row in forest.blockers[:, :2].tolist()]
+    np.testing.assert_array_equal(forest.canopies, [(t.x, t.y, t.canopy_radius, 3.0, 6.0) for t in trees])
+    assert Forest((), occlusion).tree_of_blockers.size == Forest((), occlusion).canopies.size == 0
+
+
 def test_canopies_and_trunks_hide_what_is_under_them_or_at_their_height():
     tree = Forest((Tree(2.0, -1.0, canopy_radius=5.0),))
     for distance, free in ((0.0, False), (4.999, False), (5.001, True)):
