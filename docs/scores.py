@@ -53,6 +53,7 @@ DEFAULT, *RIVALS = (
     "random",
 )
 ORDER = (DEFAULT, *RIVALS, "oracle")
+FLOORS = ("lawnmower", "random")  # which the tables of all worlds leave out, to be short
 _DIGITS = 10  # of a metric: the same trial gives all of them again
 METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
 
@@ -101,7 +102,7 @@ def scores_table() -> str:
     groups = _groups()
     found, metric, ends = _scored(groups)
     texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
-    planners = [name for name in ORDER if any(score.planner == name for score in found)]
+    planners = [name for name in ORDER if any(score.planner == name for score in found) and name not in FLOORS]
     columns = [["planner", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
     for cell, own in _by_world(groups):
         means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
@@ -111,21 +112,10 @@ def scores_table() -> str:
     return markdown_table(heads, lines)
 
 
-def ends_table() -> str:
-    """Mean GOSPA of floor, bound, default and oracle in each world."""
-    groups = _groups()
-    _, metric, (floor, bound) = _scored(groups)
-    lines = []
-    for cell, own in _by_world(groups):
-        means = (map_means(own[key], metric).text(metric) for key in (floor, bound, DEFAULT, "oracle"))
-        lines.append((f"[{_name(cell)}](#{dict(cell)['scenario']})", *means))
-    return markdown_table(("world", f"`{floor}`", "bound", f"`{DEFAULT}`", "`oracle`"), lines)
-
-
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     """A metric of a planner, and what others have beyond it, paired by map; the last line is their mean over worlds.
 
-    Bold differences survive Holm's correction for the whole table; of those in italics only the interval excludes zero.
+    Bold differences survive Holm's correction for all planners; of those in italics only the interval excludes zero.
     """
     metric, groups = metric_shown(name), _groups(world)
     planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
@@ -144,7 +134,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
             gaps[k] += differences({run: np.mean([gap[run] for gap in pairs], axis=0) for run in pairs[0]}, [metric])
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
     texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
-    lines = [[f"`{planner}`", *line] for planner, line in zip(planners, texts, strict=True)]
+    lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if world or name not in FLOORS]
     return markdown_table(heads, [means, *lines])
 
 

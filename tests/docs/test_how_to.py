@@ -105,10 +105,6 @@ def test_study_files_on_pages_are_valid(tmp_path):
     assert [cell.settings for cell in list_cells(read_study(str(path)))] == [
         {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
     ]  # fmt: skip
-    path.write_text(next(content for language, content in blocks(PLUGINS_PAGE) if language == "toml"))
-    assert [cell.settings for cell in list_cells(read_study(str(path)))] == [
-        {"network.fusion": "hcmci"}, {"network.fusion": "mymodels:EqualWeights"}
-    ]  # fmt: skip
 
 
 def test_all_that_a_fusion_rule_is_given_is_listed():
