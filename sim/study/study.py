@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 from sim.installation import ASSETS
 from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.overrides import split_override
-from sim.scenario.quantities import MOST_LISTED, REPEATS, parse_integer, parse_integers
+from sim.scenario.quantities import MOST_LISTED, REPEATS, parse_integer, parse_integers, parse_seed_and_repeat
 from sim.scenario.settings_text import flatten, format_overrides, format_settings
 from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError, check_known, did_you_mean
@@ -154,9 +154,10 @@ def make_study(
     """A study of one or several planners in one or several scenarios; InputError says what is wrong."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
+    numbers = (parse_seed_and_repeat(seed, 0)[0] for seed in islice(seeds, MOST_LISTED + 1))
     return adapt_study(
         Study("compare", _read_names("planners", planners), scenarios=_read_names("scenarios", scenarios)),
-        seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # the parser refuses one more than allowed
+        seeds=",".join(map(str, numbers)),  # the parser refuses one more than allowed
         repeats=parse_integer(repeats, "repeats", least=1, most=REPEATS),
         overrides=format_overrides(settings),
     )
