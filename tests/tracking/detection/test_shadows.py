@@ -144,7 +144,7 @@ def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
         if found is None:
             continue
         silhouette = make_silhouette(found.clearing.distance, float(s.frame.pose.position[2]))
-        many = _grid(found.clearing, found.seen, silhouette, ((-3.0, -2.0), (3.0, 2.0)), 20000)
+        many = _grid(found.clearing, found.seen, silhouette, (-3.0, -2.0), (3.0, 2.0), 20000)
         (mean, covariance, _), (exact, exactly, _) = (
             _moments(places, _deviances(places, PART)) for places in (found, many)
         )

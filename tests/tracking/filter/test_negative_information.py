@@ -73,7 +73,7 @@ def test_random_half_planes_give_the_moments_of_weighted_samples():
             return (p - mean[:2]) @ normal > limit
 
         means, covariances = negative_information_update(
-            (mean[None], covariance[None]), 1 - 0.9 * seen_where(visible, mean, covariance)[None]
+            mean[None], covariance[None], 1 - 0.9 * seen_where(visible, mean, covariance)[None]
         )
         states = rng.multivariate_normal(mean, covariance, 100_000)
         weights = 1 - 0.9 * visible(states[:, :2])
