@@ -1,0 +1,108 @@
+"""docs/peers.py: its scores are right, it runs, and docs/results/peers.md shows what it prints."""
+
+import itertools
+import sys
+
+import numpy as np
+import pytest
+from helpers.pages import DOCS
+from stonesoup.metricgenerator.ospametric import GOSPAMetric
+from stonesoup.types.state import State
+
+sys.path.append(str(DOCS))
+import peers
+
+CELL = peers.Cell(0.9, 10)
+SMALL = ["--seeds", "2,3", "--scans", "8"]
+PAGE = (DOCS / "results" / "peers.md").read_text(encoding="utf-8")
+
+
+def table(text):
+    """Cells of a table's lines after its head."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.strip().splitlines()[2:]]
+
+
+def states(scan):
+    return [State(np.array(place)) for place in scan.values()]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_scores_equal_those_of_stone_soups_metric(seed):
+    scene = peers.simulate(CELL, seed, 10)
+    found = peers.theirs(scene, CELL, peers.TUNED[CELL])
+    metric = GOSPAMetric(c=10.0, p=2.0)
+    each = [
+        metric.compute_gospa_metric(states(x), states(y))[0].value for x, y in zip(found, scene.people, strict=True)
+    ]
+    score = peers.score(scene, found)
+    assert score.gospa == pytest.approx(np.mean([value["distance"] for value in each]), rel=1e-12)
+    assert score.missed == pytest.approx(np.mean([value["missed"] for value in each]) / 50)
+    assert score.false == pytest.approx(np.mean([value["false"] for value in each]) / 50)
+    assert score.missed > 0 and any(found)
+
+
+def test_people_are_missed_by_three_causes():
+    """A has a track from the second scan to the third; that of B walks off in the last scan, and C has none."""
+    a, b, c = np.array([[0.0, 0.0], [50.0, 0.0], [0.0, 50.0]])
+    tracks = [{}, {1: a, 2: b}, {1: a, 2: b}, {2: b}, {2: b + 20}]
+    score = peers.score(peers.Scene([], [], [{"a": a, "b": b}] * 4 + [{"a": a, "b": b, "c": c}]), tracks)
+    assert score[1:] == pytest.approx((6 / 5, 1 / 5, 0, 3 / 5, 2 / 5, 1 / 5))
+
+
+def test_a_track_that_another_person_takes_over_is_a_switch():
+    a, b = np.zeros(2), np.array([30.0, 0.0])
+    score = peers.score(peers.Scene([], [], [{"a": a, "b": b}] * 2), [{1: a, 2: b}, {1: b, 2: a}])
+    assert score == (0, 0, 0, 2, 0, 0, 0)
+
+
+def test_scenes_have_births_deaths_misses_and_false_alarms_and_come_again():
+    one, again = (peers.simulate(CELL, 1) for _ in range(2))
+    for x, y in zip(one.people, again.people, strict=True):
+        np.testing.assert_array_equal([*x.values()], [*y.values()])
+    ids = [set(scan) for scan in one.people]
+    assert len(ids) == peers.SCANS and len(ids[0]) == peers.PEOPLE
+    assert any(b - a for a, b in itertools.pairwise(ids))
+    assert any(a - b for a, b in itertools.pairwise(ids))
+    detected = np.mean([sum(not d.clutter for d in scan if hasattr(d, "clutter")) for scan in one.detections])
+    assert detected / np.mean([len(scan) for scan in ids]) == pytest.approx(0.9, abs=0.05)
+    assert np.mean([len(scan) for scan in one.detections]) - detected == pytest.approx(10, abs=1)
+
+
+def test_the_comparison_runs_and_pairs_scenes(capsys):
+    peers.main(["compare", *SMALL])
+    lines = table(capsys.readouterr().out)
+    assert len(lines) == 5 * len(peers.TUNED)
+    for k in range(0, len(lines), 5):
+        theirs, ours, gap = ([float(text.split()[0]) for text in line[2:6]] for line in lines[k : k + 3])
+        np.testing.assert_allclose(np.array(ours) - theirs, gap, atol=0.011)
+
+
+def test_thresholds_are_varied(capsys, monkeypatch):
+    names = ("default", "confirmed at 0.5 (0.99)", "births x 10", "reported above 0.1 (0.5)")
+    monkeypatch.setattr(peers, "VARIED", {name: peers.VARIED[name] for name in names})
+    peers.main(["vary", *SMALL])
+    lines = {name: cells for name, *cells in table(capsys.readouterr().out)}
+    assert list(lines) == [*names, "Stone Soup's JPDA"]
+    missed = {name: np.array([float(cell.split(" /")[0]) for cell in cells]) for name, cells in lines.items()}
+    assert np.all(missed["confirmed at 0.5 (0.99)"] < missed["default"])
+
+
+def test_tuning_finds_the_least_gospa(monkeypatch):
+    monkeypatch.setattr(peers, "TRIED", {"points": (2, 3), "steps": (3, 5)})
+    scene = peers.simulate(CELL, 0, 10)
+    tried = [peers.Tuning(points, steps) for points in (2, 3) for steps in (3, 5)]
+    costs = {tuning: peers.score(scene, peers.theirs(scene, CELL, tuning)).gospa for tuning in tried}
+    assert costs[peers.tune(CELL, [0], 10)] == min(costs.values())
+
+
+def test_the_page_shows_what_our_tracker_scores_with_and_without_early_confirmation():
+    scenes = [peers.simulate(CELL, seed) for seed in range(1000, 1006)]
+    for name in ("default", "confirmed at 0.5 (0.99)"):
+        changed = peers.parameters(CELL, **peers.VARIED[name])
+        shown = peers.summary([peers.score(scene, peers.ours(scene, changed)) for scene in scenes])
+        assert f"| {name} | {shown} |" in PAGE, shown
+
+
+@pytest.mark.slow
+def test_the_page_shows_a_cell_of_the_comparison():
+    assert "\n".join(peers.compare([CELL], range(20)).splitlines()[2:]) in PAGE
