@@ -34,7 +34,7 @@ from stonesoup.types.track import Track
 from stonesoup.updater.kalman import KalmanUpdater
 
 from sim.analysis.intervals import means
-from sim.scenario.quantities import integers
+from sim.scenario.quantities import parse_integers
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
@@ -325,7 +325,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", help="such as 0-9; by default those of docs/results/peers.md")
     parser.add_argument("--scans", type=int, default=SCANS)
     options = parser.parse_args(words)
-    seeds = integers(options.seeds or SEEDS[options.task], "--seeds")
+    seeds = parse_integers(options.seeds or SEEDS[options.task], "--seeds")
     if options.task == "tune":
         for cell in TUNED:
             print(cell, tune(cell, seeds, options.scans))
