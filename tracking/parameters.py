@@ -4,6 +4,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct
 
 from tracking.filter.motion import MotionModel
@@ -111,7 +112,8 @@ class TrackerParameters:
         self.motion, self.fusion, self.forget_after = motion, fusion, forget_after
         self.settings = settings
         if changed:
-            self.settings = read_settings(msgspec.structs.asdict(settings) | changed, Tracking)
+            plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in changed.items()}
+            self.settings = read_settings(msgspec.structs.asdict(settings) | plain, Tracking)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as many types as settings
         if name == "settings":  # while a copy is being made

@@ -27,7 +27,7 @@ CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
 NOISE = NoiseModel.range_bearing(0.1)
 # Association alone, as Stone Soup does it: no track begins or ends, and people who are lost have not turned.
-_ALONE = {"confirm": (62, 62), "delete": (62, 62), "management": "m_of_n", "reacquire_after": math.inf}
+_ALONE = {"confirm": (62, 62), "delete": (62, 62), "management": "m_of_n", "reacquire_after": DAY}
 HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, **_ALONE)
 # Tracks begin and end, with what the testbed's cameras give by default: hardly a miss, no false alarms.
 WHOLE = TrackerParameters(MOTION, reacquire_after=DAY)

@@ -13,14 +13,15 @@ from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.visibility import Forest
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.measurement_update import associate, predict_scan
+from tracking.settings import DAY
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
 FILTER = {
     "confirmation_threshold": 1 - 1e-12,
     "deletion_threshold": 1e-300,
-    "max_variance": 1e9,
-    "reacquire_after": math.inf,
+    "max_variance": 1e8,
+    "reacquire_after": DAY,
 }
 IN_VIEW = {"time": 0.0, "elapsed": 1, "forest": Forest(()), "lens": Camera(ALL_ROUND, 128).lens(ABOVE)}  # everything
 

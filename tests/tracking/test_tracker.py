@@ -157,7 +157,7 @@ def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
     ("build", "complaint"),
     [
         (lambda: tracker(track(1, 0, 0, 0, 0), track(1, 1, 0, 0, 0)), r"ids of tracks are there twice: \[1\]"),
-        (lambda: tracker(track(-1, 0, 0, 0, 0)), "ids of tracks are not whole numbers of at least 0"),
+        (lambda: tracker(track(-1, 0, 0, 0, 0)), "ids of tracks are below 0"),
         (lambda: tracker(track(1_000_000, 0, 0, 0, 0)), "ids of initial tracks"),
         (lambda: tracker(uav=-1), "uav must be in"),
         (lambda: tracker().step(scan(0, uav=1)), "a scan of UAV 1"),

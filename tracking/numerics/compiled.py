@@ -119,7 +119,10 @@ def _folder_of(module: Path, home: Path) -> Path:
         if filled:  # such as that of an installation that only its owner can write to
             copy = tempfile.mkdtemp(dir=home)
             shutil.copytree(filled[0], copy, dirs_exist_ok=True)
-            os.replace(copy, folder)
+            try:
+                os.replace(copy, folder)
+            except OSError:  # another process was faster
+                shutil.rmtree(copy)
     return folder
 
 

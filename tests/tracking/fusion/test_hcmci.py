@@ -14,7 +14,7 @@ from tracking.fusion.rule import LocalBeliefs
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.
-SURE = {"detection_probability": 1 - 1e-12, "gate_probability": 1 - 1e-12, "clutter_density": 1e-30}
+SURE = {"detection_probability": 1 - 1e-12, "gate_probability": 1 - 1e-12, "clutter_density": 1e-15}
 START = track(3, 0, 0, 0.3, 0.1)
 
 
