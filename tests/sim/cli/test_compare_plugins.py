@@ -7,6 +7,7 @@ from helpers.studies import Serial
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
 MODULE = """
+from planning.planner import Exchange
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.tracker import Tracker
 
@@ -38,7 +39,7 @@ class Counted(Tracker):
 
 
 class Planner:
-    exchange = property(lambda self: made.append("planner"))
+    exchange = property(lambda self: made.append("planner") or Exchange())
 
     def plan(self, team, rng): return []
 """

@@ -77,7 +77,7 @@ def test_a_reset_that_fails_or_is_missing_is_one_line():
         def reset(self, seed):
             raise ValueError("no weights")
 
-    with pytest.raises(InputError, match=r"Silent' .* it is stateful, but has no method reset\(seed\)"):
+    with pytest.raises(InputError, match=r"Silent' is stateful, but has no method reset\(seed\)"):
         Mission(SETTING, Silent())
     with pytest.raises(InputError, match=r"cannot be reset: .*no weights"):
         Mission(SETTING, Raising())
