@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm
+from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm, plain_costs
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.exponential import power
 
 
 class Gospa(NamedTuple):
@@ -30,7 +31,12 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """
     check_metric(c, p)
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    pairs = nearest_pairs(length(X[:, None] - Y[None]), c, p)
+    gaps = length(X[:, None] - Y[None])
+    if (costs := plain_costs(gaps, c, p)) is not None:
+        inside, half = costs[costs < power(c, p)], power(c, p) / 2
+        sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
+        return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))
+    pairs = nearest_pairs(gaps, c, p)
     near, far = pairs[pairs < c], np.array([float(c)])
     parts = [Part(near, 1), Part(far, (len(Y) - len(near)) / 2), Part(far, (len(X) - len(near)) / 2)]
     return Gospa(norm(parts, p), *(norm([part], p) for part in parts))

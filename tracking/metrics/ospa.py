@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm
+from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm, plain_costs
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.exponential import power
 
 _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mission would take gigabytes
 
@@ -61,5 +62,8 @@ def _between(gaps: Array, c: float, p: float) -> Ospa:
     """OSPA of two sets whose members are `gaps` (A, B) m apart."""
     check_metric(c, p)
     most, fewest = max(gaps.shape), min(gaps.shape)
+    if most and (costs := plain_costs(gaps, c, p)) is not None:
+        total, lacking = float(costs.sum()) / most, power(c, p) * (most - fewest) / most
+        return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))
     near, missing = Part(nearest_pairs(gaps, c, p), 1), Part(np.array([float(c)]), most - fewest)
     return Ospa(*(norm(parts, p, most) for parts in ([near, missing], [near], [missing])))
