@@ -1,5 +1,6 @@
 """Entry of the command line: `understory COMMAND`. The commands are functions of `sim.cli`."""
 
+import gc
 import os
 import sys
 
@@ -33,6 +34,7 @@ app = make_command_group(start, COMMANDS)
 
 def main() -> None:
     """Run the command line and exit."""
+    gc.set_threshold(50_000)  # imports make many objects that stay; to walk over them again and again took 0.2 s
     run_command_line(app)
 
 
