@@ -24,7 +24,8 @@ LONGEST = 2100  # characters of a refusal
 REMARKS = [
     "not used, as ",
     "not used with ",
-    "no multiple of the",
+    "is not a multiple of the",
+    "misses will end tracks",
     "tracks will follow",
     "weighs them",
 ]

@@ -2,10 +2,11 @@
 
 import os
 import re
+import shutil
 
 import numba
 import pytest
-from helpers.processes import python
+from helpers.processes import ROOT, python
 
 from sim.mission.warmup import announce_compilation
 from tracking.numerics import compiled as subject
@@ -131,7 +132,10 @@ def flown(folder, name, **environment):
 
 @pytest.mark.slow
 def test_the_first_run_says_that_it_compiles_and_the_second_nothing(tmp_path):
-    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    # Another installation: this one's compiled code would be copied into a new folder.
+    for name in ("assets", "planning", "sim", "tracking"):
+        shutil.copytree(ROOT / name, tmp_path / "copy" / name, ignore=shutil.ignore_patterns("__pycache__"))
+    cache = {"PYTHONPATH": str(tmp_path / "copy"), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     first, recording = flown(tmp_path, "first", **cache)
     assert first[0] == "Compiling the numerical code, which takes about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", first[1])
