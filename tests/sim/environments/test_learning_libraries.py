@@ -65,7 +65,11 @@ def test_a_policy_shared_by_agents_trains_through_supersuit():
     supersuit, baselines = pytest.importorskip("supersuit"), pytest.importorskip("stable_baselines3")
     env = supersuit.pettingzoo_env_to_vec_env_v1(supersuit.black_death_v3(agents(flat=True)))
     envs = supersuit.concat_vec_envs_v1(env, 2, num_cpus=0, base_class="stable_baselines3")
-    baselines.PPO("MlpPolicy", envs, n_steps=8, batch_size=8, n_epochs=1, device="cpu").learn(96)
+    model = baselines.PPO("MlpPolicy", envs, n_steps=8, batch_size=8, n_epochs=1, device="cpu")
+    before = [weights.clone() for weights in model.policy.parameters()]
+    model.learn(96)
+    changed = [not (one == other).all() for one, other in zip(before, model.policy.parameters(), strict=True)]
+    assert model.num_timesteps >= 96 and any(changed)
 
 
 def test_torchrl_wraps_both_environments():
