@@ -136,9 +136,19 @@ def _check_pickling(make: Maker) -> str:
         with plugin_call():
             copied = pickle.loads(pickle.dumps(planner))
     except PluginError as error:
+        _check_pickled_class(type(planner))
         raise Unfit(str(error)) from error
     _compare(_plan(planner, TEAM), _plan(copied, TEAM), "of a pickled copy")
     return "a copy plans the same"
+
+
+def _check_pickled_class(kind: type) -> None:
+    """Raise `Untried` if pickle does not find a class by its name, so that no object of it can be pickled."""
+    try:
+        pickle.dumps(kind)
+    except (pickle.PicklingError, AttributeError) as error:
+        where = "a function" if "<locals>" in kind.__qualname__ else kind.__module__
+        raise Untried(f"its class is defined in {where}, where pickle does not find it") from error
 
 
 def _check_claim(make: Maker) -> str:

@@ -11,7 +11,7 @@ from rich.table import Table
 from sim.cli.recordings import check_new, folder_of
 from sim.drawing.lettering import TextGroup
 from sim.drawing.plots import save
-from sim.recording.atomic_files import unused_path, write_whole
+from sim.recording.atomic_files import claim_place, write_whole
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, when_text
 from sim.replay.explain.explanation import explanation, stretches
 from sim.replay.explain.observation import Observer
@@ -65,7 +65,8 @@ def explain(
         _explain_mission(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
     else:
         name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-        _explain_moment(flight, scan, person, out or unused_path(folder_of(recorded) / name, ".png"))
+        with claim_place(out, folder_of(recorded) / name, ".png") as path:
+            _explain_moment(flight, scan, person, path)
 
 
 def _read_time(text: str) -> float:

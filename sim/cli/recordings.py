@@ -7,7 +7,7 @@ import typer
 
 from sim.drawing.film import AS_FLOWN
 from sim.recording.archive import find_recording
-from sim.recording.atomic_files import part_path, unused_path
+from sim.recording.atomic_files import claim_place, part_path
 from sim.recording.recording import Recording
 from sim.replay.export import TARGETS
 from sim.replay.export import export as write_export
@@ -70,11 +70,13 @@ def replay(
     if rerun is not None:
         _show_in_rerun(recording, rerun, folder / "summary.json")
     elif page:
-        _make_page(recording, folder, out or unused_path(folder / "mission", ".html"))
+        with claim_place(out, folder / "mission", ".html") as path:
+            _make_page(recording, folder, path)
     elif gui:
         show(recording, scans, speed=factor, say=say)
     else:
-        _make_film(recording, scans, out or unused_path(folder / "replay", ".mp4"), layout=layout, speed=factor)
+        with claim_place(out, folder / "replay", ".mp4") as path:
+            _make_film(recording, scans, path, layout=layout, speed=factor)
 
 
 def frames(
@@ -91,8 +93,10 @@ def frames(
     number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or unused_path(folder_of(recorded) / f"frames-uav{number}-{span}")
-    with show_counted_progress(len(scans), "frames") as progress:
+    with (
+        claim_place(out, folder_of(recorded) / f"frames-uav{number}-{span}") as folder,
+        show_counted_progress(len(scans), "frames") as progress,
+    ):
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
 
@@ -105,8 +109,8 @@ def export(
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
     check_known("--to", to, TARGETS)
     recording = find_recording(recorded)
-    folder = out or unused_path(folder_of(recorded) / f"export-{to}")
-    write_export(recording, to, folder)
+    with claim_place(out, folder_of(recorded) / f"export-{to}") as folder:
+        write_export(recording, to, folder)
     show_files(folder)
 
 

@@ -12,7 +12,7 @@ from rich.markup import escape
 from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.summary import results_table
 from sim.mission.trial import Trial
-from sim.recording.atomic_files import PlaceTaken, unused_path
+from sim.recording.atomic_files import PlaceTaken, claim_place
 from sim.replay.history import fleet_text
 from sim.running.mission_flight import is_built_in
 from sim.running.results import run_mission
@@ -66,9 +66,11 @@ def run(
     trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     remark(*find_remarks(setting))
-    folder = out or unused_path(Path("runs") / _name_folder(scenario, trial))
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
-    with show_mission_progress(setting) as progress:
+    with (
+        claim_place(out, Path("runs") / _name_folder(scenario, trial)) as folder,
+        show_mission_progress(setting) as progress,
+    ):
         options["progress"] = progress
         if limit is not None:
             summary = run_with_timeout(trial, folder, limit, **options)

@@ -6,6 +6,7 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from tracking.errors import InputError
@@ -20,13 +21,49 @@ def part_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
 
-def unused_path(path: Path, suffix: str = "") -> Path:
-    """The path with a suffix such as .mp4, or the first numbered variant of it that does not exist yet."""
-    number, free = 1, path.with_name(f"{path.name}{suffix}")
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.name}-{number}{suffix}")
-    return free
+@contextmanager
+def claim_place(asked: Path | None, default: Path, suffix: str = "") -> Iterator[Path]:
+    """Yield the place that was asked for, else the first unused one of `default`, `default`-2, ..., each with `suffix`.
+
+    Until the block ends no other process gets the same default: a hidden file marks it. The mark of a killed process
+    stays, and its number is left out from then on. InputError if the place cannot be written.
+    """
+    if asked is not None:
+        yield asked
+        return
+    made = [folder for folder in default.parents if not folder.exists()]
+    try:
+        for folder in reversed(made):
+            folder.mkdir(exist_ok=True)
+        place, mark = next(filter(None, map(_claim, _number_names(default, suffix))))
+    except OSError as error:
+        raise InputError(f"{default}{suffix} cannot be written: {error.strerror}; name a place with --out") from error
+    try:
+        yield place
+    finally:
+        mark.unlink(missing_ok=True)
+        for folder in made:
+            with suppress(OSError):  # it holds the results
+                folder.rmdir()
+
+
+def _number_names(path: Path, suffix: str = "") -> Iterator[Path]:
+    yield path.with_name(f"{path.name}{suffix}")
+    for number in count(2):
+        yield path.with_name(f"{path.name}-{number}{suffix}")
+
+
+def _claim(place: Path) -> tuple[Path, Path] | None:
+    """The place and its new mark, unless the place is used or marked."""
+    mark = place.with_name(f".{place.name}.taken")
+    try:
+        mark.touch(exist_ok=False)
+    except FileExistsError:
+        return None
+    if place.exists():
+        mark.unlink()
+        return None
+    return place, mark
 
 
 @contextmanager
@@ -75,13 +112,13 @@ def new_folder(out: Path) -> Iterator[Path]:
 
 def _rename_folder(part: Path, place: Path, out: Path) -> None:
     """Rename a complete folder to its place, or to the next unused name."""
-    try:
-        part.rename(place)
-    except OSError as error:
-        if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR):
-            raise
-        free = unused_path(place)
-        part.rename(free)
-        raise PlaceTaken(
-            f"{out} was made by another program meanwhile; the results are in {free.name} beside it"
-        ) from error
+    for name in _number_names(place):
+        try:
+            part.rename(name)
+        except OSError as error:
+            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR):
+                raise
+        else:
+            break
+    if name != place:
+        raise PlaceTaken(f"{out} was made by another program meanwhile; the results are in {name.name} beside it")

@@ -3,6 +3,8 @@
 import dataclasses
 import random
 import re
+import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -235,6 +237,35 @@ def test_broken_planners_cover_every_check():
 @pytest.mark.parametrize("planner", [Good, Sequence, Recurrent])
 def test_a_good_planner_passes_all(planner):
     assert {finding.passed for finding in check_planner(planner)} == {True}
+
+
+def gone(module):
+    """A class that is not to be found where it says to be, as of a notebook's cell that was run again."""
+    return type("Gone", (Good,), {"__module__": module})
+
+
+@pytest.mark.parametrize(
+    ("make", "place"),
+    [
+        (gone("__main__"), "__main__"),
+        (gone("elsewhere"), "elsewhere"),
+        (lambda: gone("__main__")(), "__main__"),
+        (partial(gone("__main__")), "__main__"),
+        (type("Local", (Good,), {"__qualname__": "make.<locals>.Local"}), "a function"),
+    ],
+)
+def test_where_pickle_cannot_find_the_class_nothing_is_said_of_the_planner(make, place):
+    findings = {finding.check: finding for finding in check_planner(make)}
+    assert {finding.passed for name, finding in findings.items() if name != "pickling"} == {True}
+    told = f"not tried: its class is defined in {place}, where pickle does not find it"
+    assert (findings["pickling"].passed, findings["pickling"].seen) == (None, told)
+
+
+@pytest.mark.parametrize("make", [Good, lambda: Good(), partial(Good), "__main__:Mine"])
+def test_classes_of_scripts_lambdas_and_partials_are_checked_as_any(make, monkeypatch):
+    mine = type("Mine", (Good,), {"__module__": "__main__"})
+    monkeypatch.setattr(sys.modules["__main__"], "Mine", mine, raising=False)
+    assert {finding.passed for finding in check_planner(make)} == {True}
 
 
 def test_without_plans_nothing_else_is_tried():

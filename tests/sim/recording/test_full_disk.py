@@ -1,7 +1,9 @@
 """On a full disk every command says so in one line, and leaves nothing unfinished."""
 
+import re
 import resource
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from helpers.hostile_stores import recording
@@ -52,7 +54,10 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refu
     assert f"--out: {place} cannot be written: {reason}" in refused(*words[: words.index("--out") + 1], place)
 
 
-def test_the_default_place_for_a_picture_may_not_be_there_any_more(refused, tmp_path, monkeypatch):
+@pytest.mark.parametrize("command", ["frames", "export", "film", "page", "picture"])
+def test_a_default_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, monkeypatch):
     """As of a folder that may be read only, which stops no superuser."""
-    monkeypatch.setattr("sim.cli.explain.unused_path", lambda path, suffix: tmp_path / "file" / "new.png")
-    assert "Not a directory; nothing is kept" in refused(*COMMANDS["picture"])
+    for module in ("recordings", "explain"):
+        monkeypatch.setattr(f"sim.cli.{module}.folder_of", lambda recorded: Path("file"))
+    said = refused(*COMMANDS[command])
+    assert re.fullmatch(r"understory: file/\S+ cannot be written: Not a directory; name a place with --out\n", said)

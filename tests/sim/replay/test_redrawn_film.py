@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from itertools import count
 
 import numpy as np
 import pytest
@@ -18,7 +19,6 @@ from helpers.recordings import record
 from sim.drawing.film import Film, Video
 from sim.mission.trial import Trial
 from sim.recording.archive import load, save
-from sim.recording.atomic_files import unused_path
 from sim.replay import redrawn_film as module
 from sim.replay import window
 from sim.replay.redrawn_film import write_film
@@ -52,7 +52,7 @@ def replay(flown, tmp_path, call):
 @pytest.fixture
 def pictures(monkeypatch, tmp_path):
     """Pictures of a film, as drawn, by what `write_film` is asked for."""
-    drawn = []
+    drawn, made = [], count()
     draw = Film.draw
 
     def keep(self, snapshot, frames):
@@ -63,7 +63,7 @@ def pictures(monkeypatch, tmp_path):
 
     def of(recording, scans, **options):
         drawn.clear()
-        write_film(recording, scans, unused_path(tmp_path / "film", ".mp4"), progress=lambda k: None, **options)
+        write_film(recording, scans, tmp_path / f"film{next(made)}.mp4", progress=lambda k: None, **options)
         return list(drawn)
 
     return of
