@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
-from statistics import median
 from time import perf_counter
 
 import numpy as np
@@ -15,9 +14,9 @@ import numpy as np
 from planning.made_up_teams import cut_off, flying_team, keep_contact, lose_plans, slow_down
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
-from tracking.plugins.findings import Finding, Unfit, Untried, find_change, finding
+from tracking.plugins.findings import Finding, Unfit, Untried, describe_time, find_change, finding
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 Maker = Callable[[], Planner]
@@ -82,7 +81,7 @@ def _compare(before: Sequence[Plan], after: Sequence[Plan], when: str) -> None:
     """Raise `Unfit` if plans differ."""
     gap = max(map(_difference, before, after))
     if gap > 0.0:
-        raise Unfit(f"{when}, plans differ by {gap:.3g} m/s")
+        raise Unfit(f"{when}, plans differ by {spell(gap, 3)} m/s")
 
 
 def _check_plans(make: Maker) -> str:
@@ -95,7 +94,7 @@ def _check_speed(make: Maker) -> str:
         fastest = float(np.linalg.norm(plan.controls, axis=1).max())
         if fastest > s.own.max_speed * (1 + 1e-6):
             limit = f"{s.own.max_speed:g} m/s is what it can"
-            raise Unfit(f"the plan of UAV {s.own.id} reaches {fastest:.3g} m/s; {limit}")
+            raise Unfit(f"the plan of UAV {s.own.id} reaches {spell(fastest, 3)} m/s; {limit}")
     return f"top speeds of {', '.join(f'{s.own.max_speed:g}' for s in TEAM)} m/s are kept"
 
 
@@ -172,7 +171,7 @@ def _check_claim(make: Maker) -> str:
             for o, before, after in plans:
                 gap = _difference(before, after)
                 if o.own.id not in changed and gap > _ROUNDING:
-                    raise Unfit(f"{when} changes the plan of UAV {o.own.id} by {gap:.3g} m/s")
+                    raise Unfit(f"{when} changes the plan of UAV {o.own.id} by {spell(gap, 3)} m/s")
     return "what a UAV knows reaches others through its plan alone"
 
 
@@ -193,11 +192,9 @@ def _check_time(make: Maker) -> str:
     for team in [deepcopy(TEAM) for _ in range(1 + _DECISIONS)]:
         start = perf_counter()
         _call(planner, team)
-        took.append(1e3 * (perf_counter() - start))
-    middle, step = median(took[1:]), TEAM[0].step
+        took.append(perf_counter() - start)
     scene = f"{len(TEAM)} UAVs, {len(TEAM[0].tracks)} tracks, {len(TEAM[0].forest.trees)} trees"
-    late = "; longer than a step of its plan" if middle > 1e3 * step else ""
-    return f"{middle:.3g} ms a decision, at most {max(took[1:]):.3g} ms ({scene}){late}"
+    return describe_time(took[1:], f"a decision of {scene}", TEAM[0].step, "a step of its plan")
 
 
 _COMPARISONS = (_check_memory, _check_pickling, _check_claim)

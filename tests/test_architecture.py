@@ -1,6 +1,7 @@
 """Imports go one way, and only where they may."""
 
 import ast
+import re
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -112,6 +113,12 @@ def test_imports_go_down_the_layers():
             if other == package:
                 order = LAYERS[package]
                 assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
+
+
+def test_messages_round_numbers_without_exponents():
+    """A format such as .3g writes 1080 as 1.08e+03, which `tracking.errors.spell` does not."""
+    for path in [*MODULES, INTERFACE]:
+        assert not re.search(r":[-+]?\.[1-5]g\}", parsed(path)[0]), named(path)
 
 
 def test_the_layers_name_every_room():

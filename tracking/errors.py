@@ -1,7 +1,7 @@
-"""The error for wrong input, and the nearest valid names for its message."""
+"""The error for wrong input, and the words of messages: numbers, lists, and the nearest valid names."""
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 
 class InputError(ValueError):
@@ -21,6 +21,18 @@ def one_line(message: str | Exception, longest: int = 2000) -> str:
         return type(message).__name__
     half = (longest - 5) // 2
     return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+
+
+def spell(value: float, digits: int = 12) -> str:
+    """A number with at most this many significant digits, but with all digits before the point: 1080, not 1.08e+03."""
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
+
+
+def list_numbers(what: str, numbers: Sequence[int]) -> str:
+    """Numbered things in words: "tree 0", "trees 0, 1 and 2"."""
+    *most, last = map(str, numbers)
+    return f"{what}s {', '.join(most)} and {last}" if most else f"{what} {last}"
 
 
 def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:

@@ -13,6 +13,7 @@ from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording
 from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
 from sim.sensing.cameras import view_of
+from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array, Flags, Indices
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
@@ -168,5 +169,4 @@ def view_text(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
 
 def fleet_text(uavs: Sequence[int]) -> str:
     """UAVs in words: "UAV 0", "UAVs 0, 1 and 2"."""
-    *most, last = map(str, uavs)
-    return f"UAVs {', '.join(most)} and {last}" if most else f"UAV {last}"
+    return list_numbers("UAV", uavs)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.scenario.csv_tables import Row, read_csv
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.scan_check import QUATERNION_TOLERANCE
@@ -65,7 +65,7 @@ def _read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     for row in read_csv(Path(path), "scans", SCAN_COLUMNS):
         now = row.number("time")
         if now < time:
-            raise row.error("time", f"{now:g} s comes after {time:g} s; times must not go backwards")
+            raise row.error("time", f"{spell(now)} s comes after {spell(time)} s; times must not go backwards")
         if now > time:
             if scans:
                 yield _make_scans(time, scans)
@@ -113,9 +113,9 @@ def _tree(row: Row) -> Tree:
     tree = Tree(*(row.number(name) for name in TREE_COLUMNS))
     for name in ("canopy_radius", "canopy_base", "trunk_radius"):
         if (value := getattr(tree, name)) < 0:
-            raise row.error(name, f"{value:g} m is not allowed; expected 0 or more")
+            raise row.error(name, f"{spell(value)} m is not allowed; expected 0 or more")
     if tree.canopy_base > tree.canopy_top:
-        raise row.error("canopy_base", f"{tree.canopy_base:g} m is above canopy_top {tree.canopy_top:g} m")
+        raise row.error("canopy_base", f"{spell(tree.canopy_base)} m is above canopy_top {spell(tree.canopy_top)} m")
     return tree
 
 
@@ -138,7 +138,7 @@ def _measurement(row: Row, scan: _ScanRows) -> tuple[float, ...]:
         return ()
     x, y, xx, xy, yy = (row.number(name) for name in MEASUREMENT)
     if not (xx > 0 and xx * yy > xy * xy):
-        raise row.error("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
+        raise row.error("xx", f"xx, xy, yy of {spell(xx)}, {spell(xy)}, {spell(yy)} m² are not positive definite")
     return x, y, xx, xy, xy, yy
 
 

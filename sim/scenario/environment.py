@@ -8,6 +8,7 @@ from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
 from sim.scenario.quantities import Count, Length, Paths, Point, Side
+from tracking.errors import spell
 from tracking.plugins.registry import Registry
 from tracking.settings import DAY, Expected, Speed
 
@@ -130,7 +131,7 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
         east, north = self.velocity
         if (speed := math.sqrt(east * east + north * north)) > _STRONGEST_WIND:
             allowed = f"at most {_STRONGEST_WIND:g} m/s is allowed"
-            raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
+            raise ValueError(f"velocity {list(self.velocity)} is a wind of {spell(speed, 3)} m/s; {allowed}")
 
     @property
     def is_calm(self) -> bool:

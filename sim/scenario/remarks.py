@@ -6,6 +6,7 @@ import msgspec
 
 from sim.scenario.environment import People, Wind
 from sim.scenario.scenario import Scenario
+from tracking.errors import spell
 
 # Keys that are not used if another key of the same table has this value.
 _UNUSED = {
@@ -74,7 +75,7 @@ def _about_misses(scenario: Scenario) -> list[str]:
     missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
     if missed <= 2 * (1.0 - expected):
         return []
-    probability = f"tracking.detection_probability: {expected:g} is far above the {1.0 - missed:.2g}"
+    probability = f"tracking.detection_probability: {expected:g} is far above the {spell(1.0 - missed, 2)}"
     return [f"{probability} that sensing.miss_probability means; misses will end tracks of people"]
 
 
@@ -86,7 +87,9 @@ def _about_false_alarms(scenario: Scenario) -> list[str]:
     found = []
     if scenario.tracking.clutter_density < expected / 10:
         density = f"tracking.clutter_density: {scenario.tracking.clutter_density:g} per m2 is far below"
-        found.append(f"{density} the {expected:.2g} that sensing.false_alarms means; tracks will follow false alarms")
+        found.append(
+            f"{density} the {spell(expected, 2)} that sensing.false_alarms means; tracks will follow false alarms"
+        )
     if scenario.tracking.management == "m_of_n":
         m, n = scenario.tracking.confirm
         found.append(

@@ -12,6 +12,7 @@ from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Win
 from sim.scenario.quantities import Path
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
+from tracking.errors import spell
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
@@ -98,7 +99,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             )
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if uav.altitude > _HIGHEST:
-            text = f"with fov_deg {uav.fov_deg:g} means an altitude of {uav.altitude:.3g} m; allowed are {_HIGHEST:g} m"
+            text = (
+                f"with fov_deg {uav.fov_deg:g} means an altitude of {spell(uav.altitude, 3)} m; at most {_HIGHEST:g} m"
+            )
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
             inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
@@ -185,7 +188,7 @@ def check_workload(scenario: Scenario) -> None:
     """ValueError if a product of settings is too large; the message names them."""
     for load in _list_workloads(scenario):
         if load.amount > load.most:
-            come_to = f"come to {load.amount:.6g} {load.unit}"
+            come_to = f"come to {load.amount:g} {load.unit}"
             raise ValueError(f"{load.settings} {come_to}; at most {load.most:g} are allowed")
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import SensorOutput
 from tracking.detection.detector import Detections, Frame
+from tracking.errors import spell
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.plugins.array_checks import check_array, check_numbers, check_positive_definite, check_whole_numbers
 from tracking.plugins.plugin_error import Unusable
@@ -67,7 +68,7 @@ def _usable(name: str, given: object, count: int) -> Array:
     if name not in _UNITS:
         check_positive_definite(name, array, " m²")
     elif np.abs(array).max(initial=0.0) > _FARTHEST:
-        raise Unusable(f"{name} more than {_FARTHEST:g} {_UNITS[name]} away")
+        raise Unusable(f"{name} more than {spell(_FARTHEST)} {_UNITS[name]} away")
     return array
 
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 from planning.planner_loading import with_options
 from sim.scenario.settings_text import flatten, format_settings, format_value
 from sim.study.study import Study
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 
 TRACKER = "tracker"
 VIEW = "view"  # factor that only trials of the bound have
@@ -54,7 +54,9 @@ def list_cells(study: Study) -> list[Cell]:
     planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
     count = math.prod([len(study.scenarios), len(planners) + bool(study.score), *map(len, study.factors.values())])
     if count > _MOST_CELLS:  # checked before they are listed, because factors multiply
-        raise InputError(f"{study.at('study')}: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
+        raise InputError(
+            f"{study.at('study')}: {study.name} has {spell(count)} cells; at most {_MOST_CELLS} are allowed"
+        )
     stems = [Path(scenario).stem for scenario in study.scenarios]
     shown_as = dict(zip(study.scenarios, stems if len(set(stems)) == len(stems) else study.scenarios, strict=True))
     found = []

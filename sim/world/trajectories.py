@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.environment import Area
 from sim.scenario.scenario import MOST_WALKED
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import arctan2_each
@@ -77,12 +77,12 @@ def read_trajectories(path: Path, area: Area, *, duration: float) -> Trajectorie
     people = _read_people(path, name, area)
     if len(people) * duration > MOST_WALKED:
         walked = f"{len(people)} people for a duration of {duration:g} s"
-        raise InputError(f"{name}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
+        raise InputError(f"{name}: {walked} are too many; at most {spell(MOST_WALKED)} s of all together are allowed")
     tracks = [_resample(name, person, positions, times) for person, positions in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         known = [time for positions in people.values() for time in positions]
-        rows = f"rows are from {min(known):.12g} to {max(known):.12g} s"
+        rows = f"rows are from {spell(min(known))} to {spell(max(known))} s"
         raise InputError(f"{name}: column time: nobody is there between 0 and {duration:g} s; {rows}")
     return Trajectories(times, np.stack(present, axis=1))
 
@@ -95,9 +95,9 @@ def _read_people(path: Path, name: str, area: Area) -> dict[str, dict[float, Arr
         if len(person) > _LONGEST_ID or not person.isprintable():
             raise row.error("id", f"is not printable, or longer than the {_LONGEST_ID} characters allowed")
         if abs(time) > _LATEST:
-            raise row.error("time", f"{time:g} s is not allowed; expected at most {_LATEST:g} s")
+            raise row.error("time", f"{spell(time)} s is not allowed; expected at most {_LATEST:g} s")
         if time in people.setdefault(person, {}):
-            raise row.error("time", f"id {person} has a second row at {time:g} s")
+            raise row.error("time", f"id {person} has a second row at {spell(time)} s")
         people[person][time] = position
     if not people:
         raise InputError(f"{name}: has no rows below the names of its columns; a path needs two or more")
@@ -109,7 +109,7 @@ def _position(row: Row, area: Area) -> Array:
     position = [row.number("x"), row.number("y")]
     for column, value, size in zip(("x", "y"), position, (area.width, area.height), strict=True):
         if abs(value) > size / 2:
-            raise row.error(column, f"{value:g} is outside the area, {-size / 2:g} to {size / 2:g} m")
+            raise row.error(column, f"{spell(value)} is outside the area, {-size / 2:g} to {size / 2:g} m")
     return np.array(position)
 
 
@@ -123,7 +123,7 @@ def _resample(name: str, person: str, rows: dict[float, Array], times: Array) ->
     known = np.array(sorted(rows))
     if np.diff(known).min() < _SOONEST:
         k = int(np.diff(known).argmin())
-        near = f"{known[k]:g} and {known[k + 1]:g} s"
+        near = f"{spell(known[k])} and {spell(known[k + 1])} s"
         raise InputError(
             f"{name}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
         )

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.checked_tracker import CheckedTracker
 from tracking.fusion.consensus import fuse
@@ -128,7 +128,9 @@ class _Flight:
             pairs = zip(("means", "covariances"), beliefs_of(one), beliefs_of(other), strict=True)
             for what, own, heard in pairs:
                 if (gap := np.abs(own - heard).max(initial=0.0)) > _SAME:
-                    raise Unfit(f"at {_STEP * k:.1f} s {what} of two UAVs that hear one another differ by {gap:.2g}")
+                    raise Unfit(
+                        f"at {_STEP * k:.1f} s {what} of two UAVs that hear one another differ by {spell(gap, 2)}"
+                    )
 
 
 class _Subject:

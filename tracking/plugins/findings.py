@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from tracking.errors import spell
+
 Subject = TypeVar("Subject")
 _NEES = 0.2, 20.0  # least and largest mean NEES of two-dimensional errors, for which 2 is consistent
-_SCAN = 0.2  # s between scans of the default scenario
 _MARKS = {True: "passed", False: "FAILED", None: "-"}
 
 
@@ -60,17 +61,21 @@ def try_checks(subject: Subject, checks: Mapping[str, Callable[[Subject], str]])
 
 def check_nees(nees: float) -> str:
     """The mean NEES of positions in words; raise `Unfit` if covariances are ten times too large or too small."""
-    seen = f"mean NEES of positions {nees:.3g}, consistent is 2"
+    seen = f"mean NEES of positions {spell(nees, 3)}, consistent is 2"
     if not _NEES[0] <= nees <= _NEES[1]:
         raise Unfit(f"{seen}: covariances are far too {'large' if nees < _NEES[0] else 'small'}")
     return seen
 
 
-def describe_time(seconds: Sequence[float], each: str) -> str:
-    """Usual and longest time of `each` call, with a remark if it is longer than the time between scans."""
-    usual, most = 1e3 * median(seconds), 1e3 * max(seconds)
-    late = "; longer than the time between scans" if usual > 1e3 * _SCAN else ""
-    return f"{usual:.3g} ms {each}, at most {most:.3g} ms{late}"
+def describe_time(seconds: Sequence[float], each: str, limit: float = 0.2, step: str = "the time between scans") -> str:
+    """Usual and longest time of `each` call, with a remark if it is longer than the `limit` [s] of a `step`."""
+    usual = median(seconds)
+    late = f"; longer than {step}" if usual > limit else ""
+    return f"{_spell_time(usual)} {each}, at most {_spell_time(max(seconds))}{late}"
+
+
+def _spell_time(seconds: float) -> str:
+    return f"{spell(seconds, 3)} s" if seconds >= 1 else f"{spell(1e3 * seconds, 3)} ms"
 
 
 def find_change(before: Any, after: Any, path: str) -> str:  # noqa: ANN401 - any value

@@ -18,6 +18,7 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
 from tracking.account import Deletion, Origin
+from tracking.errors import spell
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.parameters import EXPECTED, SEEN
@@ -266,7 +267,7 @@ def _reason(deletion: Deletion, facts: TrackFacts) -> str:
         case "unlikely":
             if p.management == "m_of_n":
                 return f"{p.delete[0]} misses in {p.delete[1]} scans that should have shown its person"
-            return f"existence {deletion.existence:.2g}; a track is deleted below {p.deletion_threshold:g}"
+            return f"existence {spell(deletion.existence, 2)}; a track is deleted below {p.deletion_threshold:g}"
 
 
 def _frames(count: int) -> str:

@@ -12,6 +12,7 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR_PLANE
+from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.line_of_sight import is_blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
@@ -48,7 +49,7 @@ class Sighting:
         if not self.inside:
             return "cut by the edge" if self.pixels else "outside the view"
         if self.hidden_by:
-            return f"{'partly ' * bool(self.pixels)}hidden by tree {' and '.join(map(str, self.hidden_by))}"
+            return f"{'partly ' * bool(self.pixels)}hidden by {list_numbers('tree', self.hidden_by)}"
         return "in view" if self.pixels else f"not shown, {NO_TREE}"
 
     @staticmethod

@@ -29,7 +29,7 @@ from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
-from tracking.errors import InputError
+from tracking.errors import InputError, spell
 from tracking.fusion.member import TRACKERS
 
 _RESULTS = {  # metrics at the top, by their label there
@@ -166,8 +166,7 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
 def _span(lengths: Iterable[float]) -> str:
     """The least and the largest of some lengths [m] in words."""
     known = set(lengths)
-    texts = [f"{length:.3g}" if length < 100 else f"{length:.0f}" for length in sorted({min(known), max(known)})]
-    return " to ".join(texts) + " m"
+    return " to ".join(spell(length, 3) for length in sorted({min(known), max(known)})) + " m"
 
 
 def _packaged_name(scenario: Scenario) -> str | None:

@@ -89,6 +89,7 @@ def test_every_person_and_track_is_named_with_trees_that_hide_people():
     assert [person.detected for person in seen.people] == [False, True, False, True, False, False, False, False]
     # The line to (0, 8, 0.85) passes y = 5.2 at 6.6 m, y = 5.6 at 5.8 m and y = 6.7 at 3.5 m.
     trees = [Tree(0.0, 5.5, 0.5), Tree(0.0, 6.6, 0.5)]
-    assert sight([(0.0, 8.0)], trees, visible=[0]).people[0].hidden_by == (0, 1)
+    hidden = sight([(0.0, 8.0)], trees, visible=[0]).people[0]
+    assert (hidden.hidden_by, hidden.status) == ((0, 1), "hidden by trees 0 and 1")
     seen = sight([(0.0, 0.0)], [], visible=[9], tracks=[(70, 90), (70, 80, 90), (5, 80)])
     assert [track.id for track in seen.snapshot.tracks[0]] == [3, 2]
