@@ -96,11 +96,10 @@ TUNED = {  # by `tune`
 # factor of the density of births.
 VARIED: dict[str, dict[str, float]] = {
     "default": {},
-    **{f"confirmed at {r} (0.99)": {"confirmation_threshold": r} for r in (0.9, 0.7, 0.5)},
+    **{f"confirmed at {r} (0.99)": {"confirmation_threshold": r} for r in (0.9, 0.5)},
     "confirmed and reported at 0.4": {"confirmation_threshold": 0.4, "reported": 0.4},
     **{f"births x {factor}": {"births": factor} for factor in (10, 100)},
     **{f"reported above {r} (0.5)": {"reported": r} for r in (0.1, 0.9)},
-    **{f"deleted below {r} (0.001)": {"deletion_threshold": r} for r in (1e-5, 0.1)},
     **{f"survival {r} (0.98)": {"survival": r} for r in (0.9, 0.999)},
 }
 
@@ -266,16 +265,16 @@ def tune(cell: Cell, seeds: Sequence[int], scans: int = SCANS) -> Tuning:
 
 
 def compare(cells: Iterable[Cell], seeds: Sequence[int], scans: int = SCANS) -> str:
-    """Table of means with intervals over the seeds, and of the paired differences from Stone Soup's tracker."""
+    """Table of means over the seeds, and of paired differences from Stone Soup's tracker with their intervals."""
     lines = []
     for cell in cells:
         scenes = [simulate(cell, seed, scans) for seed in seeds]
         peer = np.array([score(scene, theirs(scene, cell, TUNED[cell])) for scene in scenes])
-        lines.append([f"{cell.detection}, {cell.alarms}", "Stone Soup's JPDA", *estimates(peer), causes(peer)])
+        lines.append([f"{cell.detection}, {cell.alarms}", "Stone Soup's JPDA", *shown(peer), causes(peer)])
         for name, changes in {"ours": {}, "ours, confirmed at 0.5": {"confirmation_threshold": 0.5}}.items():
             own = np.array([score(scene, ours(scene, parameters(cell, **changes))) for scene in scenes])
-            lines.append(["", name, *estimates(own), causes(own)])
-            lines.append(["", "less Stone Soup's", *estimates(own - peer, "+"), ""])
+            lines.append(["", name, *shown(own), causes(own)])
+            lines.append(["", "less Stone Soup's", *gaps(own - peer), ""])
     return markdown(["P_D, false alarms", "tracker", "GOSPA [m]", "missed", "false", "switches", "causes"], lines)
 
 
@@ -301,11 +300,14 @@ def summary(scores: Sequence[Score]) -> str:
     return f"{missed:.2f} / {false:.2f} / {distance:.2f}"
 
 
-def estimates(scores: Array, sign: str = "") -> list[str]:
-    """The means of scores (n, 7), without the causes of misses, with their intervals."""
-    found = means(scores[:, :4])
-    found = found if sign else [estimate.cut(0.0, math.inf) for estimate in found]
-    return [f"{e.value:{sign}.2f} [{e.low:{sign}.2f}, {e.high:{sign}.2f}]" for e in found]
+def shown(scores: Array) -> list[str]:
+    """The means of scores (n, 7), without the causes of misses."""
+    return [f"{mean:.2f}" for mean in scores[:, :4].mean(axis=0)]
+
+
+def gaps(scores: Array) -> list[str]:
+    """The means of differences of scores (n, 7), without the causes of misses, with their intervals."""
+    return [f"{e.value:+.2f} [{e.low:+.2f}, {e.high:+.2f}]" for e in means(scores[:, :4])]
 
 
 def causes(scores: Array) -> str:

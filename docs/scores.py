@@ -98,44 +98,40 @@ def _view(factors: Cell) -> str:
 
 
 def scores_table() -> str:
-    """Normalised scores in all worlds and in the mean over them."""
-    groups = _groups()
-    found, metric, ends = _scored(groups)
-    texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
-    planners = [name for name in ORDER if any(score.planner == name for score in found) and name not in FLOORS]
-    columns = [["planner", "`hover`", "bound", *(f"`{name}`" for name in planners)]]
-    for cell, own in _by_world(groups):
-        means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
-        columns.append([_name(cell), *means, *(texts.get((cell, name), "") for name in planners)])
-    columns.append(["mean of these", "", "", *(texts.get((None, name), "") for name in planners)])
-    heads, *lines = zip(*columns, strict=True)
-    return markdown_table(heads, lines)
+    """Normalised scores in the mean over all worlds; the figure has those in each."""
+    scored = _scored(_groups())
+    texts = {score.planner: score.estimate.text(SCORE) for score in scored.scores if score.cell is None}
+    lines = [[f"`{name}`", texts[name]] for name in ORDER if name in texts and name not in FLOORS]
+    return markdown_table(["planner", "score [%]"], lines)
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     """A metric of a planner, and what others have beyond it, paired by map; the last line is their mean over worlds.
 
     Bold differences survive Holm's correction for all planners; of those in italics only the interval excludes zero.
+    The table of the metric that the study scores begins with the means of floor and bound.
     """
     metric, groups = metric_shown(name), _groups(world)
     planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
-    heads, means = ["planner"], [f"`{base}`"]
+    ends = dict(zip(_scored(groups).ends, ("`hover`", "bound"), strict=True)) if name == STUDY.score.metric else {}
+    heads, means = ["planner"], {**{end: [text] for end, text in ends.items()}, base: [f"`{base}`"]}
     gaps: list[list[Difference]] = [[] for _ in planners]
     worlds: list[list[dict[Run, Array]]] = [[] for _ in planners]
     for cell, own in _by_world(groups):
         heads.append(_name(cell))
-        means.append(f"{metric.text(map_means(own[base], metric).value)} {metric.unit}")
+        for planner, line in means.items():
+            line.append(f"{metric.text(map_means(own[planner], metric).value)} {metric.unit}")
         for k, planner in enumerate(planners):
             worlds[k].append(pair_differences(own[planner], own[base], [metric]))
             gaps[k] += differences(worlds[k][-1], [metric])
     if not world:
-        heads, means = [*heads, "mean of these"], [*means, ""]
+        heads, means = [*heads, "mean of these"], {planner: [*line, ""] for planner, line in means.items()}
         for k, pairs in enumerate(worlds):
             gaps[k] += differences({run: np.mean([gap[run] for gap in pairs], axis=0) for run in pairs[0]}, [metric])
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
     texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
     lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if world or name not in FLOORS]
-    return markdown_table(heads, [means, *lines])
+    return markdown_table(heads, [*means.values(), *lines])
 
 
 def _marked(gap: Difference, metric: Metric, survives: bool) -> str:
