@@ -83,11 +83,12 @@ def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec
             yield from keys(row, f"{place}.")
 
 
-def keys_table(table: str) -> str:
-    """Keys of a table of a scenario, those of none as `mission`: default, bounds, unit and meaning."""
+def keys_table(*tables: str) -> str:
+    """Keys of tables of a scenario, those of none as `mission`: default, bounds, unit and meaning."""
     lines = ["| key | default | allowed | unit and meaning |", "|---|---|---|---|"]
     for key, field, meaning in keys():
-        if table == (key.rpartition(".")[0] or ("uavs" if key == "uavs" else "mission")):
+        table = key.rpartition(".")[0] or ("uavs" if key == "uavs" else "mission")
+        if table in tables:
             full = FULL.get(field.name) if table == "appearance" else None
             meaning += f"; full strength: `{str(full).lower()}`" if full is not None else ""
             lines.append(f"| `{key}` | {_default(key, field)} | {_limits(field.type)} | {meaning} |")
