@@ -247,8 +247,7 @@ class Mission:
         try:
             with self.clock.measure("physics"):
                 steps = rates.physics // rates.sensing
-                winds = [None] * steps if self._air is None else list(self._air.steps(steps))
-                self._world.advance(self._commands, winds)
+                self._world.advance(self._commands, steps, None if self._air is None else self._air.steps(steps))
             self._scan()
         except BaseException:
             self.close()

@@ -14,8 +14,7 @@ from sim.world.engine import Engine, pybullet
 from sim.world.quadrotor import GRAVITY
 from tracking.geometry.visibility import TARGET_HEIGHT, Tree
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
-from tracking.numerics.trigonometry import cos, hypot, sin
+from tracking.numerics.trigonometry import hypot
 
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
 _PERSON_RADIUS = 0.25  # m, of the solid body
@@ -124,25 +123,3 @@ def _foliage(k: int) -> tuple[float, float, float]:
 def _multiply(tint: tuple[float, float, float], factors: Array) -> tuple[float, float, float]:
     red, green, blue = (np.array(tint) * factors).tolist()
     return red, green, blue
-
-
-@compiled
-def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
-    """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
-
-    Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
-    because its sine and cosine are those of the C library.
-    """
-    rate = math.sqrt(np.sum(spin * spin))
-    scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    (x, y, z), w = scale * spin, cos(0.5 * rate * dt)
-    a, b, c, d = quaternion
-    out = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        ]
-    )
-    return out / math.sqrt(np.sum(out * out))

@@ -9,7 +9,7 @@ from sim.scenario.environment import Area, Trees
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.distances import length
+from tracking.numerics.compiled import compiled
 from tracking.numerics.poisson import draw_poisson
 
 MAX_TREES = 10_000
@@ -72,10 +72,20 @@ def _place(radii: Array, trees: Trees, area: Area, rng: np.random.Generator, kee
         for candidate in candidates[free]:
             if n == count:
                 return centres
-            if np.all(length(centres[:n] - candidate) >= radii[:n] + radii[n]):
+            if _fits(candidate, radii[n], centres[:n], radii):
                 centres[n] = candidate
                 n += 1
     return centres[:n]
+
+
+@compiled
+def _fits(centre: Array, radius: float, centres: Array, radii: Array) -> bool:
+    """True if a disc overlaps none of those at centres (n, 2) m with radii (n or more,) m."""
+    for k in range(len(centres)):
+        east, north = centres[k, 0] - centre[0], centres[k, 1] - centre[1]
+        if math.sqrt(east * east + north * north) < radii[k] + radius:
+            return False
+    return True
 
 
 def _apart(points: Array, others: Array, distance: float) -> Flags:

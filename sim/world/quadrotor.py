@@ -1,4 +1,4 @@
-"""Quadrotor: constants, the controller that turns velocity commands into rotor thrusts, and kinematic motion."""
+"""Quadrotor: constants and the controller that turns velocity commands into rotor thrusts."""
 
 import math
 
@@ -8,7 +8,7 @@ from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
-from tracking.numerics.trigonometry import arctan2, cos, hypot, sin, tan
+from tracking.numerics.trigonometry import hypot, tan
 
 GRAVITY = 9.81  # m/s²
 MASS = 1.2  # kg
@@ -74,11 +74,6 @@ def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tup
     return thrusts, kept
 
 
-def drag(velocity: Array, wind: Array) -> Array:
-    """Force (3,) N of a wind (2,) m/s, east and north, on a body that moves at velocity (3,) m/s."""
-    return DRAG * (np.array([wind[0], wind[1], 0.0]) - velocity)
-
-
 @compiled
 def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> Array:
     """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
@@ -135,43 +130,4 @@ def _mix(lift: float, torque: Array) -> Array:
     for k in range(4):
         out[k] = min(max(mean + scale * out[k], 0.0), MAX_ROTOR_THRUST)
     out[4] = min(max(torque[2], -MAX_YAW_TORQUE), MAX_YAW_TORQUE)
-    return out
-
-
-@compiled
-def glide(positions: Array, quaternions: Array, commands: Array, dt: float, steps: int) -> tuple[Array, Array]:
-    """Positions (n, 3) m and quaternions (n, 4) after steps of dt s by [Li22] eq. (5).
-
-    UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine turns quaternions
-    into matrices and back, like `settle`. The returned ones are those given to the engine at the last step.
-    """
-    moved, put = positions.copy(), quaternions
-    for _ in range(steps):
-        turned, put = settle(put), np.zeros_like(quaternions)
-        for i in range(len(moved)):
-            east, north = commands[i]
-            moved[i, 0] += east * dt
-            moved[i, 1] += north * dt
-            yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
-            put[i, 2], put[i, 3] = sin(yaw / 2), cos(yaw / 2)
-    return moved, put
-
-
-@compiled
-def settle(quaternions: Array) -> Array:
-    """Quaternions (n, 4) of turns about z as the engine returns them, which converts them to matrices and back."""
-    out = np.zeros_like(quaternions)
-    for i in range(len(quaternions)):
-        z, w = quaternions[i, 2], quaternions[i, 3]
-        scaled = z * (2.0 / (z * z + w * w))
-        sine, diagonal = w * scaled, 1.0 - z * scaled
-        trace = diagonal + diagonal + 1.0
-        if trace > 0.0:
-            root = math.sqrt(trace + 1.0)
-            out[i, 3] = root * 0.5
-            out[i, 2] = (sine + sine) * (0.5 / root)
-        else:
-            root = math.sqrt(1.0 - diagonal - diagonal + 1.0)
-            out[i, 2] = root * 0.5
-            out[i, 3] = (sine + sine) * (0.5 / root)
     return out

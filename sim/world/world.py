@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,16 +13,15 @@ import numpy as np
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.bodies import AWAY, Bodies, Body, rotate
-from sim.world.contacts import Contact, nearest_approach
+from sim.world.attitude import rotate, settle
+from sim.world.bodies import AWAY, Bodies, Body
+from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
-from sim.world.quadrotor import ROTORS, drag, glide, rotor_thrusts, settle, steady_thrusts
+from sim.world.free_flight import fly, follow, glide, wrenches
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import cos, sin
-
-_CLEAR = 1.0  # m, from a UAV's centre to another's or to the bodies below; beyond this distance nothing touches
 
 
 class World:
@@ -29,9 +29,10 @@ class World:
 
     `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario;
     `centres` gives their positions. Trees stand still, people are placed, and UAVs follow velocity commands.
+    `states` (n, 13) has the UAVs' positions m, quaternions xyzw, velocities m/s and spins rad/s.
     If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
     Except with OpenGL, a world can be copied and pickled; the copy has its own client in the same state.
-    For kinematic UAVs without rendering, the client is made only when it is first used.
+    The engine moves UAVs only when one is near another body; without rendering, its client is made only then.
     """
 
     def __init__(
@@ -51,23 +52,19 @@ class World:
         self._origin = scenario, forest, people, seed, repeat
         self.trees = forest.trees
         self._given = client
-        self._altitudes = [uav.altitude for uav in scenario.uavs]
-        starts = [(*uav.start, uav.altitude) for uav in scenario.uavs]
-        self._positions = np.array(starts, dtype=float)  # positions of kinematic UAVs, as given to the engine
-        self._quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (len(starts), 1))
-        self._commands = np.zeros((len(starts), 2))
+        uavs = scenario.uavs
+        self.states = np.array([(*uav.start, uav.altitude, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) for uav in uavs], dtype=float)
+        self._altitudes = self.states[:, 2].copy()
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres, self._headings = np.full((people, 3), np.nan), np.zeros(people)
-        self._memories = np.zeros((len(starts), 3))  # m/s², memories of `steady_thrusts`
+        self._memories = np.zeros((len(uavs), 3))  # m/s², memories of `steady_thrusts`
         self._touched: set[Contact] = set()
         self._closed = False
-        tops = [t.canopy_top for t in forest.trees]
-        above = min(self._altitudes) - max(2 * TARGET_HEIGHT, *tops, 0.0)
+        self._top = max(2 * TARGET_HEIGHT, *(t.canopy_top for t in forest.trees), 0.0)  # m, of trees and people
         self._kinematic = scenario.dynamics == "kinematic"
-        self._alone = self._kinematic and above > _CLEAR  # True if UAVs can touch only one another
-        if client is not None or not self._kinematic or scenario.sensing.renders:
+        if client is not None or scenario.sensing.renders:
             _ = self._bodies
 
     @property
@@ -108,8 +105,7 @@ class World:
     @property
     def centres(self) -> Array:
         """Centres (B, 3) m of the spheres around `bodies`; NaN for absent people."""
-        uavs = [pose.position for pose in self.poses()]
-        return np.vstack([self._tree_centres, self._people_centres, uavs])
+        return np.vstack([self._tree_centres, self._people_centres, self.states[:, _POSITION]])
 
     def place_people(self, positions: Array, headings: Array) -> None:
         """Put people at positions (M, 2) m with headings (M,) rad from east; NaN means absent."""
@@ -121,52 +117,64 @@ class World:
 
     def place_uavs(self, poses: Sequence[Pose]) -> None:
         """Put each UAV at a recorded pose of its body, without a change of its velocity."""
-        self._positions = np.array([pose.position for pose in poses])
-        self._quaternions = np.array([pose.quaternion for pose in poses])
-        for body, pose in zip(self._bodies.uavs, poses, strict=True):
-            self.engine.resetBasePositionAndOrientation(body.id, pose.position.tolist(), pose.quaternion.tolist())
+        self.states[:, _POSITION] = [pose.position for pose in poses]
+        self.states[:, _QUATERNION] = [pose.quaternion for pose in poses]
+        self._put_uavs(self._bodies)
 
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies; axes: x forward (east at yaw 0), y left, z up."""
-        if self._kinematic:
-            return [Pose(*pose) for pose in zip(self._positions.copy(), settle(self._quaternions), strict=True)]
-        found = [self.engine.getBasePositionAndOrientation(body.id) for body in self._bodies.uavs]
-        return [Pose(*map(np.array, pose)) for pose in found]
+        rows = self.states[:, _POSITION].copy(), settle(self.states[:, _QUATERNION])
+        return [Pose(*pose) for pose in zip(*rows, strict=True)]
 
     def velocities(self) -> Array:
         """Velocities of the UAVs (n, 3) m/s."""
-        if self._kinematic:
-            return np.pad(self._commands, ((0, 0), (0, 1)))
-        return np.array([self.engine.getBaseVelocity(b.id)[0] for b in self._bodies.uavs])
+        return self.states[:, _VELOCITY].copy()
 
-    def advance(self, commands: Array, winds: Sequence[Array | None]) -> None:
-        """Advance by one physics `step` per wind.
+    def advance(self, commands: Array, steps: int, winds: Array | None = None) -> None:
+        """Advance by physics steps, as by so many calls of `step`; winds (steps, 2) m/s.
 
-        Kinematic UAVs that are too far from everything to touch it make all steps at once, without the engine.
+        The engine makes only those steps before which a UAV is near another body.
         """
-        if self._alone and self._apart(commands, len(winds)):
-            self._glide(commands, len(winds))
-            return
-        for wind in winds:
-            self.step(commands, wind)
+        air = np.zeros((steps, 2)) if winds is None else winds
+        targets, done = self._targets(commands), 0
+        while done < steps:
+            if self._kinematic:
+                done += glide(self.states, commands, self._dt, steps - done, self._top)
+            else:
+                calm = winds is None
+                done += fly(self.states, targets, self._memories, air[done:], calm, self._dt, self._top)
+            if done < steps:
+                self.step(commands, None if winds is None else winds[done])
+                done += 1
+        if self._made:
+            self._put_uavs(self._bodies)
 
     def step(self, commands: Array, wind: Array | None = None) -> None:
-        """Advance by one physics step under velocity commands (n, 2) m/s, east and north.
+        """Advance by one physics step of the engine under velocity commands (n, 2) m/s, east and north.
 
         wind (2,) m/s, east and north, pushes quadrotors, which hold against it; None means no air resistance.
         """
+        bodies = self._bodies
         if self._kinematic:
-            _ = self._bodies
-            self._glide(commands, 1)
+            follow(self.states, commands, self._dt)
+            self._put_uavs(bodies)
             self.engine.performCollisionDetection()
             self._touch()
             return
-        before = [self._state(body) for body in self._bodies.uavs]
-        for uav, (state, command) in enumerate(zip(before, commands, strict=True)):
-            self._apply_forces(uav, state, np.array([*command, self._altitudes[uav]]), wind)
+        self._put_uavs(bodies)
+        targets, calm = self._targets(commands), wind is None
+        given = wrenches(self.states, targets, self._memories, _CALM if wind is None else wind, calm, self._dt)
+        for body, state, wrench in zip(bodies.uavs, self.states.tolist(), given.tolist(), strict=True):
+            self.engine.applyExternalForce(body.id, -1, wrench[:3], state[_POSITION], pybullet.WORLD_FRAME)
+            self.engine.applyExternalTorque(body.id, -1, wrench[3:], pybullet.WORLD_FRAME)
         self.engine.stepSimulation()
-        for body, state in zip(self._bodies.uavs, before, strict=True):
-            self._redo_attitude(body, state[_QUATERNION])
+        for body, state in zip(bodies.uavs, self.states, strict=True):
+            before = settle(state[None, _QUATERNION])[0]
+            state[_POSITION], _ = self.engine.getBasePositionAndOrientation(body.id)
+            state[_VELOCITY], state[_SPIN] = self.engine.getBaseVelocity(body.id)
+            # The bits of the engine's own attitude depend on the processor.
+            state[_QUATERNION] = rotate(before, state[_SPIN], self._dt)
+        self._put_uavs(bodies)
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
@@ -193,7 +201,7 @@ class World:
                 path = Path(folder, "world.bullet")
                 self.engine.saveBullet(str(path))
                 engine = path.read_bytes()
-        return World, self._origin, ({name: vars(self)[name] for name in _STATE}, engine)
+        return World, self._origin, (deepcopy({name: vars(self)[name] for name in _STATE}), engine)
 
     def __setstate__(self, given: tuple[dict[str, Any], bytes | None]) -> None:
         """Restore the state of a world with the same scenario and forest, and that of its client, if it has one."""
@@ -213,36 +221,9 @@ class World:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _state(self, body: Body) -> Array:
-        """State (13,) of a body: position m, quaternion, velocity m/s and spin rad/s."""
-        position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
-        velocity, spin = self.engine.getBaseVelocity(body.id)
-        return np.array(position + quaternion + velocity + spin)
-
-    def _apply_forces(self, uav: int, state: Array, target: Array, wind: Array | None) -> None:
-        """Apply the forces of the rotors and of the wind to a UAV in a state (13,).
-
-        target (3,): velocity east and north m/s, altitude m.
-        """
-        body = self._bodies.uavs[uav]
-        if wind is None:
-            given = rotor_thrusts(state, target, _CALM)
-        else:
-            given, self._memories[uav] = steady_thrusts(state, target, self._memories[uav], self._dt)
-            force = drag(state[_VELOCITY], wind).tolist()
-            self.engine.applyExternalForce(body.id, -1, force, state[:3].tolist(), pybullet.WORLD_FRAME)
-        *thrusts, yaw = given.tolist()
-        for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
-            self.engine.applyExternalForce(body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME)
-        self.engine.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME)
-
-    def _redo_attitude(self, body: Body, before: Array) -> None:
-        """Replace the engine's attitude after a step, whose bits depend on the processor; before (4,): quaternion."""
-        position, _ = self.engine.getBasePositionAndOrientation(body.id)
-        velocity, spin = self.engine.getBaseVelocity(body.id)
-        quaternion = rotate(before, np.array(spin), self._dt)
-        self.engine.resetBasePositionAndOrientation(body.id, position, quaternion.tolist())
-        self.engine.resetBaseVelocity(body.id, velocity, spin)
+    def _targets(self, commands: Array) -> Array:
+        """Velocities m/s east and north, and altitudes m (n, 3) that quadrotors are to reach."""
+        return np.column_stack([commands, self._altitudes])
 
     def _touch(self) -> None:
         """Note the contacts that the engine found, which has a margin of 2 cm."""
@@ -250,23 +231,11 @@ class World:
             pair = sorted((self._bodies.names[a], self._bodies.names[b]), key=lambda name: (name[0] != "uav", name[1]))
             self._touched.add(Contact(pair[0][1], *pair[1]))
 
-    def _apart(self, commands: Array, steps: int) -> bool:
-        """True if UAVs stay clear of one another during these steps."""
-        return nearest_approach(self._positions, commands, steps / self._scenario.rates.physics) > _CLEAR
-
-    def _glide(self, commands: Array, steps: int) -> None:
-        """Move UAVs by [Li22] eq. (5); at zero velocity the heading is kept."""
-        self._positions, self._quaternions = glide(self._positions, self._quaternions, commands, self._dt, steps)
-        self._commands = commands
-        if self._made:
-            self._put_uavs(self._bodies)
-
     def _put_uavs(self, bodies: Bodies) -> None:
-        """Put UAVs at `_positions`: the present ones of kinematic UAVs, and the starts of quadrotors."""
-        rows = (bodies.uavs, self._positions.tolist(), self._quaternions.tolist(), self._commands.tolist())
-        for body, position, quaternion, command in zip(*rows, strict=True):
-            bodies.engine.resetBasePositionAndOrientation(body.id, position, quaternion)
-            bodies.engine.resetBaseVelocity(body.id, (*command, 0.0), (0.0, 0.0, 0.0))
+        """Put UAVs into their `states`."""
+        for body, state in zip(bodies.uavs, self.states.tolist(), strict=True):
+            bodies.engine.resetBasePositionAndOrientation(body.id, state[_POSITION], state[_QUATERNION])
+            bodies.engine.resetBaseVelocity(body.id, state[_VELOCITY], state[_SPIN])
 
 
 def _put_people(bodies: Bodies, centres: Array, headings: Array) -> None:
@@ -278,9 +247,8 @@ def _put_people(bodies: Bodies, centres: Array, headings: Array) -> None:
         bodies.engine.resetBasePositionAndOrientation(body.id, place, turned)
 
 
-_STATE = ("_positions", "_quaternions", "_commands", "_people_centres", "_headings", "_memories", "_touched", "_closed")
+_STATE = ("states", "_people_centres", "_headings", "_memories", "_touched", "_closed")
 
 
-_ROTORS: list[list[float]] = ROTORS.tolist()
-_CALM = np.zeros(3)
-_QUATERNION, _VELOCITY = slice(3, 7), slice(7, 10)  # in the state of a body
+_CALM = np.zeros(2)
+_POSITION, _QUATERNION, _VELOCITY, _SPIN = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)  # in `states`

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal, plain_cost
 from helpers.scenes import CAMERA, MOTION, OPEN, R, track
+from helpers.timing import least
 
+from planning.baselines import Hover
 from planning.composed import Composed
 from planning.objective.nbo import objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
+from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.sensing.renderer import Renderer
@@ -32,6 +35,13 @@ TREES = Forest(tuple(Tree(10.0 * i - 70, 20.0 * j - 40, 4.5) for i in range(15) 
 PEOPLE = np.array([[3.0, 7.0], [-5.0, 10.0], [6.0, 15.0], [-2.0, 12.0]])
 POSE = Pose.level(0.0, 10.0, 19.0)
 CANDIDATES = 256
+SPARSE = [
+    "duration=2",
+    "sensing.mode=ideal",
+    "area.width=5000",
+    "area.height=5000",
+    "uavs=[{start=[-2,0]}, {start=[2,0]}]",
+]
 
 
 @pytest.mark.benchmark(group="detection")
@@ -102,3 +112,17 @@ def test_mission(benchmark, mode):
 
     snapshots = benchmark.pedantic(lambda mission: list(mission.fly()), setup=ready, rounds=5, warmup_rounds=1)
     assert len(snapshots) == 26
+
+
+def test_mission_among_5000_trees_against_50(judged):
+    """Two quadrotors with ideal sensing, 2 s in 5 x 5 km, from start-up on; far trees cost no physics."""
+
+    def fly(trees):
+        setting = load("forest", [*SPARSE, f"trees.density={trees}"])
+        for _ in Mission(setting, Hover(), 0).fly():
+            pass
+
+    fly(50)
+    many, few = least(lambda: fly(5000), lambda: fly(50), rounds=10 if judged else 1)
+    print(f"\nmission among 5000 trees: {1e3 * many:.0f} ms, among 50: {1e3 * few:.0f} ms, ratio {many / few:.1f}")
+    assert not judged or many < 4 * few

@@ -1,8 +1,6 @@
 import math
-from dataclasses import replace
 
 import numpy as np
-import pybullet
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -11,7 +9,7 @@ from planning.prediction.response import mean_velocities, response
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import vehicle_of
-from sim.world.bodies import rotate
+from sim.world.attitude import rotate
 from sim.world.quadrotor import (
     _ATTITUDE_GAINS,
     COMMAND_LAG,
@@ -108,9 +106,7 @@ def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
 def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):
     """Velocities (K, 3), heights above the commanded one (K,) and tilts (K,) rad in the engine."""
     with World(Scenario(uavs=(UAV,), rates=Rates(physics=rate)), Forest(()), 0) as world:
-        place = [*UAV.start, UAV.altitude]
-        body = world.bodies[-1].id
-        pybullet.resetBasePositionAndOrientation(body, place, list(quaternion), physicsClientId=world.client)
+        world.states[0, 3:7] = quaternion
         rows = []
         for command in commands:
             for _ in range(round(seconds * rate)):
@@ -136,17 +132,15 @@ def test_a_quadrotor_turns_as_in_the_engine_but_by_our_sine_and_cosine():
         for _ in range(200):
             before = world.poses()[0]
             world.step(rng.uniform(-5, 5, (1, 2)))
-            after, spin = world.poses()[0], engine.getBaseVelocity(uav.id)[1]
-            world.place_uavs([replace(after, quaternion=rotate(before.quaternion, np.array(spin), 1 / RATE))])
-            np.testing.assert_array_equal(world.poses()[0].quaternion, after.quaternion)
+            spin = world.states[0, 10:13]
+            np.testing.assert_array_equal(world.states[0, 3:7], rotate(before.quaternion, spin, 1 / RATE))
             # The engine by itself, from the same place at the same spin.
-            world.place_uavs([before])
-            engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
+            engine.resetBasePositionAndOrientation(uav.id, before.position.tolist(), before.quaternion.tolist())
+            engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin.tolist())
             engine.stepSimulation()
-            by_itself, spin_then = world.poses()[0].quaternion, engine.getBaseVelocity(uav.id)[1]
+            _, by_itself = engine.getBasePositionAndOrientation(uav.id)
+            _, spin_then = engine.getBaseVelocity(uav.id)
             off.append(np.abs(by_itself - rotate(before.quaternion, np.array(spin_then), 1 / RATE)).max())
-            world.place_uavs([after])
-            engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
     assert 0.0 < max(off) < 2e-15
 
 

@@ -18,19 +18,6 @@ ONE = Scenario(uavs=(Uav(start=(1.0, 2.0)),))
 NO_TREES = Forest(())
 
 
-def state(world):
-    body = world.bodies[-1].id
-    pose = pybullet.getBasePositionAndOrientation(body, physicsClientId=world.client)
-    motion = pybullet.getBaseVelocity(body, physicsClientId=world.client)
-    return np.concatenate([*pose, *motion])
-
-
-def put(world, position, quaternion, velocity, spin):
-    body = world.bodies[-1].id
-    pybullet.resetBasePositionAndOrientation(body, position, quaternion, physicsClientId=world.client)
-    pybullet.resetBaseVelocity(body, velocity, spin, physicsClientId=world.client)
-
-
 def test_uavs_start_level_at_their_places_in_a_world_that_closes():
     scenario = Scenario()
     with World(scenario, NO_TREES, 0) as world:
@@ -72,8 +59,8 @@ def test_rotors_move_the_body_as_newton_and_euler_say():
         for _ in range(50):
             quaternion = rng.normal(0, [0.2, 0.2, 0.4, 1.0])
             quaternion /= np.linalg.norm(quaternion)
-            put(world, [*rng.uniform(-30, 30, 2), 17.0], quaternion.tolist(), *rng.normal(0, 1, (2, 3)).tolist())
-            before, command = state(world), rng.uniform(-3, 3, 2)
+            world.states[0] = [*rng.uniform(-30, 30, 2), 17.0, *quaternion, *rng.normal(0, 1, 6)]
+            before, command = world.states[0].copy(), rng.uniform(-3, 3, 2)
             rotation = world.poses()[0].rotation
             *thrusts, yaw = rotor_thrusts(before, np.array([*command, ONE.uavs[0].altitude]), np.zeros(3))
             world.step(command[None])
@@ -82,10 +69,10 @@ def test_rotors_move_the_body_as_newton_and_euler_say():
             torque = np.cross(ROTORS, np.outer(thrusts, [0, 0, 1])).sum(axis=0) + np.array([0, 0, yaw])
             spin = rotation.T @ before[10:13]
             turning = rotation @ ((torque - np.cross(spin, INERTIA * spin)) / INERTIA)
-            assert state(world)[7:10] == pytest.approx(before[7:10] + DT * force, abs=1e-9)
-            assert state(world)[:3] == pytest.approx(before[:3] + DT * state(world)[7:10], abs=1e-9)
+            assert world.states[0, 7:10] == pytest.approx(before[7:10] + DT * force, abs=1e-9)
+            assert world.states[0, :3] == pytest.approx(before[:3] + DT * world.states[0, 7:10], abs=1e-9)
             # The engine integrates the gyroscopic torque implicitly: a difference of second order in the step.
-            assert state(world)[10:13] == pytest.approx(before[10:13] + DT * turning, abs=2e-3)
+            assert world.states[0, 10:13] == pytest.approx(before[10:13] + DT * turning, abs=2e-3)
 
 
 def test_kinematic_motion_is_the_papers_equation():

@@ -1,0 +1,168 @@
+"""UAVs that are clear of everything need no engine, and fly to the same bits as with it."""
+
+import numpy as np
+import pytest
+from helpers.flights import fly, recording_of
+
+from planning.planner import Plan
+from sim.recording.archive import digest
+from sim.scenario.scenario import Scenario
+from sim.scenario.uavs import Uav
+from sim.world.attitude import settle
+from sim.world.free_flight import _are_clear
+from sim.world.world import World
+from tracking.geometry.visibility import Forest, Tree
+
+IDEAL = ("sensing.mode=ideal",)
+GLIDING = (*IDEAL, "dynamics=kinematic")
+DYNAMICS = ("quadrotor", "kinematic")
+LINE = tuple(Uav(start=(3.0 * i, 0.0), footprint=20.0 + i) for i in range(8))
+
+
+def bits(world):
+    return world.states.tobytes(), [(pose.position.tobytes(), pose.quaternion.tobytes()) for pose in world.poses()]
+
+
+def poses_of_engine(world):
+    """Those of the bodies in the engine, which is made if it was not."""
+    found = [world.engine.getBasePositionAndOrientation(body.id) for body in world._bodies.uavs]
+    return [(np.array(position).tobytes(), np.array(quaternion).tobytes()) for position, quaternion in found]
+
+
+@pytest.mark.parametrize("windy", [False, True])
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+def test_uavs_move_to_the_bits_of_the_engine_step_by_step(dynamics, windy):
+    """Commands of all directions, along the axes too, and none, at which kinematic UAVs keep their headings."""
+    rng, fleet = np.random.default_rng(0), Scenario(dynamics=dynamics, uavs=LINE)
+    with World(fleet, Forest(()), 0) as stepped, World(fleet, Forest(()), 0) as free:
+        for _ in range(100):
+            commands = rng.uniform(-5, 5, (8, 2)) * rng.integers(0, 2, (8, 2))
+            winds = rng.normal(0, 4, (5, 2)) if windy else None
+            for k in range(5):
+                stepped.step(commands, None if winds is None else winds[k])
+            free.advance(commands, 5, winds)
+            assert poses_of_engine(stepped) == bits(stepped)[1] and bits(stepped) == bits(free)
+        assert stepped.velocities().tobytes() == free.velocities().tobytes()
+
+
+def test_the_engine_itself_moves_a_tumbling_body_to_the_same_bits():
+    """Also upside down, where a controller in flight never brings it; but for the attitude, which is not its own."""
+    rng, one = np.random.default_rng(1), Scenario(uavs=LINE[:1])
+    with World(one, Forest(()), 0) as stepped, World(one, Forest(()), 0) as free:
+        for _ in range(500):
+            quaternion = rng.normal(size=4)
+            quaternion /= np.linalg.norm(quaternion)
+            motion = rng.normal(0, 3, 6) * rng.integers(0, 2, 6)
+            free.states[0] = stepped.states[0] = [*rng.uniform(-30, 30, 2), 20.0, *quaternion, *motion]
+            commands, winds = rng.uniform(-5, 5, (1, 2)), rng.normal(0, 4, (1, 2))
+            stepped.step(commands, winds[0])
+            free.advance(commands, 1, winds)
+            assert bits(stepped) == bits(free)
+            uav = stepped.bodies[0].id
+            stepped.engine.resetBasePositionAndOrientation(uav, [0.0, 0.0, 9.0], quaternion.tolist())
+            returned = np.array(stepped.engine.getBasePositionAndOrientation(uav)[1])
+            assert settle(quaternion[None]).tobytes() == returned.tobytes()
+
+
+def test_uavs_that_are_clear_touch_nothing_in_the_engine():
+    rng, tree = np.random.default_rng(2), Tree(0.0, 0.0)
+    with World(Scenario(uavs=LINE[:2]), Forest((tree,)), 0) as world:
+        found = []
+        for _ in range(3000):
+            quaternions = rng.normal(size=(2, 4))
+            world.states[:, 3:7] = quaternions / np.linalg.norm(quaternions, axis=1)[:, None]
+            world.states[:, :2], world.states[:, 2] = rng.uniform(-0.7, 0.7, (2, 2)), tree.canopy_top
+            world.states[:, 2] += rng.uniform(0.0, 1.2, 2)
+            world._put_uavs(world._bodies)
+            world.engine.performCollisionDetection()
+            found.append((_are_clear(world.states, tree.canopy_top), len(world.engine.getContactPoints()) > 0))
+    clear, touching = np.array(found).T
+    assert not np.any(clear & touching) and 100 < clear.sum() < 2900 and touching.sum() > 300
+
+
+def height(base):
+    """Trees whose canopy, or whose trunk, is where the first of `LINE` flies to the east, and one beside its way."""
+    return Tree(4.0, 0.1, 2.0, base, 30.0), Tree(4.2, 8.0, 2.0, base, 30.0)
+
+
+@pytest.mark.parametrize("windy", [False, True])
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize(
+    ("uavs", "trees", "kinds"),
+    [
+        ([(0.0, 0.0), (6.0, 0.1), (0.0, 9.0)], (Tree(3.0, 1.0),), {"uav"}),
+        ([(0.0, 0.0), (0.0, 7.9)], height(10.0), {"canopy"}),
+        ([(0.0, 0.0), (0.0, 7.9)], height(25.0), {"trunk"}),
+    ],
+    ids=["one another", "into canopies", "into trunks"],
+)
+def test_uavs_collide_as_when_the_engine_makes_every_step(uavs, trees, kinds, dynamics, windy):
+    """Bits and contacts of a flight into something and away from it."""
+    rng, setting = np.random.default_rng(4), Scenario(dynamics=dynamics, uavs=tuple(Uav(start=at) for at in uavs))
+    with World(setting, Forest(trees), 1) as stepped, World(setting, Forest(trees), 1) as free:
+        touched = []
+        for scan in range(40):
+            if scan < 18:
+                commands = np.array([[1.5, 0.0], [-1.0 if kinds == {"uav"} else 1.5, 0.0], [0.5, 0.0]])[: len(uavs)]
+            else:
+                commands = rng.uniform(-3, 3, (len(uavs), 2))
+            winds = rng.normal(0, 2, (48, 2)) if windy else None
+            for k in range(48):
+                stepped.step(commands, None if winds is None else winds[k])
+            free.advance(commands, 48, winds)
+            touched.append(stepped.take_contacts())
+            assert bits(stepped) == bits(free) and free.take_contacts() == touched[-1]
+    assert {contact.kind for contacts in touched for contact in contacts} >= kinds
+    assert sum(map(bool, touched)) < 40
+
+
+def test_only_what_is_near_makes_the_engine_step(monkeypatch):
+    """Two that meet head on, each 1 m from the other for 1 m of their ways: a second's steps at 2 m/s, and the rest."""
+    steps, step = [], World.step
+    monkeypatch.setattr(World, "step", lambda self, *a: (steps.append(None), step(self, *a)))
+    fleet = Scenario(dynamics="kinematic", uavs=(Uav(start=(0.0, 0.0)), Uav(start=(6.0, 0.0))))
+    with World(fleet, Forest((Tree(30.0, 0.0),)), 0) as world:
+        for _ in range(25):
+            world.advance(np.array([[1.0, 0.0], [-1.0, 0.0]]), 48)
+    assert len(steps) == pytest.approx(240, abs=2)
+
+
+class Wanderer:
+    """Every UAV flies somewhere, hovers, or goes to the middle."""
+
+    def plan(self, team, rng):
+        ways = [rng.uniform(-3, 3, 2) for _ in team]
+        chances = rng.choice([0, 1, 2, 2, 2], len(team))
+        middle = [np.clip(-s.own.position[:2], -2, 2) for s in team]
+        return [Plan(np.array([[w, 0 * w, m][k]])) for w, m, k in zip(ways, middle, chances, strict=True)]
+
+
+MEETING = "uavs=[{start=[-2, 0], footprint=20}, {start=[2, 0], footprint=20}, {start=[0, 9], footprint=30}]"
+LOW = ("trees.density=60", "uavs=[{start=[-2, 0], footprint=8.1}]")  # at 7.01 m, the lowest there is
+
+
+@pytest.mark.parametrize(
+    ("overrides", "met", "engine"),
+    [
+        (IDEAL, False, False),
+        ((*IDEAL, "wind.gust=2"), False, False),
+        ((*IDEAL, *LOW), False, False),
+        ((*IDEAL, MEETING), True, True),
+        (GLIDING, False, False),
+        ((*GLIDING, *(f"uavs.{i}.mount=body" for i in range(3)), "uavs.0.tilt_deg=20"), False, False),
+        ((*GLIDING, MEETING), True, True),
+        ((*GLIDING, *LOW), False, False),
+        (("dynamics=kinematic", MEETING), True, True),
+        ((MEETING,), True, True),
+    ],
+    ids="apart,wind,low,meeting,glide,glide on mounts,glide and meet,glide low,seen glide,seen".split(","),
+)
+def test_missions_without_an_engine_have_the_bytes_of_those_with_one(overrides, met, engine, monkeypatch):
+    duration = 6 if MEETING in overrides and IDEAL[0] in overrides else 4  # kinematic ones part again after 5 s
+    mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
+    assert any(snapshot.contacts for snapshot in snapshots) == met and mission._world._made == engine
+    found = digest(recording_of(mission, snapshots))
+    for move in ("fly", "glide"):
+        monkeypatch.setattr(f"sim.world.world.{move}", lambda *_: 0)
+    mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
+    assert mission._world._made and digest(recording_of(mission, snapshots)) == found
