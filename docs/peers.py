@@ -97,7 +97,6 @@ TUNED = {  # by `tune`
 VARIED: dict[str, dict[str, float]] = {
     "default": {},
     **{f"confirmed at {r} (0.99)": {"confirmation_threshold": r} for r in (0.9, 0.5)},
-    "confirmed and reported at 0.4": {"confirmation_threshold": 0.4, "reported": 0.4},
     "births x 10": {"births": 10},
     "reported above 0.1 (0.5)": {"reported": 0.1},
     "survival 0.999 (0.98)": {"survival": 0.999},
