@@ -22,8 +22,9 @@ from sim.replay.flight import Flight, load
 from sim.replay.frames.frame_panels import png, scans_between
 from sim.replay.link_outages import link_outages
 from sim.scenario.quantities import parse_integer, parse_interval
+from sim.scenario.remarks import find_small_people
 from sim.terminal.commands import Recorded
-from sim.terminal.console import console, show_place
+from sim.terminal.console import console, remark, show_place
 from tracking.errors import InputError
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
@@ -57,6 +58,7 @@ def explain(
     flight = load(recorded)
     recording = flight.recording
     scan = None if moment is None else scans_between(recording, moment, None)[0]
+    remark(*find_small_people(recording.setting))
     people = recording.people.shape[1]
     person = None if target is None else _read_index(target, "--target", people, "no person walked in this mission")
     if track is not None:

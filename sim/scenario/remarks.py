@@ -6,7 +6,8 @@ import msgspec
 
 from sim.scenario.environment import People, Wind
 from sim.scenario.scenario import Scenario
-from tracking.errors import spell
+from sim.scenario.uavs import Uav
+from tracking.errors import list_numbers, spell
 
 # Keys that are not used if another key of the same table has this value.
 _UNUSED = {
@@ -36,7 +37,25 @@ def find_remarks(scenario: Scenario) -> list[str]:
         + _about_unused_keys(scenario)
         + _about_misses(scenario)
         + _about_false_alarms(scenario)
+        + find_small_people(scenario)
     )
+
+
+def find_small_people(scenario: Scenario) -> list[str]:
+    """Remarks on UAVs whose rendered images show a person by less than a pixel."""
+    told: dict[str, list[int]] = {}
+    for i, uav in enumerate(scenario.uavs if scenario.sensing.renders else ()):
+        told.setdefault(describe_small_people(uav), []).append(i)
+    seldom = "which will seldom or never see one; a smaller footprint or more pixels show people"
+    return [f"uavs: {text} of the image of {list_numbers('UAV', i)}, {seldom}" for text, i in told.items() if text]
+
+
+def describe_small_people(uav: Uav) -> str:
+    """How much of a pixel a person straight below a camera covers; empty if it is a whole one or more."""
+    covered = uav.person_pixels
+    if covered >= 1.0:
+        return ""
+    return f"a person covers {spell(covered, 2) if covered >= 0.01 else 'less than 0.01'} pixels"
 
 
 def _about_people(people: People) -> list[str]:

@@ -10,6 +10,8 @@ from sim.scenario.quantities import Point
 from tracking.numerics.trigonometry import cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
+_FROM_ABOVE = 0.27  # m², area of a walking person seen from straight above: `tracking.detection.silhouette`
+
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
@@ -45,6 +47,12 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         angle = math.radians(self.fov_deg)
         tangent = sin(angle) / (1.0 + cos(angle))  # of half the angle
         return self.footprint / (2 * tangent)
+
+    @property
+    def person_pixels(self) -> float:
+        """Mean number of pixels that show a person straight below the camera."""
+        edge = self.footprint / self.pixels
+        return _FROM_ABOVE / (edge * edge)
 
 
 DEFAULT_FLEET = (

@@ -16,6 +16,7 @@ from sim.replay.explain.person import HoldingTrack, PersonFacts
 from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from sim.replay.link_outages import link_outages_at
+from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import UNLIKELY
@@ -106,7 +107,9 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
     for tree in sighting.hidden_by:
         trunk, radius = recording.trees[tree, :2], recording.trees[tree, 2]
         lines.append(f"tree {tree} stands at {place_text(trunk)}, its canopy reaches {radius:.1f} m")
-    if w.whole:
+    if w.whole == 0 and (small := describe_small_people(recording.setting.uavs[w.uav])):
+        lines.append(f"{small} of its image")
+    elif w.whole:
         share = 100 * sighting.pixels / w.whole
         lines.append(f"shows {sighting.pixels} of {w.whole} pixels that it would show without trees, {share:.0f} %")
     return lines

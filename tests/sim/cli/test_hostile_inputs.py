@@ -28,6 +28,7 @@ REMARKS = [
     "misses will end tracks",
     "tracks will follow",
     "weighs them",
+    "a person covers",
 ]
 REMARKS += ["another version", "kept, not shown"]
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

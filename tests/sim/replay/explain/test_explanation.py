@@ -13,6 +13,7 @@ from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
 
 from sim.drawing.lettering import width
+from sim.recording.archive import save
 from sim.replay.explain import picture
 from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
@@ -225,6 +226,18 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
     with Observer(Flight(recording)) as observer:
         lines = [explanation(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
+
+
+def test_a_person_smaller_than_a_pixel_is_said_to_be_so(call, tmp_path):
+    far = ("trees.density=0", "uavs=[{start=[-28,0],footprint=300}]")
+    recording = recorded(*far, "tracking.initial_tracks=none", duration=0.2)
+    with Observer(Flight(recording)) as observer:
+        (of_uav,) = explanation(PersonFacts.of(observer, 1, 0))[1:2]
+    assert "a person covers 0.049 pixels of its image" in of_uav.sentences
+    save(recording, tmp_path / "mission.npz")
+    code, out, err = call("explain", ".")
+    assert code == 0 and "not shown to UAV 0, though no tree is in the way" in out
+    assert err.startswith("understory: uavs: a person covers 0.049 pixels of the image of UAV 0, which will seldom")
 
 
 def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
