@@ -60,8 +60,8 @@ class Film:
         self._sparkline = _Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
-        rate = scenario.rates.sensing
-        self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which each camera takes a frame
+        # scans in which each camera takes a frame
+        self.cycle = max(scenario.frame_scans(i) for i in range(len(scenario.uavs)))
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None

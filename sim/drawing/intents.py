@@ -24,7 +24,7 @@ class Intents:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._step = 1 / scenario.rates.planning
+        self._step = scenario.rates.plan_step
         self._coming: deque[_Decision] = deque()
         self._flown = _Decision(0.0, ())
 

@@ -59,7 +59,7 @@ class MapView:
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)
         # s, length of the past on which a picture depends by trails, plans in flight and last frames of slow cameras
-        self._reach = max(TRAIL, scenario.network.plan_delay + 1 / scenario.rates.planning)
+        self._reach = max(TRAIL, scenario.network.plan_delay + scenario.rates.plan_step)
         self._last: dict[int, Snapshot] = {}  # the snapshot of each camera's last frame
         self._ground = self._draw_ground(forest)
 

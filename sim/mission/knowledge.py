@@ -68,7 +68,7 @@ class Knowledge:
         """One situation per working UAV at the decision of scan k; `bodies` has the state of each UAV."""
         time = k / self._scenario.rates.sensing
         fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
-        self.teammates.update(fleet, links, working, 1 / self._scenario.rates.planning)
+        self.teammates.update(fleet, links, working, self._scenario.rates.plan_step)
         contact, team = links.contact, [fleet[j] for j in working]
         for i in working:
             known = [v for v in team if v.id == i or contact[i, v.id]]

@@ -31,7 +31,7 @@ def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstant
         model = learned
     else:
         model = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
-    return replace(model, dt=1 / rates.planning, scans=rates.sensing // rates.planning)
+    return replace(model, dt=rates.plan_step, scans=rates.plan_scans)
 
 
 def _motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`

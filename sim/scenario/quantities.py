@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from tracking.errors import InputError, did_you_mean
+from tracking.errors import InputError, did_you_mean, spell
 from tracking.settings import DAY
 
 Side = Annotated[float, Meta(ge=1, le=20_000)]  # m
@@ -31,6 +31,21 @@ def parse_number(text: str) -> float:
     Python's `float` reads these, too, and the digits of all scripts, which a reader may take for something else.
     """
     return float(text) if _NUMBER.fullmatch(text) else math.nan
+
+
+def whole(value: float) -> float:
+    """An integral number as an integer, so that recordings have the bytes of one, however it was written."""
+    return int(value) if value == int(value) else value
+
+
+def count_scans(what: str, rate: float, sensing: int) -> int:
+    """Number of scans in a period of a rate [Hz], given the rate of scans; ValueError unless it is a whole number."""
+    scans = sensing / rate
+    if not math.isclose(scans, round(scans), rel_tol=1e-9):
+        near = [n for n in (math.floor(scans), math.ceil(scans)) if n]
+        allowed = " and ".join(f"{spell(sensing / n)} Hz ({spell(n / sensing, 6)} s)" for n in near)
+        raise ValueError(f"{what} {rate:g} Hz does not divide rates.sensing {sensing} Hz; the nearest: {allowed}")
+    return round(scans)
 
 
 def parse_duration(text: str, field: str, most: float = 366 * DAY) -> float:

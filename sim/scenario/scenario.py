@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Wind
-from sim.scenario.quantities import Path
+from sim.scenario.quantities import Path, count_scans, whole
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
 from tracking.errors import spell
@@ -34,14 +34,26 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     # Hz, steps of the engine; a multiple of `rates.sensing`; 25 or more for quadrotors
     physics: Annotated[int, Meta(ge=1, le=10_000)] = 240
     sensing: Annotated[int, Meta(ge=1, le=1000)] = 5  # Hz, scans; a multiple of `rates.planning`
-    planning: Annotated[int, Meta(ge=1, le=1000)] = 1  # Hz, decisions; its inverse is the time step of a plan
+    # Hz, decisions, such as 0.5; its inverse, a multiple of the time between scans, is the time step of a plan
+    planning: Annotated[float, Meta(ge=0.01, le=1000)] = 1
 
     def __post_init__(self) -> None:
-        for name, divisor in pairwise(("physics", "sensing", "planning")):
-            rate, step = getattr(self, name), getattr(self, divisor)
-            if rate % step:
-                near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
-                raise ValueError(f"{name} {rate} Hz is not a multiple of {divisor} {step} Hz, as {near} would be")
+        rate, step = self.physics, self.sensing
+        if rate % step:
+            near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
+            raise ValueError(f"physics {rate} Hz is not a multiple of sensing {step} Hz, as {near} would be")
+        count_scans("planning", self.planning, self.sensing)
+        msgspec.structs.force_setattr(self, "planning", whole(self.planning))
+
+    @property
+    def plan_scans(self) -> int:
+        """Number of scans in a time step of a plan."""
+        return count_scans("planning", self.planning, self.sensing)
+
+    @property
+    def plan_step(self) -> float:
+        """Time step of a plan [s], from one decision to the next."""
+        return self.plan_scans / self.sensing
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
@@ -106,12 +118,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
             inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
             raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area; {inside}")
-        if uav.rate and self.rates.sensing % uav.rate:
-            allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
-            raise ValueError(
-                f"uavs.{i}.rate: {uav.rate} Hz does not divide rates.sensing {self.rates.sensing} Hz; "
-                f"allowed are {', '.join(map(str, allowed))}"
-            )
+        self.frame_scans(i)
 
     @property
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
@@ -133,13 +140,16 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
     def has_frame(self, uav: int, k: int) -> bool:
         """True if a UAV's camera takes a frame at scan k; every camera takes one at the first scan."""
-        rate = self.uavs[uav].rate or self.rates.sensing
-        return k % (self.rates.sensing // rate) == 0
+        return k % self.frame_scans(uav) == 0
+
+    def frame_scans(self, uav: int) -> int:
+        """Number of scans from one frame of a UAV's camera to the next; ValueError unless it is a whole number."""
+        return count_scans(f"uavs.{uav}.rate:", self.uavs[uav].rate or self.rates.sensing, self.rates.sensing)
 
     def decides(self, k: int) -> bool:
         """True if UAVs decide at scan k."""
         rates = self.rates
-        return k >= round(self.first_decision * rates.sensing) and k % (rates.sensing // rates.planning) == 0
+        return k >= round(self.first_decision * rates.sensing) and k % rates.plan_scans == 0
 
     def plan_start(self, decided: float) -> float:
         """Time [s] from which the plans of a decision are flown, given the time of the decision [s]."""

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 
-from sim.scenario.quantities import Point
+from sim.scenario.quantities import Point, whole
 from tracking.numerics.trigonometry import cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
@@ -26,8 +26,9 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
     # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
     mount: Literal["gimbal", "body"] = "gimbal"
-    # Hz, frame rate of the camera, a divisor of `rates.sensing`; 0 means `rates.sensing` itself
-    rate: Annotated[int, Meta(ge=0, le=1000)] = 0
+    # Hz, frame rate of the camera, such as 2.5 or 0.5; its inverse is a multiple of the time between scans; 0 means
+    # `rates.sensing` itself
+    rate: Annotated[float, Meta(ge=0, le=1000)] = 0
     # deg, angle from nadir towards the front of the body, or to the east on a gimbal; the image must end below the
     # horizon. `footprint`, and the covariance that planners expect with `sensing.noise = "camera"`, are those of a
     # camera that looks straight down
@@ -37,6 +38,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     start_radius: Annotated[float, Meta(ge=0, le=30_000)] = 0.0
 
     def __post_init__(self) -> None:
+        structs.force_setattr(self, "rate", whole(self.rate))
         if self.tilt_deg + self.fov_deg / 2 >= 90:
             limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
             raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")

@@ -73,7 +73,7 @@ def _snapshot(setting, trees, k, rng, doubt):
         scans=scans,
         pixels=pixels,
         tracks=[tracks] * n,
-        plans=plan if k % (setting.rates.sensing // setting.rates.planning) == 0 else None,
+        plans=plan if k % (setting.rates.plan_scans) == 0 else None,
         ospa=np.column_stack([np.hypot(localisation, cardinality), localisation, cardinality]),
         visible=seen.astype(np.int64) * 9,
         matched=seen,

@@ -65,7 +65,7 @@ def _planned_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, A
     The path begins at the UAV's position when the plan was due. UAV and camera move as planners assume.
     """
     setting = recording.setting
-    step, begun = 1 / setting.rates.planning, setting.plan_start(float(recording.plan_times[plan]))
+    step, begun = setting.rates.plan_step, setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
     vehicle = vehicles_at(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]

@@ -81,7 +81,7 @@ def _plans(recording: Recording) -> dict[str, Any]:
     setting = recording.setting
     return {
         "times": _round([setting.plan_start(time) for time in recording.plan_times.tolist()], 3),
-        "step": 1 / setting.rates.planning,
+        "step": setting.rates.plan_step,
         "controls": [[_round(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }
 

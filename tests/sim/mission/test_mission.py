@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.clients import open_clients
-from helpers.flights import IDEAL, fly, fly_ideal, mission_of
+from helpers.flights import IDEAL, fly, fly_ideal, mission_of, recording_of
 from helpers.teams import Spy
 
 from planning.planner import Plan
@@ -14,6 +14,7 @@ from sim.mission.mission import Mission
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
+from sim.replay.flight import Flight
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
@@ -77,6 +78,29 @@ def test_a_mission_that_cannot_be_set_up_leaves_no_world(part):
 def test_every_variant_flies_without_fault(overrides):
     mission, snapshots = fly(*overrides, planner="sma-nbo-mwtp")
     assert len(snapshots) == 6 and mission.faults == [] and all(np.all(np.isfinite(s.ospa)) for s in snapshots)
+
+
+class Noting:
+    """Notes the steps of time that it plans with."""
+
+    def __init__(self):
+        self.noted = []
+
+    def plan(self, team, rng):
+        self.noted += [(s.time, s.step, s.motion.dt) for s in team]
+        return [Plan(np.tile([1.0, 0.0], (2, 1))) for _ in team]
+
+
+def test_decisions_may_be_further_apart_than_a_second():
+    planner = Noting()
+    mission, snapshots = fly(
+        "dynamics=kinematic", "sensing.mode=ideal", "rates.planning=0.5", planner=planner, duration=5
+    )
+    assert planner.noted == [(time, 2.0, 2.0) for time in (0.0, 2.0, 4.0) for _ in range(3)]
+    assert [s.time for s in snapshots if s.plans] == [0.0, 2.0, 4.0]
+    np.testing.assert_allclose(snapshots[-1].poses[0].position[0] - snapshots[0].poses[0].position[0], 5.0)
+    recording = recording_of(mission, snapshots)
+    assert Flight(recording).history.times[-1] == 5.0 and mission.faults == []
 
 
 def test_without_people_there_are_no_detections_and_no_tracks():

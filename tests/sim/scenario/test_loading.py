@@ -13,6 +13,8 @@ from pathlib import Path
 import msgspec
 import pytest
 from helpers.hostile_values import numbers
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from msgspec import inspect
 
 from sim.cli.recordings import _parse_speed
@@ -20,9 +22,10 @@ from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import parse_duration, parse_integer, parse_integers, parse_interval, parse_number
-from sim.scenario.scenario import Scenario, check_workload
+from sim.scenario.scenario import Rates, Scenario, check_workload, encode_scenario
 from sim.scenario.settings_text import list_changes
 from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml, tomllib
+from sim.scenario.uavs import Uav
 from sim.world.trajectories import read_trajectories
 from tracking.errors import InputError
 
@@ -64,6 +67,28 @@ def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_
     scenario = load("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
     with pytest.raises(InputError, match="symbolic links"):
         read_trajectories(Path(scenario.people.trajectories), scenario.area, duration=1.0)
+
+
+@pytest.mark.parametrize(("key", "value"), [("rates.planning", "1"), ("rates.planning", "5"), ("uavs.1.rate", "1")])
+def test_a_whole_rate_has_the_bytes_of_an_integer_however_it_is_written(key, value):
+    texts = {encode_scenario(load("forest", [f"{key}={written}"])) for written in (value, f"{value}.0", f"{value}e0")}
+    assert len(texts) == 1 and re.search(f'"{key.rpartition(".")[2]}":{value}[,}}]', texts.pop())
+
+
+@given(st.integers(1, 1000), st.integers(1, 1000))
+def test_any_whole_number_of_scans_can_be_the_period_of_plans_and_frames(scans, sensing):
+    planning = float(f"{sensing / scans:.12g}")  # as messages write it
+    assume(planning >= 0.01)
+    scenario = Scenario(
+        first_decision=scans / sensing,
+        duration=scans / sensing,
+        uavs=(Uav(start=(0.0, 0.0), rate=planning),),
+        dynamics="kinematic",
+        rates=Rates(physics=sensing, sensing=sensing, planning=planning),
+    )
+    assert (scenario.rates.plan_scans, scenario.rates.plan_step) == (scans, scans / sensing)
+    for k in range(0, 3 * scans + 2, max(1, scans // 3)):
+        assert scenario.has_frame(0, k) == (k % scans == 0) and scenario.decides(k) == (k % scans == 0 and k > 0)
 
 
 def bounded():
