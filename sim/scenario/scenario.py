@@ -167,7 +167,7 @@ def is_clear(one: Uav, other: Uav) -> bool:
     return math.sqrt(math.fsum(gap * gap for gap in gaps)) >= CLEARANCE
 
 
-def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
+def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
     """ValueError if a time [s] is not a multiple of the period of a rate [Hz]."""
     count = value * rate
     if not math.isclose(count, round(count), abs_tol=1e-9):
