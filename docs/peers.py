@@ -264,7 +264,7 @@ def tune(cell: Cell, seeds: Sequence[int], scans: int = SCANS) -> Tuning:
 
 
 def compare(cells: Iterable[Cell], seeds: Sequence[int], scans: int = SCANS) -> str:
-    """Table of means over the seeds, and of paired differences from Stone Soup's tracker with their intervals."""
+    """Table of Stone Soup's means over the seeds, and of our paired differences from these with their intervals."""
     lines = []
     for cell in cells:
         scenes = [simulate(cell, seed, scans) for seed in seeds]
@@ -272,8 +272,7 @@ def compare(cells: Iterable[Cell], seeds: Sequence[int], scans: int = SCANS) -> 
         lines.append([f"{cell.detection}, {cell.alarms}", "Stone Soup's JPDA", *shown(peer), causes(peer)])
         for name, changes in {"ours": {}, "ours, confirmed at 0.5": {"confirmation_threshold": 0.5}}.items():
             own = np.array([score(scene, ours(scene, parameters(cell, **changes))) for scene in scenes])
-            lines.append(["", name, *shown(own), causes(own)])
-            lines.append(["", "less Stone Soup's", *gaps(own - peer), ""])
+            lines.append(["", f"{name}, less these", *gaps(own - peer), causes(own)])
     return markdown(["P_D, false alarms", "tracker", "GOSPA [m]", "missed", "false", "switches", "causes"], lines)
 
 
