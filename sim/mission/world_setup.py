@@ -6,6 +6,7 @@ import numpy as np
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario, is_clear
 from sim.world.forest import grow
+from sim.world.stem_map import plant
 from sim.world.trajectories import Trajectories, read_trajectories
 from sim.world.walkers import walk
 from tracking.errors import InputError
@@ -20,14 +21,17 @@ def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectori
 
     Walkers go round trunks. Recorded people do not, so no trunk stands on their paths.
     """
-    people, duration = scenario.people, _duration(scenario)
     recorded = _recorded_people(scenario)
-    paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
-    grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
-    forest = Forest(grown.trees, scenario.sensing.occlusion)
+    if scenario.trees.file:
+        planted = plant(scenario, recorded)
+    else:
+        paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
+        planted = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
+    forest = Forest(planted.trees, scenario.sensing.occlusion)
     if recorded is not None:
         return forest, recorded
-    return forest, walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))
+    walkers = stream(seed, "walkers")
+    return forest, walk(scenario.people, scenario.area, forest, duration=_duration(scenario), rng=walkers)
 
 
 def draw_starts(scenario: Scenario, seed: int) -> Scenario:

@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.environment import Trees
+from sim.world.stem_map import read_stem_map
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, Tree
+from tracking.geometry.visibility import Forest
 from tracking.management.scan_check import QUATERNION_TOLERANCE
 from tracking.numerics.distances import length
 from tracking.track import Scan
@@ -98,25 +100,8 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
 
 
 def read_forest(path: _Path) -> Forest:
-    """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
-    trees: dict[Tree, int] = {}  # lines
-    for row in read_csv(Path(path), "trees", TREE_COLUMNS):
-        tree = _tree(row)
-        if tree in trees:
-            raise row.error("x", f"the same tree is in line {trees[tree]}")
-        trees[tree] = row.line
-    return Forest(tuple(trees))
-
-
-def _tree(row: Row) -> Tree:
-    """A tree of possible sizes."""
-    tree = Tree(*(row.number(name) for name in TREE_COLUMNS))
-    for name in ("canopy_radius", "canopy_base", "trunk_radius"):
-        if (value := getattr(tree, name)) < 0:
-            raise row.error(name, f"{spell(value)} m is not allowed; expected 0 or more")
-    if tree.canopy_base > tree.canopy_top:
-        raise row.error("canopy_base", f"{spell(tree.canopy_base)} m is above canopy_top {spell(tree.canopy_top)} m")
-    return tree
+    """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m, or any other stem map."""
+    return Forest(read_stem_map(Path(path), "trees", Trees(), least=0.0).trees)
 
 
 def _pose(row: Row) -> list[float]:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.scenario.quantities import parse_number
-from sim.scenario.text_files import read_text
+from sim.scenario.text_files import read_spreadsheet_text
 from tracking.errors import InputError
 
 MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
 _MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during reading
+_MISSING = ("", "NA", "N/A", "NAN", "NULL", "-")  # what statistics programs and people write for a missing value
 _DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
 
 
@@ -23,10 +24,12 @@ class Row:
     where: str  # file and line, with which errors begin
     line: int
     values: Mapping[str, str]  # by column
+    names: Mapping[str, str]  # the file's own names of columns that it calls otherwise
+    decimal_comma: bool = False  # True if numbers may be written as 1,5
 
     def error(self, column: str, what: str) -> InputError:
         """An error about the entry in a column."""
-        return InputError(f"{self.where}, column {column}: {what}")
+        return InputError(f"{self.where}, column {self.names.get(column, column)}: {what}")
 
     def text(self, column: str) -> str:
         """The entry in a column; InputError if it is empty."""
@@ -38,10 +41,14 @@ class Row:
     def number(self, column: str) -> float:
         """A finite number; InputError if the entry is none."""
         found = self.text(column)
-        value = parse_number(found)
+        value = parse_number(found.replace(",", ".") if self.decimal_comma else found)
         if not math.isfinite(value):
             raise self.error(column, f"{found!r} is not a finite number")
         return value
+
+    def optional_number(self, column: str) -> float | None:
+        """A finite number; None if the table lacks the column, or the entry is empty or says that it is missing."""
+        return None if self.values.get(column, "").upper() in _MISSING else self.number(column)
 
     def integer(self, column: str) -> int:
         """An integer, 0 or more; InputError if the entry is none."""
@@ -54,28 +61,52 @@ class Row:
 
 
 def read_csv(path: Path, field: str, columns: Sequence[str], aliases: Mapping[str, str] | None = None) -> Iterator[Row]:
-    """Rows of a CSV file that has these columns once each, and maybe others; empty lines are skipped.
+    """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
-    aliases: other names of columns. InputError begins with `field` and names file, line and column.
+    Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
+    commas, numbers may have a decimal comma. aliases: other names of columns. InputError begins with `field` and names
+    file, line and column.
     """
     name = f"{field}: {path}"
-    found = read_text(path, field, MOST_BYTES)
+    found = read_spreadsheet_text(path, field, MOST_BYTES)
     if not found.strip():
         raise InputError(f"{name}: is empty; its first line must name the columns {','.join(columns)}")
-    table = csv.reader(io.StringIO(found, newline=""))
+    delimiter = _find_delimiter(found)
+    lines = io.StringIO(found, newline="")
+    # A space at the end of a line separates nothing.
+    table = csv.reader(map(str.strip, lines) if delimiter == " " else lines, delimiter=delimiter, skipinitialspace=True)
     try:
-        header = [(aliases or {}).get(column.strip(), column.strip()) for column in next(table)]
-        for column in columns:
-            if header.count(column) != 1:
-                what = "twice" if column in header else "missing"
-                raise InputError(f"{name}, line 1: column {column} is {what}; columns are {','.join(header) or 'none'}")
+        given = [entry.strip() for entry in next(table)]
+        header = _read_header(given, name, columns, aliases or {})
+        names = {column: own for column, own in zip(header, given, strict=True) if column != own}
         for entries in table:
             where = f"{name}, line {table.line_num}"
             if table.line_num > _MOST_LINES:
                 raise InputError(f"{where}: has more than the {_MOST_LINES} lines that are allowed")
-            if entries and len(entries) != len(header):
+            if any(entries) and len(entries) != len(header):
                 raise InputError(f"{where}: has {len(entries)} entries, not {len(header)} as line 1")
-            if entries:
-                yield Row(where, table.line_num, dict(zip(header, map(str.strip, entries), strict=True)))
+            if any(entries):
+                values = dict(zip(header, map(str.strip, entries), strict=True))
+                yield Row(where, table.line_num, values, names, decimal_comma=delimiter != ",")
     except csv.Error as error:  # an entry is longer than Python's reader allows
         raise InputError(f"{name}, line {table.line_num}: {error}") from error
+
+
+def _find_delimiter(text: str) -> str:
+    """The character that separates the names of columns in the first line."""
+    first = text.lstrip("\r\n").partition("\n")[0].strip(" \r")
+    found = max(",;\t", key=first.count)
+    return found if found in first or " " not in first else " "
+
+
+def _read_header(entries: list[str], name: str, columns: Sequence[str], aliases: Mapping[str, str]) -> list[str]:
+    """Names of a table's columns; InputError unless each of `columns` is there once, and none of the aliases twice."""
+    header = [aliases.get(entry, entry) for entry in entries]
+    if header and all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in header):
+        raise InputError(f"{name}, line 1: names no columns, but has numbers; columns are {','.join(columns)}")
+    for column in dict.fromkeys([*columns, *aliases.values()]):
+        if header.count(column) > 1:
+            raise InputError(f"{name}, line 1: column {column} is twice; columns are {','.join(header)}")
+        if column in columns and column not in header:
+            raise InputError(f"{name}, line 1: column {column} is missing; columns are {','.join(header) or 'none'}")
+    return header

@@ -7,7 +7,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.quantities import Count, Length, Paths, Point, Side
+from sim.scenario.quantities import Count, Length, Paths, Point, Projected, Side
 from tracking.errors import spell
 from tracking.plugins.registry import Registry
 from tracking.settings import DAY, Expected, Speed
@@ -24,6 +24,10 @@ WALKS = Registry(
     bare=True,
 )
 TRAJECTORIES = {path.stem: path for path in sorted((ASSETS / "trajectories").glob("*.csv"))}
+STANDS = {path.stem: path for path in sorted((ASSETS / "stands").glob("*.csv"))}
+
+
+Height = Annotated[float, Meta(ge=2, le=40)]  # m, of a tree
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):
@@ -34,7 +38,7 @@ class Area(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Trees(Struct, frozen=True, forbid_unknown_fields=True):
-    """A Poisson forest ([Li22] IV-A)."""
+    """A Poisson forest ([Li22] IV-A), or the trees of a stem map."""
 
     density: Expected = 45.0  # expected number of trees in the area, the paper's λ; the number drawn is Poisson
     per_hectare: Expected | None = None  # 1/ha, expected number of trees, in place of `density`
@@ -44,6 +48,26 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     canopy_base: Length = 3.0  # m, height above ground
     canopy_top: Length = 6.0  # m, height above ground; below every UAV, by more than 1 m if images are rendered
     trunk_radius: Length = 0.2  # m; people walk round trunks
+    # m, within 2 to 40: range `[low, high]` of uniform random heights, in place of the sizes above; [Jucker17] and
+    # [Chave14] give the radii of crowns and trunks
+    height: tuple[Height, Height] | None = None
+    crown_ratio: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.5  # share of `height` that the crown takes
+    overlap: bool = False  # true if crowns may overlap; trunks are then 1 m apart
+    # CSV file of a stem map that replaces the random trees, relative to the scenario file, or the name of a packaged
+    # one: `"park"`, `"plantation"`
+    file: str = ""
+    # m, easting and northing of the area's centre, if the stem map has projected coordinates
+    origin: tuple[Projected, Projected] = (0.0, 0.0)
+
+    @property
+    def tallest(self) -> float:
+        """Upper bound [m] of the heights of random trees."""
+        return self.canopy_top if self.height is None else self.height[1]
+
+    @property
+    def stem_map(self) -> Path | None:
+        """The CSV file of the stem map; None if trees stand at random places."""
+        return STANDS.get(self.file, Path(self.file)) if self.file else None
 
     def __post_init__(self) -> None:
         if self.canopy_base >= self.canopy_top:
@@ -53,6 +77,9 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
         if self.largest_radius is not None and self.largest_radius < self.canopy_radius:
             text = f"canopy_radius {self.canopy_radius:g}, the smallest"
             raise ValueError(f"largest_radius {self.largest_radius:g} must not be below {text}")
+
+        if self.height is not None and self.height[0] > self.height[1]:
+            raise ValueError(f"height {list(self.height)} has to be [low, high], the least height first")
 
     def expected_count(self, area: Area) -> float:
         """Expected number of trees in an area."""

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from sim.installation import ASSETS
-from sim.scenario.environment import TRAJECTORIES
+from sim.scenario.environment import STANDS, TRAJECTORIES
 from sim.scenario.overrides import apply_override
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
@@ -23,22 +23,26 @@ _ELSEWHERE = {
     "video": "an option: --no-video",
     **dict.fromkeys((*STUDY_TABLES, "planners"), "one of a study, which `understory compare` flies"),
 }
+_FILES = (
+    ("trees", "file", STANDS),
+    ("people", "trajectories", TRAJECTORIES),
+)  # keys that name files, and packaged ones
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """Load the packaged scenario or TOML file `name` with `key=value` overrides; InputError says what is wrong.
 
-    The path of a trajectory file is relative to the scenario file's folder; in an override, to the current folder. An
+    Paths of the user's files are relative to the scenario file's folder; in an override, to the current folder. An
     error about a key begins with `place_of`, which mentions overrides only if the file alone is without that error.
     """
     path = find_toml_file(name, SCENARIOS, "scenario")
     data = read_toml(path, "scenario")
     for override in overrides:
         apply_override(data, override)
-    named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
+    changed = {override.partition("=")[0].strip() for override in overrides}
     try:
-        return _anchor(decode(data), Path() if named_here else path.parent)
+        return _anchor(decode(data), path.parent, changed)
     except InputError as error:
         own = _find_own_error(name) if overrides else ""
         raise InputError(own if own.endswith(str(error)) else f"{place_of(name, overrides)}{error}") from error
@@ -99,14 +103,20 @@ def _make_plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's 
     return value.tolist()
 
 
-def _anchor(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with the absolute path of its trajectory file, given relative to `folder`; a packaged one stays."""
-    name = scenario.people.trajectories
-    if not name or name in TRAJECTORIES:
-        return scenario
-    path = os.path.abspath(folder / name)
-    if not path.endswith(".csv") and not os.path.lexists(path):
-        raise InputError(
-            f"people.trajectories: {name!r} is unknown; {did_you_mean(name, TRAJECTORIES)} (or a .csv file)"
-        )
-    return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
+def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> Scenario:
+    """The scenario with absolute paths of the user's files; names of packaged files stay.
+
+    Paths are relative to `folder`, or to the current folder if their key or its table is among the `changed` ones.
+    """
+    for table, key, packaged in _FILES:
+        settings = getattr(scenario, table)
+        name = getattr(settings, key)
+        if not name or name in packaged:
+            continue
+        here = table in changed or f"{table}.{key}" in changed
+        path = os.path.abspath(Path() / name if here else folder / name)
+        if not path.endswith(".csv") and not os.path.lexists(path):
+            hint = did_you_mean(name, packaged)
+            raise InputError(f"{table}.{key}: {name!r} is unknown; {hint} (or a .csv file)")
+        scenario = msgspec.structs.replace(scenario, **{table: msgspec.structs.replace(settings, **{key: path})})
+    return scenario

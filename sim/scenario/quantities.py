@@ -14,6 +14,7 @@ Length = Annotated[float, Meta(ge=0.01, le=200)]  # m
 Count = Annotated[int, Meta(ge=0, le=10_000)]
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Point = tuple[Coordinate, Coordinate]
+Projected = Annotated[float, Meta(ge=-1e8, le=1e8)]  # m, easting or northing
 Path = Annotated[tuple[Point, ...], Meta(max_length=1000)]  # waypoints, m
 Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 

@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from sim.scenario.environment import People, Wind
+from sim.scenario.environment import People, Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.errors import list_numbers, spell
@@ -27,8 +27,7 @@ def find_remarks(scenario: Scenario) -> list[str]:
         scans = f"the last scan is at {last:g} s"
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
         found.append(f"duration: {scenario.duration:g} s is not a multiple of the {interval}; {scans}")
-    if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
-        found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
+    found += _about_trees(scenario.trees)
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
     return (
@@ -56,6 +55,25 @@ def describe_small_people(uav: Uav) -> str:
     if covered >= 1.0:
         return ""
     return f"a person covers {spell(covered, 2) if covered >= 0.01 else 'less than 0.01'} pixels"
+
+
+# Keys of trees that the key gives an end to, and what it gives.
+_TREES = {
+    "file": (("density", "per_hectare", "largest_radius", "height", "crown_ratio", "overlap"), "all trees"),
+    "height": (("canopy_radius", "largest_radius", "canopy_base", "canopy_top", "trunk_radius"), "the sizes of trees"),
+    "per_hectare": (("density",), "the number of trees"),
+}
+
+
+def _about_trees(trees: Trees) -> list[str]:
+    """Remarks on keys of trees that another key leaves without effect."""
+    found: dict[str, str] = {}
+    for by, (keys, what) in _TREES.items():
+        if getattr(trees, by):
+            changed = (key for key in keys if getattr(trees, key) != getattr(Trees(), key))
+            found |= {key: f"trees.{by} gives {what}" for key in changed if key not in found}
+    reasons = dict.fromkeys(found.values())
+    return [f"{', '.join(f'trees.{key}' for key in found if found[key] == why)}: not used, as {why}" for why in reasons]
 
 
 def _about_people(people: People) -> list[str]:

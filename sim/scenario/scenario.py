@@ -104,11 +104,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
     def _check_uav(self, i: int, uav: Uav) -> None:
-        gap, above = (_ABOVE_CANOPIES, f"{_ABOVE_CANOPIES:g} m above") if self.sensing.renders else (0.0, "above")
-        if uav.altitude <= self.trees.canopy_top + gap:
-            text = (
-                f"means an altitude of {uav.altitude:.1f} m, not {above} trees.canopy_top {self.trees.canopy_top:g} m"
-            )
+        gap = self.least_height_above_canopies
+        above = f"{gap:g} m above" if gap else "above"
+        if not self.trees.file and uav.altitude <= self.trees.tallest + gap:
+            key = "canopy_top" if self.trees.height is None else "height"
+            text = f"means an altitude of {uav.altitude:.1f} m, not {above} trees.{key} {self.trees.tallest:g} m"
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if uav.altitude > _HIGHEST:
             text = (
@@ -119,6 +119,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
             raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area; {inside}")
         self.frame_scans(i)
+
+    @property
+    def least_height_above_canopies(self) -> float:
+        """Height [m] above each canopy that the altitude of every UAV has to exceed."""
+        return _ABOVE_CANOPIES if self.sensing.renders else 0.0
 
     @property
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
@@ -178,7 +183,10 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 
 
 # Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
-_LATER = (("trees", ("per_hectare", "largest_radius")), ("people", ("walks", "group", "stay")))
+_LATER = (
+    ("trees", ("per_hectare", "largest_radius", "height", "crown_ratio", "overlap", "file", "origin")),
+    ("people", ("walks", "group", "stay")),
+)
 
 
 def encode_scenario(scenario: Scenario) -> str:

@@ -158,13 +158,14 @@ def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
 
 
 def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
-    """Digests of files outside of the package on which a trial depends: plug-ins and trajectories of people."""
+    """Digests of files outside of the package on which a trial depends: plug-ins, stem maps, people's trajectories."""
     made = load_planner(planner)
     target = planner_target(planner)
     plugins = [(target, import_plugin(target)), (target, type(made))]
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
     files = dict.fromkeys(file for target, plugin in plugins for file in _find_user_files(target, plugin))
-    return [_hash_file(Path(file)) for file in [*files, setting.people.trajectory_file] if file]
+    data = (setting.trees.stem_map, setting.people.trajectory_file)
+    return [_hash_file(Path(file)) for file in (*files, *data) if file]
 
 
 def _find_user_files(target: str, plugin: object) -> list[str]:
@@ -176,7 +177,7 @@ def _find_user_files(target: str, plugin: object) -> list[str]:
 
 def _hash_file(path: Path) -> str:
     try:
-        return hashlib.sha256(read_bytes(path, "people.trajectories", MOST_BYTES)).hexdigest()
+        return hashlib.sha256(read_bytes(path, "study", MOST_BYTES)).hexdigest()
     except InputError:
         return ""  # the set-up of the world reports what is wrong with the file
 

@@ -35,7 +35,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
     sizes = len({replace(tree, x=0.0, y=0.0) for tree in trees})
     if sizes > 1:
-        limit = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius)"
+        limit = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius, trees.height or trees.file)"
         raise InputError(f"sensing.renderer: {limit}; allowed is tiny")
     reason = refusal()
     if reason:

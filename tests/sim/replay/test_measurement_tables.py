@@ -143,18 +143,23 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
     [
         (read_forest, TREE_COLUMNS, b"0,0,-1,3,6,0.2", ", line 2, column canopy_radius: -1 m is not allowed"),
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", ", line 2, column trunk_radius: -0.2 m is not allowed"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,7,6,0.2", ", line 2, column canopy_base: 7 m is above canopy_top 6 m"),
+        (
+            read_forest,
+            TREE_COLUMNS,
+            b"0,0,1,7,6,0.2",
+            ", line 2, column canopy_base: the crown begins at 7 m",
+        ),
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, ", line 2: field larger than field limit"),
         (
             read_forest,
             TREE_COLUMNS,
             b"0,0,1,3,6,0.2\n1,0,1,3,6,0.2\n0,0,1,3,6.0,0.2",
-            ", line 4, column x: the same tree is in line 2",
+            ", line 4, column x: the stem of line 2 stands at the same place",
         ),
         (read_forest, TREE_COLUMNS, b"0,1_0,1,3,6,0.2", ", line 2, column y: '1_0' is not a finite number"),
         (read_cameras, CAMERA_COLUMNS, b"0,1_0,128", ", line 2, column fov: '1_0' is not a finite number"),
         (read_cameras, CAMERA_COLUMNS, b"0,1,1_0", ", line 2, column pixels: '1_0' is not an integer"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", " cannot be read: 'utf-8' codec can't decode byte 0xe9"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", ", line 2, column trunk_radius: 'é' is not a finite number"),
         (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, ", line 2, column pixels: an integer of 5000 digits"),
         (
             read_scans,

@@ -32,7 +32,7 @@ from tracking.errors import InputError
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
-ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
+ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin"}
 
 
 def test_settings_other_than_the_defaults_make_the_scenario_again():

@@ -3,11 +3,12 @@ import time
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy import stats
 from scipy.spatial.distance import pdist
 
 from sim.scenario.environment import Area, Trees
-from sim.world.forest import CLEARANCE, grow
+from sim.world.forest import CLEARANCE, GAP, crown_radius, grow, trunk_radius
 
 AREA = Area()
 
@@ -94,3 +95,33 @@ def test_a_forest_too_dense_fails_soon_and_says_what_fits(density, radius, fits)
     assert time.process_time() - start < 1.0
     said = int(str(error.value).split(" trees with canopies")[0].split()[-1])
     assert fits <= said <= 1.3 * fits
+
+
+def test_trees_of_random_height_have_the_crowns_and_trunks_of_the_allometry():
+    trees = Trees(per_hectare=1000, height=(8.0, 22.0), crown_ratio=0.4, overlap=True)
+    forest = grow(trees, AREA, np.random.default_rng(2)).trees
+    heights = np.array([tree.canopy_top for tree in forest])
+    assert stats.kstest(heights, stats.uniform(8, 14).cdf).pvalue > 0.01
+    assert_allclose([tree.canopy_base for tree in forest], 0.6 * heights)
+    # Forward: [Chave14] gives the height of these diameters, and [Jucker17] the diameters of these heights and crowns.
+    diameters = np.array([200 * tree.trunk_radius for tree in forest])
+    crowns = np.array([2 * tree.canopy_radius for tree in forest])
+    logs = np.log(diameters)
+    assert_allclose(np.exp(0.893 + 0.760 * logs - 0.0340 * logs**2), heights, rtol=1e-12)
+    assert_allclose(0.557 * (heights * crowns) ** 0.809 * np.exp(0.056**2 / 2), diameters, rtol=1e-12)
+    assert crown_radius(8.0) == pytest.approx(1.04, abs=0.01) and trunk_radius(40.0) == pytest.approx(0.52, abs=0.01)
+
+
+@pytest.mark.parametrize("density", [300, 1500])
+def test_crowns_overlap_by_choice_and_people_pass_between_trunks(density):
+    counts = []
+    for seed in range(4):
+        trees = Trees(per_hectare=density, canopy_radius=1.0, largest_radius=3.0, overlap=True)
+        forest = grow(trees, AREA, np.random.default_rng(seed)).trees
+        places = np.array([(tree.x, tree.y) for tree in forest])
+        assert pdist(places).min() >= 2 * 0.2 + GAP
+        assert density == 300 or (pdist(places) < 2.0).any()  # crowns of 1 m and more overlap
+        counts.append(len(forest))
+    assert abs(np.mean(counts) - 1.5 * density) < 4 * np.sqrt(1.5 * density / 4)
+    with pytest.raises(ValueError, match=r"trees\.per_hectare = 9000: .* 150 x 100 m 1 m apart; lower the density or"):
+        grow(Trees(per_hectare=9000, overlap=True), AREA, np.random.default_rng(0))

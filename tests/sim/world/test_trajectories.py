@@ -143,7 +143,7 @@ def test_what_is_wrong_is_named_by_field_line_column_and_value(csv_file, text, c
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"missing\.csv cannot be read"):
         read_trajectories(tmp_path / "missing.csv", AREA, duration=40)
-    (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\xff\xfe")
+    (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\x01\xfe")
     with pytest.raises(ValueError, match=r"binary\.csv cannot be read"):
         read_trajectories(tmp_path / "binary.csv", AREA, duration=40)
 

@@ -1,0 +1,174 @@
+"""Stem maps: files as inventories and spreadsheets have them, and missions among their trees."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+
+from sim.mission.world_setup import forest_and_people
+from sim.recording.recording import FIELDS
+from sim.scenario.environment import Trees
+from sim.scenario.loading import load
+from sim.scenario.remarks import find_remarks
+from sim.study.tasks import _hash_user_files
+from sim.world.stem_map import MAX_STEMS, read_stem_map
+from sim.world.trajectories import read_trajectories
+from tracking.errors import InputError
+from tracking.geometry.visibility import Tree
+from understory import run
+
+INVENTORY = [  # x, y, crown radius, crown's base, height, diameter at breast height [cm], species
+    ("-12.5", "4.25", "2.5", "4", "11.5", "24", "Fagus sylvatica"),
+    ("3", "-7.75", "1.25", "", "9", "NA", "hêtre"),
+    ("20.125", "0", "", "2.5", "", "31.5", ""),
+]
+NAMES = ("x", "y", "crown_radius", "crown_base", "height", "dbh", "species")
+MISSING = Trees(canopy_radius=3.0, canopy_base=2.0, canopy_top=8.0, trunk_radius=0.15)
+TREES = (
+    Tree(-12.5, 4.25, 2.5, 4.0, 11.5, 0.12),
+    Tree(3.0, -7.75, 1.25, 2.0, 9.0, 0.15),
+    Tree(20.125, 0.0, 3.0, 2.5, 8.0, 0.1575),
+)
+
+
+def table(separator=",", decimal=".", rows=INVENTORY, names=NAMES):
+    lines = [names, *([cell.replace(".", decimal) for cell in row] for row in rows)]
+    return "".join(separator.join(line) + "\r\n" for line in lines)
+
+
+@pytest.fixture
+def stems(tmp_path):
+    def write(text, encoding="utf-8"):
+        path = tmp_path / "plot.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ",")])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"])
+def test_files_of_any_spreadsheet_give_the_same_trees(stems, separator, decimal, encoding):
+    found = read_stem_map(stems(table(separator, decimal), encoding), "trees.file", MISSING)
+    assert found.trees == TREES and found.unused == ("species",)
+
+
+def test_columns_may_be_separated_by_spaces_and_have_any_order_and_the_names_of_exports(stems):
+    text = "height   y    x  trunk_radius\n11.5  4.25 -12.5 0.12 \n  9 -7.75   3 NA\n"
+    found = read_stem_map(stems(text), "trees.file", MISSING).trees
+    assert found == (Tree(-12.5, 4.25, 3.0, 2.0, 11.5, 0.12), Tree(3.0, -7.75, 3.0, 2.0, 9.0, 0.15))
+    exported = "x,y,canopy_radius,canopy_base,canopy_top,trunk_radius\n1,2,5,3,6,0.2\n"
+    assert read_stem_map(stems(exported), "trees.file", MISSING).trees == (Tree(1.0, 2.0),)
+    assert read_stem_map(stems("x,y\n"), "trees.file", MISSING).trees == ()
+
+
+def test_projected_coordinates_are_those_from_the_origin(stems):
+    path = stems("x;y\n691234,5;5334567,25\n691250;5334560\n")
+    found = read_stem_map(path, "trees.file", Trees(origin=(691240.0, 5334560.0))).trees
+    assert [(tree.x, tree.y) for tree in found] == [(-5.5, 7.25), (10.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("x,y\n1,nan\n", "line 2, column y: 'nan' is not a finite number"),
+        ("x,y,height\n0,0,6\n1,1,-4\n", "line 3, column height: -4 m is not allowed; expected 0.01 to 200"),
+        ("x,y,dbh\n1,1,0\n", "line 2, column dbh: 0 cm is not allowed; expected 1 to 20000"),
+        ("x,y,canopy_radius\n1,1,1e9\n", "line 2, column canopy_radius: 1000000000 m is not allowed"),
+        ("x,y\n1,1\n2,2\n1,1.001\n", "line 4, column x: the stem of line 2 stands at the same place"),
+        (
+            "x,y,height\n1,1,2\n",
+            "line 2, column height: the crown begins at 3 m and ends at 2 m; missing sizes",
+        ),
+        ("x,y,crown_base\n1,1,7\n", "line 2, column crown_base: the crown begins at 7 m and ends at 6 m"),
+        ("x,height\n1,2\n", "line 1: column y is missing; columns are x,height"),
+        ("x,y,crown_radius,canopy_radius\n", "line 1: column crown_radius is twice"),
+        ("1.5,2\n3,4\n", "line 1: names no columns, but has numbers; columns are x,y"),
+        ("x,y\n1,2,3\n", "line 2: has 3 entries, not 2 as line 1"),
+        (b"x,y\n\x00\x01", "has zero bytes"),
+        (b"x,y\n\x01\xff", "is no text, as byte 4 is '\\x01'"),
+        ("", "is empty; its first line must name the columns x,y"),
+    ],
+)
+def test_what_is_wrong_is_one_line_with_its_row(stems, text, complaint):
+    path = stems(text)
+    with pytest.raises(InputError, match=rf"^trees.file: {re.escape(str(path))}.*{re.escape(complaint)}") as error:
+        read_stem_map(path, "trees.file", Trees())
+    assert "\n" not in str(error.value)
+
+
+def test_too_many_rows_are_refused_before_they_are_all_read(stems, monkeypatch):
+    monkeypatch.setattr("sim.world.stem_map.MAX_STEMS", 10)
+    with pytest.raises(InputError, match="line 12: has more than the 10 trees that are allowed"):
+        read_stem_map(stems("x,y\n" + "".join(f"{k},0\n" for k in range(10_000))), "trees.file", Trees())
+    assert MAX_STEMS >= 20_000
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "complaint"),
+    [
+        (
+            "x,y\n0,0\n691250,5334560\n",
+            (),
+            "line 3, column x: 691250 m from the centre is outside the area, -75 to 75 m; "
+            "all stems fit into an area of 691250 x 5334560 m with trees.origin = [345625, 2667280]",
+        ),
+        (
+            "x,y,height\n0,0,8\n9,9,24.5\n",
+            (),
+            "line 3, column height: the tallest crown reaches 24.5 m, and uavs.0 is at 17.3 m; "
+            "above 25.5 m is allowed, for its fov_deg 60 a footprint above 29.4 m",
+        ),
+        (
+            "x,y,trunk_radius\n9,9,0.2\n1,0.1,0.4\n",
+            ("people.trajectories=walk.csv",),
+            "line 3, column x: a trunk of 0.4 m radius stands where person 0 of people.trajectories walks at 0.62 s",
+        ),
+    ],
+)
+def test_trees_that_do_not_fit_are_named_by_their_row(stems, monkeypatch, tmp_path, text, settings, complaint):
+    stems(text)
+    (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=re.escape(complaint)):
+        forest_and_people(load("forest", ["trees.file=plot.csv", *settings]), 0)
+
+
+def test_a_path_beside_a_trunk_is_allowed(stems, tmp_path):
+    stems("x,y,trunk_radius\n5,0.21,0.2\n5,-2,1.9\n")
+    (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
+    settings = [f"trees.file={tmp_path / 'plot.csv'}", f"people.trajectories={tmp_path / 'walk.csv'}"]
+    scenario = load("forest", settings)
+    forest, people = forest_and_people(scenario, 3)
+    assert len(forest.trees) == 2
+    recorded = read_trajectories(tmp_path / "walk.csv", scenario.area, duration=scenario.duration)
+    assert np.array_equal(people.positions, recorded.positions, equal_nan=True)
+
+
+def test_a_stem_map_of_a_random_forest_gives_the_same_mission_and_is_not_needed_afterwards(tmp_path):
+    settings = {"duration": 3, "trees.density": 60, "sensing.mode": "camera"}
+    flown = run("forest", seed=5, settings=settings).recording
+    rows = "".join(",".join(map(repr, row)) + "\n" for row in flown.trees.tolist())
+    path = tmp_path / "plot.csv"
+    path.write_text("x,y,crown_radius,crown_base,height,trunk_radius\n" + rows, encoding="utf-8")
+    again = run("forest", seed=5, settings={"duration": 3, "sensing.mode": "camera", "trees.file": str(path)}).recording
+    path.unlink()
+    same = [name for name in FIELDS if np.array_equal(getattr(flown, name), getattr(again, name))]
+    assert set(FIELDS) - set(same) <= {"scenario", "version"}
+    assert again.forest.trees == flown.forest.trees and again.setting.trees.file == str(path)
+
+
+def test_a_study_depends_on_the_contents_of_a_stem_map_and_remarks_name_keys_without_effect(stems):
+    path = stems("x,y\n0,0\n")
+    scenario = load("forest", [f"trees.file={path}", "trees.density=10"])
+    first = _hash_user_files(scenario, "hover")
+    stems("x,y\n0,1\n")
+    assert _hash_user_files(scenario, "hover") != first
+    assert find_remarks(scenario) == ["trees.density: not used, as trees.file gives all trees"]
+    assert msgspec.structs.replace(scenario.trees, file="").stem_map is None
+
+
+def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():
+    with pytest.raises(InputError, match=r"trees.file: 'prk' is unknown; .*did you mean park\? \(or a .csv file\)"):
+        load("forest", ["trees.file=prk"])
