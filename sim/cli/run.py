@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.summary import results_table
-from sim.mission.trial import Trial
+from sim.mission.trial import Trial, prefix_errors
 from sim.recording.atomic_files import PlaceTaken, claim_place
 from sim.replay.history import fleet_text
 from sim.running.mission_flight import is_built_in
@@ -23,6 +23,7 @@ from sim.scenario.remarks import find_remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
+from sim.world.stem_map import find_unused_columns
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 
@@ -65,7 +66,8 @@ def run(
     setting = load(scenario, changes)
     trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
-    remark(*find_remarks(setting))
+    with prefix_errors(trial.place):
+        remark(*find_remarks(setting), *find_unused_columns(setting.trees))
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with (
         claim_place(out, Path("runs") / _name_folder(scenario, trial)) as folder,

@@ -30,6 +30,7 @@ from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import show_study_progress
+from sim.world.stem_map import find_unused_columns
 from tracking.errors import InputError, check_known
 
 
@@ -60,6 +61,8 @@ def fly_study(
             if not new:
                 flown = {} if options.redo else store.read_finished_rows(listed)
                 _check_missions(study, [task for task in listed if task.key not in flown])
+            maps = dict.fromkeys(task.setting.trees for task in listed)
+            remark(*dict.fromkeys(line for trees in maps for line in find_unused_columns(trees)))
             remark(*_remarks_on_others(store, listed))
             with show_study_progress(len(listed)) as tell:
 

@@ -63,6 +63,14 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
     return found
 
 
+def find_unused_columns(trees: Trees) -> list[str]:
+    """A remark on columns of the scenario's stem map that are not used; InputError as from `read_stem_map`."""
+    if trees.stem_map is None:
+        return []
+    unused = read_stem_map(trees.stem_map, "trees.file", trees).unused
+    return [f"trees.file: not used: column{'s' * (len(unused) > 1)} {', '.join(unused)}"] if unused else []
+
+
 def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
     sizes = {name: _read_size(row, name, least) for name in _SIZES}
     if sizes["trunk_radius"] is None and sizes["dbh"] is not None:
@@ -113,11 +121,9 @@ def _check_places(found: StemMap, scenario: Scenario) -> None:
     low, high = found.places.min(axis=0), found.places.max(axis=0)
     x, y = (low + high) / 2 + scenario.trees.origin
     width, height = np.ceil(high - low)
-    raise found.rows[k].error(
-        "xy"[axis],
-        f"{spell(found.places[k, axis])} m from the centre is outside the area, {-half[axis]:g} to {half[axis]:g} m; all "
-        f"stems fit into an area of {width:.0f} x {height:.0f} m with trees.origin = [{spell(x)}, {spell(y)}]",
-    )
+    place = f"{spell(found.places[k, axis])} m from the centre is outside the area, {-half[axis]:g} to {half[axis]:g} m"
+    fit = f"all stems fit into an area of {width:.0f} x {height:.0f} m with trees.origin = [{spell(x)}, {spell(y)}]"
+    raise found.rows[k].error("xy"[axis], f"{place}; {fit}")
 
 
 def _check_heights(found: StemMap, scenario: Scenario) -> None:

@@ -172,3 +172,11 @@ def test_a_study_depends_on_the_contents_of_a_stem_map_and_remarks_name_keys_wit
 def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():
     with pytest.raises(InputError, match=r"trees.file: 'prk' is unknown; .*did you mean park\? \(or a .csv file\)"):
         load("forest", ["trees.file=prk"])
+
+
+def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, call):
+    path = stems(table(";", ","))
+    settings = ["--set", f"trees.file={path}", "--duration", "0.4", "--planner", "hover"]
+    for command in (["run", *settings, "--no-video"], ["compare", *settings, "--seeds", "0-1"]):
+        code, _, err = call(*command, "--out", str(tmp_path / command[0]))
+        assert code == 0 and err.count("trees.file: not used: column species") == 1
