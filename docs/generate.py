@@ -73,7 +73,7 @@ def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec
     """Every key of a scenario, its field, and the comment on the field in the code."""
     meanings = _comments(kind)
     for field in msgspec.structs.fields(kind):
-        key = prefix + field.name
+        key = prefix + field.encode_name
         if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
             yield from keys(field.type, f"{key}.")
             continue
@@ -206,7 +206,7 @@ def _comments(kind: type) -> dict[str, str]:
 def _default(key: str, field: msgspec.structs.FieldInfo) -> str:
     if key in _WRITTEN_OUT:
         return "below"
-    if field.default is msgspec.NODEFAULT or field.default is None:
+    if field.default in (msgspec.NODEFAULT, msgspec.UNSET, None) or field.default != field.default:
         return ""
     return f"`{format_value(field.default) if not isinstance(field.default, str) else json.dumps(field.default)}`"
 

@@ -9,7 +9,7 @@ import msgspec
 
 from sim.installation import ASSETS
 from sim.scenario.environment import STANDS, TRAJECTORIES
-from sim.scenario.overrides import apply_override
+from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.scenario.text_files import find_toml_file, read_toml
@@ -38,8 +38,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """
     path = find_toml_file(name, SCENARIOS, "scenario")
     data = read_toml(path, "scenario")
-    for override in overrides:
-        apply_override(data, override)
+    apply_overrides(data, overrides)
     changed = {override.partition("=")[0].strip() for override in overrides}
     try:
         return _anchor(decode(data), path.parent, changed)
@@ -83,8 +82,7 @@ def change_settings(scenario: Scenario, settings: Mapping[str, Any] | None) -> S
     if not overrides:
         return scenario
     data = msgspec.json.decode(msgspec.json.encode(scenario))
-    for override in overrides:
-        apply_override(data, override)
+    apply_overrides(data, overrides)
     return _anchor(decode(data), Path())
 
 

@@ -1,13 +1,17 @@
 """Overrides `key=value` of single keys of a scenario."""
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import parse_toml
+from sim.scenario.uavs import Uav
 from tracking.errors import InputError
+
+_VIEW = ("footprint", "fov_deg", "altitude")  # keys of a UAV, two of which determine the third
 
 
 def split_override(override: str) -> tuple[str, str]:
@@ -18,8 +22,15 @@ def split_override(override: str) -> tuple[str, str]:
     return key, text
 
 
-def apply_override(data: dict[str, Any], override: str) -> None:
-    """Apply an override `key=value` to plain data, in place."""
+def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
+    """Apply overrides `key=value` to plain data, in place."""
+    keys = [split_override(override)[0] for override in overrides]
+    for i, override in enumerate(overrides):
+        _apply_override(data, override, keys[:i])
+
+
+def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str]) -> None:
+    """Apply an override, given the keys of those before it."""
     key, text = split_override(override)
     *path, last = key.split(".")
     node: Any = data
@@ -31,7 +42,30 @@ def apply_override(data: dict[str, Any], override: str) -> None:
         node = node[_find_entry(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
+    if path[:1] == ["uavs"] and last in _VIEW and isinstance(node, dict):
+        _keep_view(node, last, [name for name in _VIEW if f"{key.removesuffix(last)}{name}" in earlier])
     node[_find_entry(node, last, key)] = _parse_value(text)
+
+
+def _keep_view(row: dict[str, Any], key: str, earlier: Sequence[str]) -> None:
+    """Leave of a UAV's view in its row what an override of `key` does not change, given the keys of earlier overrides.
+
+    An override of the altitude changes the footprint; one of the footprint or of the angle of view changes the
+    altitude. After two overrides, the third key follows.
+    """
+    kept = {name: row[name] for name in _VIEW if name in row}
+    if earlier:
+        kept = {name: row[name] for name in earlier}
+    else:
+        try:
+            before = msgspec.convert({"start": (0.0, 0.0), **kept}, Uav)
+        except msgspec.ValidationError:  # which is told when the whole row is read
+            return
+        name = "footprint" if key == "fov_deg" else "fov_deg"
+        kept = {name: getattr(before, name)}
+    for name in _VIEW:
+        row.pop(name, None)
+    row |= kept
 
 
 def _find_entry(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index

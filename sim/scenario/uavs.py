@@ -4,12 +4,14 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from msgspec import Meta, Struct, structs
+from msgspec import UNSET, Meta, Struct, UnsetType, field, structs
 
 from sim.scenario.quantities import Point, whole
-from tracking.numerics.trigonometry import cos, sin
+from tracking.errors import spell
+from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
+_WIDEST = 10_000  # m
 _FROM_ABOVE = 0.27  # m², area of a walking person seen from straight above: `tracking.detection.silhouette`
 
 
@@ -17,11 +19,14 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
 
     start: Point  # m, `[x, y]`, the place above which the UAV hovers at the start
-    # m, edge of the square field of view on the ground; with `fov_deg` it determines the altitude
-    footprint: Annotated[float, Meta(ge=0.01, le=10_000)] = 20.0
+    # m, edge of the square field of view on the ground; two of `footprint`, `fov_deg` and `altitude` determine the
+    # third; by default 20
+    footprint: Annotated[float, Meta(ge=0.01, le=_WIDEST)] = math.nan
     # quality factor of the UAV's measurements, [Li22] eq. (4); smaller is better
     alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
-    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # deg, full angle of the field of view
+    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = math.nan  # deg, full angle of the field of view; by default 60
+    # m above ground, instead of `footprint` or `fov_deg`
+    given_altitude: Annotated[float, Meta(gt=0, le=10_000)] | UnsetType = field(name="altitude", default=UNSET)
     pixels: Annotated[int, Meta(ge=16, le=4096)] = 128  # pixels along each edge of the image
     max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
     # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
@@ -39,22 +44,46 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         structs.force_setattr(self, "rate", whole(self.rate))
+        self._complete_view()
         if self.tilt_deg + self.fov_deg / 2 >= 90:
             limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
             raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
 
+    def _complete_view(self) -> None:
+        """Set footprint and angle of view if they are not given, and forget the altitude, which follows from them."""
+        altitude, footprint, fov_deg = self.given_altitude, self.footprint, self.fov_deg
+        if altitude is not UNSET and not math.isnan(footprint):
+            if not math.isnan(fov_deg):
+                raise ValueError("footprint, fov_deg and altitude are given; two of them determine the third")
+            fov_deg = 360.0 * arctan2(footprint / 2, altitude) / math.pi
+            if fov_deg < 1.0:
+                means = f"means a fov_deg of {spell(fov_deg, 3)}; allowed are 1 or more"
+                raise ValueError(f"altitude {altitude:g} m with footprint {footprint:g} m {means}")
+        fov_deg = 60.0 if math.isnan(fov_deg) else fov_deg
+        if math.isnan(footprint):
+            footprint = 20.0 if altitude is UNSET else 2 * altitude * _half_tangent(fov_deg)
+            if footprint > _WIDEST:
+                means = f"means a footprint of {spell(footprint, 3)} m; at most {_WIDEST} m are allowed"
+                raise ValueError(f"altitude {altitude:g} m with fov_deg {fov_deg:g} {means}")
+        for name, value in (("footprint", footprint), ("fov_deg", fov_deg), ("given_altitude", UNSET)):
+            structs.force_setattr(self, name, value)
+
     @property
     def altitude(self) -> float:
         """Height of the camera above ground [m], at which the field of view has the edge `footprint`."""
-        angle = math.radians(self.fov_deg)
-        tangent = sin(angle) / (1.0 + cos(angle))  # of half the angle
-        return self.footprint / (2 * tangent)
+        return self.footprint / (2 * _half_tangent(self.fov_deg))
 
     @property
     def person_pixels(self) -> float:
         """Mean number of pixels that show a person straight below the camera."""
         edge = self.footprint / self.pixels
         return _FROM_ABOVE / (edge * edge)
+
+
+def _half_tangent(angle_deg: float) -> float:
+    """Tangent of half an angle."""
+    angle = math.radians(angle_deg)
+    return sin(angle) / (1.0 + cos(angle))
 
 
 DEFAULT_FLEET = (

@@ -59,11 +59,11 @@ def keys():
     """Every key of a scenario, those of the first UAV among them."""
 
     def under(kind, prefix):
-        for name in kind.__struct_fields__:
+        for name in kind.__struct_encode_fields__:
             inner = getattr(Scenario(), name, None) if kind is Scenario else None
             yield from under(type(inner), f"{name}.") if isinstance(inner, msgspec.Struct) else [f"{prefix}{name}"]
 
-    return [*under(Scenario, ""), *(f"uavs.{i}.{name}" for i in range(2) for name in Uav.__struct_fields__)]
+    return [*under(Scenario, ""), *(f"uavs.{i}.{name}" for i in range(2) for name in Uav.__struct_encode_fields__)]
 
 
 def numbers(kind, name=""):
