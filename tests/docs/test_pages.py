@@ -120,14 +120,15 @@ def test_every_key_of_literature_is_resolved():
 def defaults(kind=Scenario, prefix=""):
     """Every key of a scenario with its default as TOML; None where it is written out elsewhere."""
     for field in msgspec.structs.fields(kind):
-        key = prefix + field.name
+        key = prefix + field.encode_name
         if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
             yield from defaults(field.type, f"{key}.")
         elif key in ("people.paths", "uavs"):
             yield key, None
         else:
-            # None stands for a default that depends on other keys.
-            yield key, msgspec.NODEFAULT if field.default is None else field.default
+            # None, UNSET and NaN stand for a default that depends on other keys.
+            varies = field.default in (None, msgspec.UNSET) or field.default != field.default
+            yield key, msgspec.NODEFAULT if varies else field.default
 
 
 def test_the_reference_lists_every_key_with_meaning_default_and_overrides():
