@@ -132,9 +132,9 @@ def normalised_errors(model, missions: int) -> np.ndarray:
 
 
 def test_beliefs_of_scans_at_random_times_are_consistent():
-    low, high = nees_interval(400, 4)
-    assert low < normalised_errors(NCV, 200).mean() < high
-    assert normalised_errors(Minimal(), 200).mean() > high  # times rounded to steps of dt
+    low, high = nees_interval(200, 4)
+    assert low < normalised_errors(NCV, 100).mean() < high
+    assert normalised_errors(Minimal(), 100).mean() > high  # times rounded to steps of dt
 
 
 @MODELS

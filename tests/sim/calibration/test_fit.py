@@ -87,7 +87,7 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
         assert one.covariances.tobytes() == other.covariances.tobytes()
 
 
-@pytest.mark.parametrize("pixels", [96, 192, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 256))])
+@pytest.mark.parametrize("pixels", [96, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 192, 256))])
 def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
     population = people_in_forests(3, 30, pixels)
     assert 1.8 < nees(population).mean() < 2.2

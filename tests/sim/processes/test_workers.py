@@ -81,6 +81,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("after", [0.2, 1.2], ids=["while workers start", "at work"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_worker_outlasts_its_parent_and_only_that_complains(tmp_path, number, after):

@@ -43,7 +43,7 @@ def test_belief_propagation_is_within_bounds_of_exact(apart, detection, clutter,
     rng = np.random.default_rng(0)
     errors = []
     for people in range(2, LARGEST + 1):
-        for _ in range(8):
+        for _ in range(4):
             weights = crowd(rng, people, apart, detection, clutter)
             exact, approximate = marginals(*weights, LARGEST), marginals(*weights, 0)
             np.testing.assert_allclose(approximate.sum(axis=1), 1, rtol=1e-12)

@@ -34,7 +34,7 @@ def scene(rng, people, side):
 def test_a_scan_in_batches_gives_the_tracks_of_the_whole_scan(side, certain, monkeypatch):
     """To the bit for certain tracks; existence is updated by sums, with a rounding that depends on their length."""
     rng = np.random.default_rng(int(side))
-    for people in (120, 300):
+    for people in (120, 180):
         before, z, noise = scene(rng, people, side)
         before = before._replace(existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE

@@ -154,7 +154,7 @@ def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances(
     rng = np.random.default_rng(0)
     forest = Forest(tuple(Tree(*rng.uniform(-15, 15, 2), 1.5) for _ in range(trees)))
     count = 0
-    for _ in range(50):
+    for _ in range(25):
         camera = Camera(rng.uniform(0.2, widest), int(rng.choice([16, 32])))
         turn = turned(rng.uniform(0, 1.6), rng.uniform(-math.pi, math.pi))
         pose = Pose(np.array([1.0, 2.0, rng.uniform(lowest, 20.0)]), turn)
@@ -163,7 +163,7 @@ def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances(
         found = BlobDetector(forest).detect(frame(image, pose, camera))
         assert np.isfinite(found.ground).all() and np.linalg.eigvalsh(found.covariances).min(initial=1.0) > 0.0
         count += len(found.ground)
-    assert count > 100
+    assert count > 50
 
 
 def test_components_are_those_that_opencv_finds_by_colour():

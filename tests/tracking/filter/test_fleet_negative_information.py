@@ -18,7 +18,7 @@ UAVS = 3
 # Cameras above the canopy, or around it so that each sees another side; its radius [m]; and the speed on the way out.
 # Nobody of 1.5 m/s stays under a canopy of 1 m: no detection by cameras around it says that there is no person.
 CASES = [
-    (a, r, v)
+    pytest.param(a, r, v, marks=[pytest.mark.slow] * (r in (2.0, 5.0)))
     for a in (False, True)
     for r in (1.0, 2.0, 3.0, 5.0, 8.0)
     for v in (0.5, 1.5)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.kalman import update
 
 from sim.scenario.environment import Area, People
 from sim.world.trajectories import read_trajectories
@@ -114,10 +113,9 @@ def hidden(places: np.ndarray, first: NearlyConstantVelocity) -> dict[int, tuple
         for k in range(1, 81):
             means, covariances = model.predict_all(means, covariances)
             if k <= 30:
-                updated = [
-                    update(Gaussian(m, P), point, R) for m, P, point in zip(means, covariances, z[k], strict=True)
-                ]
-                means, covariances = np.array([b.mean for b in updated]), np.array([b.covariance for b in updated])
+                gains = covariances[:, :, :2] @ np.linalg.inv(covariances[:, :2, :2] + R)
+                means = means + (gains @ (z[k] - means[:, :2])[..., None])[..., 0]
+                covariances = covariances - gains @ covariances[:, :2]
                 model = model.learn(means[:, 2:]) if hasattr(model, "learn") else model
             elif k - 30 in found:
                 e = means[:, :2] - true[k]
