@@ -28,6 +28,13 @@ def random_team() -> Team:
 
 
 @pytest.fixture
+def without_pictures(monkeypatch):
+    """Figures of runs and reports are laid out, but their files are empty: each would take a third of a second."""
+    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
+    monkeypatch.setattr("sim.running.results.save_figure", lambda figure, path: path.touch())
+
+
+@pytest.fixture
 def heard():
     """Ctrl-C reaches these tests, and the processes they start, also where the shell that runs them ignores it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,5 +1,7 @@
 """The public Python API: what it names is there, and missions and comparisons fly by it as by the command line."""
 
+import importlib
+import runpy
 import sys
 from itertools import count
 
@@ -7,7 +9,6 @@ import numpy as np
 import pytest
 from helpers.commands import called
 from helpers.pages import Here
-from helpers.processes import python
 
 import understory
 from sim.recording.archive import digest
@@ -25,10 +26,14 @@ def test_every_name_has_a_docstring():
         assert getattr(understory, name).__doc__, name
 
 
-def test_a_gymnasium_that_cannot_be_imported_is_no_obstacle(tmp_path):
+def test_a_gymnasium_that_cannot_be_imported_is_no_obstacle(tmp_path, monkeypatch):
     (tmp_path / "gymnasium.py").write_text("raise ImportError('built for another NumPy')\n")
-    done = python("-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import understory; print(understory.Plan)")
-    assert "planning.planner.Plan" in done.stdout
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in ("gymnasium", "sim.environments.registration"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    assert runpy.run_path(understory.__file__)["Plan"] is understory.Plan
+    with pytest.raises(ImportError, match="built for another NumPy"):
+        importlib.import_module("gymnasium")
 
 
 @pytest.mark.parametrize("library", ["gymnasium", "pettingzoo"])
@@ -38,7 +43,7 @@ def test_an_environment_without_its_library_names_it(library, monkeypatch):
         understory.parallel_env()
 
 
-def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, capsys):
+def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, capsys, without_pictures):
     monkeypatch.chdir(tmp_path)
     flight = understory.run(planner="greedy", seed=2, settings={**SHORT, "trees": {"density": 5.0}})
     options = ["--set", "sensing.mode=ideal", "--set", "trees.density=5", "--duration", "1", "--no-video"]
@@ -60,7 +65,7 @@ def test_a_run_takes_a_planner_that_is_an_object_and_a_scenario():
     assert not flight.recording.commands.any()
 
 
-def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
+def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path, without_pictures):
     flight = understory.run(planner="hover", settings=SHORT, out=tmp_path / "new")
     files = {path.name for path in (tmp_path / "new").iterdir()}
     assert {"mission.npz", "mission.mp4", "mission.html", "summary.json"} <= files

@@ -68,7 +68,7 @@ def package(folder, name="theirs", points=POINTS):
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(tmp_path, monkeypatch, capsys, without_pictures):
     """The command line in this process, in a folder where a package is: exit code, standard output and error."""
     package(tmp_path)
     monkeypatch.chdir(tmp_path)

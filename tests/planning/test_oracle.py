@@ -156,7 +156,7 @@ def test_the_oracle_alone_searches_for_a_person_without_a_track():
     assert shift[0] > shift[1] + 10.0
 
 
-def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch):
+def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pictures):
     titles = []
 
     class Film(flights.Film):

@@ -12,8 +12,8 @@ from sim.terminal import console
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """Calls the command line in an empty folder of its own: exit code, standard output and standard error."""
+def call(tmp_path, monkeypatch, capsys, without_pictures):
+    """Calls the command line in an empty folder of its own: exit code, standard output and error; no figure is drawn."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(console.console, "width", 80)
@@ -21,14 +21,8 @@ def call(tmp_path, monkeypatch, capsys):
 
 
 @pytest.fixture
-def without_pictures(monkeypatch):
-    """Figures of reports are laid out, but no files are made of them, which takes a second."""
-    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
-
-
-@pytest.fixture
-def compare(call, monkeypatch, without_pictures):
-    """Calls `understory compare` as `call` does, its trials flown by one backend, its figures empty files."""
+def compare(call, monkeypatch):
+    """Calls `understory compare` as `call` does, its trials flown by one backend."""
     monkeypatch.setattr(console.console, "width", 160)
 
     def run(*arguments, backend=None):

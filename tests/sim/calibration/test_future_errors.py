@@ -30,7 +30,7 @@ def test_the_fit_grows_along_both_sides_where_rows_do_not():
 
 def test_states_are_those_of_a_mission_taken_apart():
     """All people leave a hovering fleet's views sooner or later."""
-    scenario = load("scatter", ["duration=40", "sensing.mode=ideal"])
+    scenario = load("scatter", ["duration=30", "sensing.mode=ideal"])
     planner = load_planner("hover")
     found = states(Mission(scenario, planner, 3))
     seconds = list(Mission(scenario, planner, 3).fly())[:: round(scenario.rates.sensing)]

@@ -261,7 +261,12 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    # The first takes a process, which test_timed_run tries, too.
+    [pytest.param(*w, marks=[pytest.mark.slow] * ("--timeout" in w[0][:3])) for w in WRONG.values()],
+    ids=WRONG,
+)
 def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(refused, folder, monkeypatch, arguments, words):
     monkeypatch.chdir(folder)
     monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)

@@ -138,7 +138,7 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
 @pytest.mark.parametrize(("side", "rows", "low", "high"), [(2, 1, 0.86, 0.93), (3, 3, 0.57, 0.68)])
 def test_pairs_of_near_people_bias_nees_as_the_page_says(side, rows, low, high):
     """People in grids, one standard deviation apart, 100 m from grid to grid; independent errors at 20 scans."""
-    rng, deviation, grids = np.random.default_rng(0), 0.25, 200 // (side * rows)
+    rng, deviation, grids = np.random.default_rng(0), 0.25, 90 // (side * rows)
     grid = np.stack(np.meshgrid(np.arange(side), np.arange(rows)), axis=-1).reshape(-1, 2) * deviation
     people = (grid + 100.0 * np.arange(grids)[:, None, None] * [1, 0]).reshape(-1, 2)
     places = people + deviation * rng.normal(size=(20, len(people), 2))

@@ -89,7 +89,7 @@ def test_a_breakdown_changes_neither_forest_nor_people_nor_messages_of_others():
     np.testing.assert_array_equal(whole[0].ospa[:2], broken[0].ospa[:2])
 
 
-def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path):
+def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path, without_pictures):
     ends = [f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3)]
     setting = load("forest", ["duration=2", "sensing.mode=ideal", *ends])
     found = run_mission(Trial(setting, "greedy", 0), tmp_path / "out")

@@ -233,7 +233,7 @@ def test_uavs_hover_until_the_first_decision(first, asked):
     assert all(scan.measurements.size for scan in snapshots[0].scans)
 
 
-def test_missions_that_hover_at_first_sense_the_same_and_are_shown(tmp_path):
+def test_missions_that_hover_at_first_sense_the_same_and_are_shown(tmp_path, without_pictures):
     """Hovering draws nothing: until the first decision a mission is that of a planner that hovers."""
     unknown = (OPEN, "first_decision=2", "tracking.initial_tracks=none")
     _, later = fly_ideal(*unknown, planner="sma-nbo(evaluations=64)", seed=3)

@@ -22,6 +22,7 @@ from tracking.errors import InputError
 from tracking.filter.motion import make_motion_model
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
 NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
 MODELS, _, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")

@@ -41,6 +41,7 @@ def test_recordings_and_images_have_the_same_bytes_on_every_processor(flown):
     assert flown([mission], duration=duration) == EXPECTED
 
 
+@pytest.mark.docs
 def test_the_readme_has_the_figure_of_its_first_command():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (figure,) = re.findall(r"Seed 0,\s+which\s+the\s+first\s+command\s+flies,\s+has\s+([0-9.]+) %", readme)
@@ -48,7 +49,7 @@ def test_the_readme_has_the_figure_of_its_first_command():
     assert f"{100 * row.metrics['ospa.share_under_1m']:.1f}" == figure
 
 
-def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
+def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path, without_pictures):
     scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "trees.density=5"])
     run_mission(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))

@@ -228,7 +228,7 @@ def test_rounds_are_whole_numbers(rounds):
         Exchange(rounds)
 
 
-def test_a_run_says_what_plans_took_to_send(tmp_path):
+def test_a_run_says_what_plans_took_to_send(tmp_path, without_pictures):
     setting = load("forest", ["duration=1", *IDEAL, "uavs.2.fails_at=0.6"])
     summary = run_mission(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["network"] == summary["network"]

@@ -116,7 +116,7 @@ def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
     assert len(snapshots) == 6 and mission.faults == []
 
 
-def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
+def test_a_mission_is_filmed_exported_and_read_again(tmp_path, without_pictures):
     run_mission(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find_recording(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")

@@ -70,7 +70,7 @@ def test_a_planner_that_faults_always_fills_no_disk():
     assert len(all_kept) == MOST and all_kept[-1].uav is not None
 
 
-def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path):
+def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path, without_pictures):
     run_mission(Trial(SETTING, "hover", 4), tmp_path / "run", video=False)
     kept = load_recording(tmp_path / "run" / "mission.npz")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())

@@ -111,7 +111,7 @@ def test_missions_of_one_scan_interrupted_and_with_ideal_sensing_are_shown(pictu
     assert len(pictures(recording, range(scans))) == scans
 
 
-def test_people_from_a_file_that_is_gone_walk_again(pictures, tmp_path):
+def test_people_from_a_file_that_is_gone_walk_again(pictures, tmp_path, without_pictures):
     path = tmp_path / "people.csv"
     path.write_text("t,id,x,y\n" + "".join(f"{t / 5},0,{t / 5},2\n" for t in range(11)))
     setting = load_scenario("forest", ["duration=1", f"people.trajectories={path}", "sensing.mode=ideal"])

@@ -69,7 +69,7 @@ def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
     assert first == second
 
 
-def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path, monkeypatch):
+def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path, monkeypatch, without_pictures):
     summary = run_mission(trial(), tmp_path / "out", progress=interrupting(4))
     assert summary["interrupted"] and summary["duration_s"] == pytest.approx(0.6)
     assert names(tmp_path / "out") == FILES
@@ -85,14 +85,14 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     assert names(tmp_path) == ["out"]
 
 
-def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch):
+def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch, without_pictures):
     made, find = [], events.find_unmatched_tracks
     monkeypatch.setattr(events, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording))
     run_mission(trial(duration=0.2), tmp_path / "out")
     assert len(made) == 1
 
 
-def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp_path, monkeypatch):
+def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp_path, monkeypatch, without_pictures):
     write = module.write_results
 
     def interrupted(*arguments):

@@ -46,7 +46,7 @@ class Fails(Tracker):
 
 
 @pytest.fixture
-def fly(tmp_path, monkeypatch):
+def fly(tmp_path, monkeypatch, without_pictures):
     """Flies a planner of a plug-in, with a limit of wall time, into a folder."""
     (tmp_path / "ailing_run.py").write_text(PLANNERS)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -59,6 +59,7 @@ def fly(tmp_path, monkeypatch):
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.slow  # the command's test of honest mistakes tells the line, too
 def test_a_planner_that_hangs_is_ended_and_its_line_is_told(fly, tmp_path):
     with pytest.raises(PluginError) as raised:
         fly("ailing_run:Hangs", timeout=2.0)
