@@ -13,7 +13,7 @@ from sim.terminal import console
 
 @pytest.fixture
 def call(tmp_path, monkeypatch, capsys, without_pictures):
-    """Calls the command line in an empty folder of its own: exit code, standard output and error; no figure is drawn."""
+    """Calls the command line in an empty folder of its own, without pictures: exit code, standard output and error."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(console.console, "width", 80)

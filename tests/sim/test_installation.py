@@ -1,5 +1,7 @@
 """Commands in a folder with modules named like ours: these never shadow ours, and a clash is said in one line."""
 
+import sys
+
 import pytest
 from helpers.processes import python
 
@@ -50,10 +52,9 @@ def test_the_python_interface_names_the_file_that_hides_a_package(tmp_path, name
     assert line == f"ImportError: understory: {tmp_path / package} hides Understory's package {hidden!r}; rename it"
 
 
-def test_a_plug_in_that_imports_a_hidden_module_is_refused_in_one_line(folder):
+def test_a_plug_in_that_imports_a_hidden_module_is_refused_in_one_line(folder, refused, monkeypatch):
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
     (folder / "mine.py").write_text("from assets import speed\n")
-    done = python(*COMMANDS[1], "run", "--planner", "mine:Mine", cwd=folder, **INSTALLED)
-    assert done.returncode == 2
-    (line,) = done.stderr.strip().splitlines()
+    line = refused("run", "--planner", "mine:Mine")
     assert "cannot import name 'speed' from 'assets'" in line
     assert "Understory's packages hide those in the current folder of the names" in line

@@ -108,7 +108,7 @@ def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp
 @pytest.mark.parametrize(
     ("sign", "number"),
     [
-        pytest.param(STARTING, signal.SIGINT, id="Ctrl-C at the start"),
+        pytest.param(STARTING, signal.SIGINT, id="Ctrl-C at the start", marks=pytest.mark.slow),
         pytest.param(FLYING, signal.SIGTERM, id="SIGTERM in flight"),
         pytest.param(STARTING, signal.SIGTERM, id="SIGTERM at the start", marks=pytest.mark.slow),
         pytest.param(FLYING, signal.SIGINT, id="Ctrl-C in flight", marks=pytest.mark.slow),

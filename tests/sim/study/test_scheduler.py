@@ -46,7 +46,7 @@ class Hangs(Dies):
 
 class Sleeps(Dies):
     def fail(self):
-        time.sleep(0.45)
+        time.sleep(0.25)
 """
 
 
@@ -137,11 +137,11 @@ def cluster():
 def test_trials_that_wait_for_a_worker_or_its_warm_up_do_not_hang(ailing, cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(scheduler, "GRACE", 0.0)
     warm_up = Mock()
-    warm_up.side_effect = lambda: time.sleep(2.5 if warm_up.call_count == 1 else 0.0)
+    warm_up.side_effect = lambda: time.sleep(1.6 if warm_up.call_count == 1 else 0.0)
     monkeypatch.setattr(trial_flight, "warm_up", warm_up)
     tasks = short([ailing("Sleeps", once=False)], "0-2")
     with cluster("Worker") as backend:
-        rows = run(tmp_path, tasks, backend, Options(timeout=2.0))  # all three take longer
+        rows = run(tmp_path, tasks, backend, Options(timeout=1.3))  # all three take longer
         assert backend.submit.call_count == len(tasks) and backend._names == backend._begun == {}
     assert [row.error for row in rows] == [""] * len(tasks)
 
@@ -177,7 +177,7 @@ def test_processes_that_die_or_hang_lose_no_trial_and_change_no_row(tmp_path, ai
     monkeypatch.setattr(backends, "GRACE", 0.2)
     tasks = short(["hover", ailing("Dies"), ailing("Hangs")], "0")
     before = dict(os.environ)
-    with Pool(2) as flying:
+    with Pool(1) as flying:
         rows = run(tmp_path, tasks, flying, Options(timeout=2.0))
     assert list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DH]*s"))) == 2

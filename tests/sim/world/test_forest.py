@@ -20,12 +20,12 @@ def centres(trees, seed, area=AREA, **keywords):
 
 @pytest.mark.parametrize("density", [3, 15, 45])
 def test_count_is_poisson(density):
-    counts = [len(centres(Trees(density=density), seed)) for seed in range(600)]
+    counts = [len(centres(Trees(density=density), seed)) for seed in range(300)]
     # Ten bins of about equal probability.
     edges = np.unique(stats.poisson.ppf(np.linspace(0.1, 0.9, 9), density))
     probability = np.diff(stats.poisson.cdf([-1, *edges, np.inf], density))
     observed = np.bincount(np.searchsorted(edges, counts), minlength=len(probability))
-    assert stats.chisquare(observed, 600 * probability).pvalue > 0.01
+    assert stats.chisquare(observed, 300 * probability).pvalue > 0.01
 
 
 @pytest.mark.parametrize("largest", [None, 7.0])

@@ -81,6 +81,7 @@ print(hashlib.sha256(b"".join(frames)).hexdigest())
 """
 
 
+@pytest.mark.slow  # by hash, test_reproducibility compares images of two processes
 def test_a_fresh_process_elsewhere_renders_the_same_frames(tmp_path):
     recording, images = filmed("trees.density=75", PAIR.format("body"), duration=2)
     save(recording, tmp_path / "mission.npz")
