@@ -24,6 +24,7 @@ from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
 from sim.world.stem_map import find_unused_columns
+from sim.world.trajectories import describe_trajectories
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 
@@ -67,7 +68,10 @@ def run(
     trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     with prefix_errors(trial.place):
-        remark(*find_remarks(setting), *find_unused_columns(setting.trees))
+        people, doubts = describe_trajectories(setting)
+        remark(*find_remarks(setting), *find_unused_columns(setting.trees), *doubts)
+    if people:
+        say(people)
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with (
         claim_place(out, Path("runs") / _name_folder(scenario, trial)) as folder,

@@ -31,6 +31,7 @@ from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import show_study_progress
 from sim.world.stem_map import find_unused_columns
+from sim.world.trajectories import describe_trajectories
 from tracking.errors import InputError, check_known
 
 
@@ -63,6 +64,8 @@ def fly_study(
                 _check_missions(study, [task for task in listed if task.key not in flown])
             maps = dict.fromkeys(task.setting.trees for task in listed)
             remark(*dict.fromkeys(line for trees in maps for line in find_unused_columns(trees)))
+            files = {(task.setting.people, task.setting.area): task.setting for task in listed}
+            remark(*dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1]))
             remark(*_remarks_on_others(store, listed))
             with show_study_progress(len(listed)) as tell:
 

@@ -2,8 +2,10 @@
 
 import math
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +25,8 @@ POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz
 SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
 CAMERA_COLUMNS = ("uav", "fov", "pixels")
 TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
+
+_LONGEST_GAP = 20.0  # s between scans: a person then walks out of most views
 
 _Path = str | os.PathLike[str]
 
@@ -50,6 +54,10 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
             where = f"scans: {path}, column camera_qx: the camera of UAV {uav}"
             hint = "quaternions are xyzw, 0,0,0,1 looks straight down; are these wxyz?"
             raise InputError(f"{where} looks above the horizon in each of its {len(own)} scans; {hint}")
+    times = [instant[0].time for instant in scans]
+    if len(times) > 1 and (usual := median(np.diff(times))) > _LONGEST_GAP:
+        span = f"{len(times)} scans from {spell(times[0])} to {spell(times[-1])} s, {spell(usual, 3)} s apart"
+        warnings.warn(f"scans: {path}, column time: {span}; are these milliseconds?", stacklevel=2)
     return iter(scans)
 
 

@@ -3,11 +3,16 @@
 import math
 
 import msgspec
+import numpy as np
 
 from sim.scenario.environment import People, Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
+from tracking.detection.noise import NoiseModel
 from tracking.errors import list_numbers, spell
+from tracking.geometry.camera import Camera
+
+_MOST_CLUTTER = 0.05  # false detections in the area of a person's; in missions with 0.07, few people get tracks
 
 # Keys that are not used if another key of the same table has this value.
 _UNUSED = {
@@ -36,8 +41,28 @@ def find_remarks(scenario: Scenario) -> list[str]:
         + _about_unused_keys(scenario)
         + _about_misses(scenario)
         + _about_false_alarms(scenario)
+        + _about_clutter(scenario)
         + find_small_people(scenario)
     )
+
+
+def _about_clutter(scenario: Scenario) -> list[str]:
+    """Remark if the tracker expects so much clutter that detections of people say little."""
+    density = scenario.tracking.clutter_density
+    expected = density * min(_effective_area(scenario, uav) for uav in scenario.uavs)
+    if expected < _MOST_CLUTTER:
+        return []
+    place = f"{spell(expected, 2)} false detections where a person's own would be"
+    return [f"tracking.clutter_density: {density:g} per m2 means {place}; few tracks or none will begin"]
+
+
+def _effective_area(scenario: Scenario, uav: Uav) -> float:
+    """Area [m²] over which measurements of a person halfway to the edge of a UAV's view scatter, 2 pi sqrt |R|."""
+    noise = NoiseModel.range_bearing(uav.alpha)
+    if scenario.sensing.noise == "camera":
+        noise = NoiseModel.camera(Camera(math.radians(uav.fov_deg), uav.pixels), uav.altitude)
+    (xx, xy), (_, yy) = noise.covariance(np.zeros(2), np.array([uav.footprint / 4, 0.0]))
+    return 2 * math.pi * math.sqrt(xx * yy - xy * xy)
 
 
 def find_small_people(scenario: Scenario) -> list[str]:

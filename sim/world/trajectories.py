@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 
 from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.environment import Area
-from sim.scenario.scenario import MOST_WALKED
+from sim.scenario.scenario import MOST_WALKED, Scenario
 from tracking.errors import InputError, spell
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
@@ -22,6 +23,8 @@ COLUMNS = ("time", "id", "x", "y")
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
+_SLOW, _FASTEST = 0.2, 12.14  # m/s: people who walk are faster, and those who run slower
+_UNITS = "are times in seconds and places in metres?"
 _EXACT = 1e-6  # steps; a time that is nearer than this to a sample counts as the sample's
 
 
@@ -85,6 +88,41 @@ def read_trajectories(path: Path, area: Area, *, duration: float) -> Trajectorie
         rows = f"rows are from {spell(min(known))} to {spell(max(known))} s"
         raise InputError(f"{name}: column time: nobody is there between 0 and {duration:g} s; {rows}")
     return Trajectories(times, np.stack(present, axis=1))
+
+
+def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
+    """What the scenario's file of people holds, in one line, and remarks on speeds that are not those of people.
+
+    Both are empty without a file. The speed of a person is that along places a second or more apart. InputError as from
+    `read_trajectories`. Source of the largest speed: [Coh18].
+    """
+    path = scenario.people.trajectory_file
+    if path is None:
+        return "", []
+    name = f"people.trajectories: {path}"
+    people = _read_people(path, name, scenario.area)
+    times = [time for positions in people.values() for time in positions]
+    speeds = {person: _mean_speed(positions) for person, positions in people.items()}
+    usual, fastest = median(speeds.values()), max(speeds, key=lambda person: speeds[person])
+    span = f"{len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
+    line = f"{name}: {span}, at {min(speeds.values()):.2f} to {speeds[fastest]:.2f} m/s, {usual:.2f} m/s in the median"
+    doubts = []
+    if usual < _SLOW:
+        doubts.append(f"{name}: half of the people move at {usual:.2f} m/s or less; {_UNITS}")
+    if speeds[fastest] > _FASTEST:
+        run = f"no one has run faster than {_FASTEST} m/s"
+        doubts.append(f"{name}: id {fastest} moves at {spell(speeds[fastest], 3)} m/s, but {run}; {_UNITS}")
+    return line, doubts
+
+
+def _mean_speed(rows: dict[float, Array]) -> float:
+    """Speed [m/s] of a person with these positions (2,) m by time [s], along places a second or more apart."""
+    times = np.array(sorted(rows))
+    last = len(times) - 1
+    _, first_of_seconds = np.unique(np.floor(times[:last] - times[0]), return_index=True)
+    places = np.array([rows[times[k]] for k in [*first_of_seconds.tolist(), last]])
+    walked = math.fsum(length(np.diff(places, axis=0)).tolist())
+    return walked / float(times[-1] - times[0]) if last else 0.0
 
 
 def _read_people(path: Path, name: str, area: Area) -> dict[str, dict[float, Array]]:

@@ -29,6 +29,8 @@ REMARKS = [
     "tracks will follow",
     "weighs them",
     "a person covers",
+    "are times in seconds",
+    "few tracks or none",
 ]
 REMARKS += ["another version", "kept, not shown"]
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")

@@ -128,6 +128,15 @@ def test_a_camera_may_look_up_for_a_while_or_at_somebody_in_front_of_it(tmp_path
         read_scans(written(tmp_path, f"0.0,0,0,-40,0.1,0,0.1,{oblique}"))
 
 
+@pytest.mark.parametrize(("times", "gap"), [((0, 200, 400), 200), ((1.7e12, 1.7e12 + 200, 1.7e12 + 400), 200)])
+def test_scans_that_are_minutes_apart_are_doubted(tmp_path, times, gap):
+    path = tmp_path / "scans.csv"
+    path.write_text("\n".join([",".join(SCAN_COLUMNS), *(f"{time:.0f},0,,,,,,0,0,20,0,0,0,1" for time in times)]))
+    span = f"3 scans from {times[0]:.0f} to {times[-1]:.0f} s, {gap} s apart"
+    with pytest.warns(UserWarning, match=re.escape(f"scans: {path}, column time: {span}; are these milliseconds?")):
+        assert len(list(read_scans(path))) == 3
+
+
 def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"line 1: column yy is missing; columns are time,uav,x,y,xx,xy,"):
         list(read_scans(written(tmp_path, header=HEADER.replace(",yy", ""))))

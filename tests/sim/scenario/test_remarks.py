@@ -1,4 +1,4 @@
-"""Remarks on people who are too small in the images."""
+"""Remarks on people who are too small in the images, and on clutter in which they are lost."""
 
 import pytest
 
@@ -8,6 +8,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.detection.silhouette import make_silhouette
 
+WHERE = "where a person's own would be"
 SELDOM = "which will seldom or never see one; a smaller footprint or more pixels show people"
 
 
@@ -35,6 +36,29 @@ def test_a_person_straight_below_covers_the_pixels_of_the_mean_silhouette(footpr
 )
 def test_a_person_smaller_than_a_pixel_is_told_of_before_the_flight(changes, remarks):
     assert find_remarks(load("forest", changes)) == remarks
+
+
+@pytest.mark.parametrize(
+    ("changes", "doubted"),
+    [
+        (["tracking.clutter_density=0.5"], "0.5 per m2 means 0.28"),
+        (["tracking.clutter_density=0.1"], "0.1 per m2 means 0.056"),
+        (["tracking.clutter_density=0.05"], None),
+        (["tracking.clutter_density=0.5", "sensing.noise=camera"], None),
+        (
+            ["tracking.clutter_density=50", "sensing.noise=camera"],
+            "50 per m2 means 0.28",
+        ),
+    ],
+)
+def test_clutter_in_which_people_are_lost_is_remarked_on(changes, doubted):
+    found = find_remarks(load("forest", changes))
+    expected = (
+        []
+        if doubted is None
+        else [f"tracking.clutter_density: {doubted} false detections {WHERE}; few tracks or none will begin"]
+    )
+    assert found == expected
 
 
 def test_the_usual_cameras_show_people():

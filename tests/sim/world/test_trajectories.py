@@ -8,7 +8,8 @@ from scipy.interpolate import PchipInterpolator
 
 from sim.scenario import csv_tables, text_files
 from sim.scenario.environment import Area
-from sim.world.trajectories import Trajectories, read_trajectories
+from sim.scenario.loading import load
+from sim.world.trajectories import Trajectories, describe_trajectories, read_trajectories
 from tracking.errors import InputError
 
 AREA = Area()
@@ -96,6 +97,69 @@ def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
     more = [(0, "left", 1, 3, 4), (1, "right", 1, 3, 5)]  # other columns are ignored
     walk = read_trajectories(csv_file(table(more, "t,side,id,x,y")), AREA, duration=1)
     assert_allclose(walk.at(1)[0], [(3, 5)])
+
+
+def described(path):
+    return describe_trajectories(load("forest", [f"people.trajectories={path}", "area.width=9000", "area.height=9000"]))
+
+
+def walks(speeds, seconds=20, rate=5, start=0.0, noise=0.0):
+    """Rows of people with these speeds [m/s], so many in a second."""
+    rng = np.random.default_rng(0)
+    for person, speed in enumerate(speeds):
+        for k in range(seconds * rate + 1):
+            x, y = rng.normal((speed * k / rate, 2.0 * person), noise)
+            yield start + k / rate, person, float(x), float(y)
+
+
+def test_a_file_of_people_is_told_of_in_one_line(csv_file):
+    path = csv_file(table(walks([0.8, 1.3, 2.1], start=3.0)))
+    span = "3 people, from 3 to 23 s, at 0.80 to 2.10 m/s, 1.30 m/s in the median"
+    assert described(path) == (f"people.trajectories: {path}: {span}", [])
+
+
+def test_noise_of_frequent_rows_is_no_speed(csv_file):
+    line, doubts = described(csv_file(table(walks([1.3], rate=50, noise=0.03))))
+    assert doubts == [] and 1.28 < float(re.search(r"(\S+) m/s in the median", line)[1]) < 1.35
+
+
+UNITS = "are times in seconds and places in metres?"
+
+
+@pytest.mark.parametrize(
+    ("rows", "doubt"),
+    [
+        # Frames at 25 Hz whose numbers are taken for seconds; places in centimetres.
+        (
+            [(25 * t, i, x, y) for t, i, x, y in walks([1.0, 1.4])],
+            f"half of the people move at 0.05 m/s or less; {UNITS}",
+        ),
+        (
+            [(t, i, 100 * x, 100 * y) for t, i, x, y in walks([1.0, 1.4])],
+            f"id 1 moves at 140 m/s, but no one has run faster than 12.14 m/s; {UNITS}",
+        ),
+        (walks([0.0, 0.0, 1.0]), f"half of the people move at 0.00 m/s or less; {UNITS}"),
+        (walks([12.0, 3.0]), None),
+    ],
+)
+def test_speeds_that_are_not_those_of_people_are_doubted(csv_file, rows, doubt):
+    path = csv_file(table(rows))
+    assert described(path)[1] == ([] if doubt is None else [f"people.trajectories: {path}: {doubt}"])
+
+
+def test_commands_tell_of_the_file_and_doubt_it(call, csv_file):
+    path = csv_file(table([(25 * t, i, x, y) for t, i, x, y in walks([1.0, 1.4])]))
+    words = ["--planner", "hover", "--set", "sensing.mode=ideal", "--set", f"people.trajectories={path}"]
+    told = f"people.trajectories: {path}: 2 people, from 0 to 500 s, at 0.04 to 0.06 m/s, 0.05 m/s in the median\n"
+    for command, line in (("run", told), ("compare", "")):
+        more = ["--no-video"] if command == "run" else ["--seeds", "0", "--workers", "1"]
+        code, out, err = call(command, *words, "--duration", "0.4", *more)
+        assert code == 0 and out.startswith(line)
+        assert err == f"understory: people.trajectories: {path}: half of the people move at 0.05 m/s or less; {UNITS}\n"
+
+
+def test_the_packaged_people_are_people(tmp_path):
+    assert describe_trajectories(load("recorded"))[1] == [] and describe_trajectories(load("forest")) == ("", [])
 
 
 @pytest.mark.parametrize(
