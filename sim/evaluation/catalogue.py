@@ -137,9 +137,9 @@ def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
 
 
 def _real_time_factor(outcome: Outcome) -> float | None:
-    """Simulated time divided by wall time without video and start-up."""
+    """Simulated time divided by wall time without start-up, film and page."""
     times = outcome.recording.times
-    flown = outcome.wall_s - outcome.seconds.get("video", 0.0) - outcome.seconds.get("start_up", 0.0)
+    flown = outcome.wall_s - sum(outcome.seconds.get(name, 0.0) for name in ("start_up", "video", "page"))
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 

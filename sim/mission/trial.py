@@ -38,5 +38,13 @@ class ScanProgress(NamedTuple):
     distances: list[float]  # OSPA [m] of each UAV that works
 
 
-Progress = Callable[[ScanProgress], None]
+class Compilation(NamedTuple):
+    """Progress of compiling: numbers of functions."""
+
+    done: int
+    total: int
+
+
+Moment = Compilation | ScanProgress
+Progress = Callable[[Moment], None]
 Say = Callable[[str], None]

@@ -1,7 +1,7 @@
 """Compilation of the numerical kernels before the clock starts."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
@@ -11,7 +11,7 @@ from numba.core import event
 from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
 from sim.mission.mission import Mission
-from sim.mission.trial import Say
+from sim.mission.trial import Compilation, Say
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
@@ -20,7 +20,7 @@ from tracking.detection.detector import Frame
 from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
-from tracking.numerics.compiled import not_kept
+from tracking.numerics.compiled import functions, not_kept
 from tracking.parameters import Tracking
 
 _BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
@@ -28,10 +28,12 @@ _LOST = "no folder for it can be written to, so it is compiled anew each time; N
 
 
 class _Watch(event.Listener):
-    """Reports the start of the first compilation; code that is loaded from the cache is not reported."""
+    """Reports the start of the first compilation and each of our functions that is compiled, not those loaded."""
 
-    def __init__(self, say: Say) -> None:
-        self._say, self._depth, self._began, self.seconds = say, 0, 0.0, 0.0
+    def __init__(self, say: Say, progress: Callable[[Compilation], None]) -> None:
+        self._say, self._progress = say, progress
+        self._depth, self._began, self.seconds = 0, 0.0, 0.0
+        self._done: set[str] = set()
 
     def on_start(self, _: event.Event) -> None:
         if self._depth == 0:
@@ -40,16 +42,21 @@ class _Watch(event.Listener):
                 self._say(f"{_BEFORE}.")
         self._depth += 1
 
-    def on_end(self, _: event.Event) -> None:
+    def on_end(self, ended: event.Event) -> None:
         self._depth -= 1
+        function = getattr(ended.data["dispatcher"], "py_func", None)  # a loop that Numba compiles has none
+        name = function and f"{function.__module__}.{function.__qualname__}"
+        if name in functions:  # otherwise Numba's own
+            self._done.add(name)
+            self._progress(Compilation(len(self._done), len(functions)))
         if self._depth == 0:
             self.seconds += time.perf_counter() - self._began
 
 
 @contextmanager
-def announce_compilation(say: Say) -> Iterator[None]:
-    """Report compilation within the block: when it starts how long it may take, and at the end how long it took."""
-    watch = _Watch(say)
+def announce_compilation(say: Say, progress: Callable[[Compilation], None] = lambda _: None) -> Iterator[None]:
+    """Report compilation within the block: its start, each function that is done, and at the end how long it took."""
+    watch = _Watch(say, progress)
     with event.install_listener("numba:compile", watch):
         yield
     if watch.seconds:

@@ -1,9 +1,10 @@
 """One mission and its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 import json
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -54,7 +55,7 @@ def run_mission(
     """Fly a mission, leave its results in the new folder `out`, and return the summary.
 
     video: False for neither film nor page. metrics: import strings of plug-in metrics for the summary. `progress` is
-    called at each scan, and `say` with messages about compilation.
+    called for each function that is compiled and at each scan, and `say` with messages about compilation.
 
     The folder appears when it is complete. Ctrl-C in flight ends the mission after the present scan; the scans flown so
     far are kept and marked as interrupted. A second Ctrl-C, or one before take-off, is a KeyboardInterrupt and leaves
@@ -93,12 +94,13 @@ def fly_into(
 
                 yield watch
 
-        outcome = fly_mission(trial, watching, announce_compilation(say)(warm_up))
+        outcome = fly_mission(trial, watching, announce_compilation(say, progress)(warm_up))
+        start = time.perf_counter()
+        write_results(results, Flight(outcome.recording))
+        spent = time.perf_counter() - start
+        outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
         summary = summarise(outcome, results.metrics)
-        flight = Flight(outcome.recording)
-        write_results(results.folder, flight, summary)
-        if film:
-            write_page(flight, results.folder / "mission.html", video=film, place=str(results.final))
+        (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return summary
 
 
@@ -146,9 +148,11 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
     return Flight(recording_of(mission, recorder, planner))
 
 
-def write_results(folder: Path, flight: Flight, summary: dict[str, Any]) -> None:
-    """Write the files of a mission except its video."""
+def write_results(results: Results, flight: Flight) -> None:
+    """Write the files of a mission except its film, which is there, and its summary."""
+    folder = results.folder
     save(flight.recording, folder / "mission.npz")
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     save_figure(flight.ospa_figure(), folder / "ospa.png")
     save_figure(flight.timeline_figure(), folder / "timeline.png")
+    if results.video:
+        write_page(flight, folder / "mission.html", video=folder / "mission.mp4", place=str(results.final))

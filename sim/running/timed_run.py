@@ -51,12 +51,13 @@ def run_with_timeout(
             if not ours.poll(_TICK):
                 continue
             message = ours.recv()
-            if not isinstance(message, ScanProgress):
+            if isinstance(message, str):
                 say(message)
                 continue
-            if last is None:
-                asked = in_flight.enter_context(stop_request())
-            last = message
+            if isinstance(message, ScanProgress):
+                if last is None:
+                    asked = in_flight.enter_context(stop_request())
+                last = message
             progress(message)
         error = future.exception()
         if error is None:
@@ -81,7 +82,7 @@ def _prepare(messages: Connection, stop: Event) -> None:
     """Prepare the process that flies."""
     global _parent
     _parent = _Parent(messages, stop)
-    announce_compilation(messages.send)(warm_up)()
+    announce_compilation(messages.send, messages.send)(warm_up)()
 
 
 def _fly(trial: Trial, results: Results) -> dict[str, Any]:

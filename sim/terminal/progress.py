@@ -1,96 +1,112 @@
-"""Progress bars for flights and drawings."""
+"""Progress of compilation, flights and drawings: a bar in a terminal, elsewhere a line now and then."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count
 from statistics import fmean
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-from sim.mission.trial import ScanProgress
+from sim.mission.trial import Compilation, Moment
 from sim.scenario.scenario import Scenario
-from sim.terminal.console import console
+from sim.terminal.console import console, say
 
-START_UP = "starting up"
+_PAUSE = 10.0  # s, least time between two lines on progress
+Show = Callable[[int, int, str], None]  # gets what is done, all there is to do, and both in words
 
 
 @contextmanager
-def show_mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], None]]:
-    """A bar with the simulated time and the running mean of the OSPA distance."""
-    last = scenario.scan_times[-1]
-    total, count = 0.0, 0  # sum and number of the distances so far
-    columns = (BarColumn(bar_width=20), TextColumn("{task.description}"))
-    with _show_bar(len(scenario.scan_times), *columns) as advance:
+def show_mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
+    """Show how much is compiled, then the simulated time and the running mean of the OSPA distance."""
+    times = scenario.scan_times
+    scans, total, distances = 0, 0.0, 0  # sum and number of the distances so far
+    with show_progress() as show:
 
-        def show(moment: ScanProgress) -> None:
-            nonlocal total, count
-            total, count = total + sum(moment.distances), count + len(moment.distances)
+        def tell(moment: Moment) -> None:
+            nonlocal scans, total, distances
+            if isinstance(moment, Compilation):
+                show(*moment, f"compiling: {moment.done} of {moment.total} functions")
+                return
+            scans += 1
+            total, distances = total + sum(moment.distances), distances + len(moment.distances)
             error = f"{fmean(moment.distances):.2f} m" if moment.distances else "-"
-            advance(f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m")
+            text = f"{moment.time:.1f} of {times[-1]:g} s, OSPA {error}, mean {total / distances:.2f} m"
+            show(scans, len(times), text)
 
-        yield show
+        yield tell
 
 
 @contextmanager
 def show_counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
-    """A bar with the number of frames or scans done."""
-    with _show_bar(total, BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what)) as advance:
-        yield lambda outcome: advance("")
+    """Show the number of frames or scans done; each call of the function that is yielded counts one more."""
+    numbers = count(1)
+    with show_progress() as show:
+        yield lambda _: show(done := next(numbers), total, f"{done} of {total} {what}")
 
 
 @contextmanager
-def _show_bar(total: int, *columns: BarColumn | MofNCompleteColumn | TextColumn) -> Iterator[Callable[[str], None]]:
-    """Yield a function that advances a bar and describes what is done.
+def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
+    """Show the number of trials done; called with two flags: the trial failed, and it was flown just now."""
+    start = time.monotonic()
+    done = flown = failures = 0
+    with show_progress(time_left=False) as show:
 
-    The bar is shown from its first call on, so that none precedes an error of the start.
+        def tell(failed: bool, fresh: bool) -> None:
+            nonlocal done, flown, failures
+            done, flown, failures = done + 1, flown + fresh, failures + failed
+            pace = describe_pace(flown, total - done, failures, time.monotonic() - start)
+            show(done, total, f"{done} of {total} trials{pace}")
+
+        yield tell
+
+
+@contextmanager
+def show_progress(*, time_left: bool = True) -> Iterator[Show]:
+    """Yield a function that shows how much is done; a new total begins a new stage.
+
+    A terminal has a bar, from the first call on, so that none precedes an error of the start. Any other output gets a
+    line now and then, for the log of a long run: each after another 10 s, or after a tenth of the time so far.
+    time_left: False if the words tell how long the rest will take.
     """
-    progress = Progress(SpinnerColumn(), *columns, TimeRemainingColumn(), console=console)
-    task = progress.add_task("", total=total)
-    with console.status(START_UP) as status:  # disappears before the progress or an error message
+    bar = Progress(SpinnerColumn(), BarColumn(bar_width=16), TextColumn("{task.description}"), console=console)
+    task = bar.add_task("")
+    start = told = began = time.monotonic()
+    stage, before = -1, 0  # total of the present stage, and what was done when it began
+    with console.status("starting up") as status:  # disappears before the bar or an error message
 
-        def advance(description: str) -> None:
-            if not progress.live.is_started:
+        def show(done: int, total: int, text: str) -> None:
+            nonlocal told, began, stage, before
+            now = time.monotonic()
+            if total != stage:
+                stage, began, before = total, now, done
+            if time_left and before < done < total:
+                text += f", {format_clock((now - began) / (done - before) * (total - done))} left"
+            if console.is_interactive:
                 status.stop()
-                progress.start()
-            progress.update(task, advance=1, description=description)
+                bar.update(task, completed=done, total=total, description=escape(text))
+                bar.start()
+            elif now - told >= max(_PAUSE, 0.1 * (now - start)):
+                told = now
+                say(text)
 
         def debug(*_: object) -> None:
             """Stop the bar until the next call, because it would be drawn over the debugger's prompt."""
             import pdb  # here, since its import takes a tenth of a second
 
             status.stop()
-            progress.stop()
+            bar.stop()
             pdb.Pdb().set_trace(sys._getframe(1))
 
-        before, sys.breakpointhook = sys.breakpointhook, debug
+        hook, sys.breakpointhook = sys.breakpointhook, debug
         try:
-            yield advance
+            yield show
         finally:
-            sys.breakpointhook = before
-            if progress.live.is_started:  # otherwise an empty line would precede an error message
-                progress.stop()
-
-
-@contextmanager
-def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
-    """A bar with the number of trials done; called with two flags: the trial failed, and it was flown just now."""
-    columns = (SpinnerColumn(), BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("trials{task.description}"))
-    start = time.monotonic()
-    flown = 0
-    failures = 0
-    with Progress(*columns, console=console) as progress:
-        starting = ", starting up; the first time, code is compiled: about a minute"
-        task = progress.add_task(starting, total=total)
-
-        def tell(failed: bool, fresh: bool) -> None:
-            nonlocal flown, failures
-            flown, failures = flown + fresh, failures + failed
-            progress.advance(task)
-            left = total - int(progress.tasks[0].completed)
-            progress.update(task, description=describe_pace(flown, left, failures, time.monotonic() - start))
-
-        yield tell
+            sys.breakpointhook = hook
+            if bar.live.is_started:  # otherwise an empty line would precede an error message
+                bar.stop()
 
 
 def describe_pace(flown: int, left: int, failures: int, seconds: float) -> str:
@@ -99,9 +115,14 @@ def describe_pace(flown: int, left: int, failures: int, seconds: float) -> str:
     if flown and seconds > 0:
         parts.append(f"{60 * flown / seconds:.1f} a minute")
         if left:
-            minutes, rest = divmod(round(left * seconds / flown), 60)
-            hours, minutes = divmod(minutes, 60)
-            parts.append(f"{hours}:{minutes:02}:{rest:02} left" if hours else f"{minutes}:{rest:02} left")
+            parts.append(f"{format_clock(left * seconds / flown)} left")
     if failures:
         parts.append(f"{failures} failed")
     return "".join(f", {part}" for part in parts)
+
+
+def format_clock(seconds: float) -> str:
+    """A time as minutes and seconds, or as hours, minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

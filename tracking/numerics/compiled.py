@@ -26,6 +26,7 @@ _ROOT = Path(__file__).parents[2]
 _IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
 _DIGITS = 16  # of a digest in the name of a folder
 
+functions: set[str] = set()  # names, with modules, of those that are to be compiled
 not_kept: list[str] = []  # functions whose compiled code this process cannot write to disk
 
 
@@ -54,6 +55,7 @@ def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
 
 def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
     """Compile a function when it is first called, and keep its code in the folder of its module if there is one."""
+    functions.add(f"{function.__module__}.{function.__qualname__}")
     config: Any = numba.config
     if home := code_folder():
         users = config.CACHE_DIR

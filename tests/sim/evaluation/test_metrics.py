@@ -212,8 +212,8 @@ def test_the_summary_matches_the_hand_count():
     gone = dataclasses.replace(hand_made(), people=np.full((2, 3, 2), np.nan))
     assert summary(gone)["people_held"] == [None, None, None]
     assert summary(hand_made())["real_time_factor"] == pytest.approx(0.2 / (14 - 4))
-    started = summary(hand_made(), seconds={**SECONDS, "start_up": 5.0})
-    assert started["real_time_factor"] == pytest.approx(0.2 / (14 - 4 - 5))
+    started = summary(hand_made(), seconds={**SECONDS, "start_up": 5.0, "page": 3.0})
+    assert started["real_time_factor"] == pytest.approx(0.2 / (14 - 4 - 5 - 3))
     assert started["seconds"]["start_up"] == 5.0
     assert summary(hand_made(), wall_s=4.0)["real_time_factor"] is None
     ideal = dataclasses.replace(
@@ -245,6 +245,11 @@ def test_the_table_shows_every_number_and_interruptions():
     for piece in pieces:
         assert piece in text
     assert "interrupted" not in text
+    factors = [line.split("│")[1:3] for line in text.splitlines() if "factor" in line]
+    assert [[word.strip() for word in row] for row in factors] == [
+        ["real-time factor without start-up, film, page", "8.0"],
+        ["real-time factor with them", "0.0"],
+    ]
     result = summary(dataclasses.replace(hand_made(), interrupted=True))
     text = shown({**result, "detection": {"recall": None, "precision": None}})
     assert "interrupted" in text
