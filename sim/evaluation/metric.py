@@ -23,7 +23,7 @@ class Outcome:
     """A mission that was flown: its recording, and facts of the flight that the recording does not contain."""
 
     recording: Recording
-    seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage; of `start_up` and `page`, too, if known
+    seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, `start_up` and `page`
     wall_s: float = 0.0  # total wall time
     faults: list[Fault] = field(default_factory=list)  # includes breakdowns
     planning_s: Sequence[float] = ()  # wall time of each decision

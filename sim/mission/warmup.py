@@ -46,7 +46,7 @@ class _Watch(event.Listener):
         self._depth -= 1
         function = getattr(ended.data["dispatcher"], "py_func", None)  # a loop that Numba compiles has none
         name = function and f"{function.__module__}.{function.__qualname__}"
-        if name in functions:  # otherwise Numba's own
+        if name in functions and name not in self._done:  # otherwise Numba's own, or for other types
             self._done.add(name)
             self._progress(Compilation(len(self._done), len(functions)))
         if self._depth == 0:

@@ -65,7 +65,7 @@ def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
 
 @contextmanager
 def show_progress(*, time_left: bool = True) -> Iterator[Show]:
-    """Yield a function that shows how much is done; a new total begins a new stage.
+    """Yield a function that shows how much is done; when that does not grow, another stage has begun.
 
     A terminal has a bar, from the first call on, so that none precedes an error of the start. Any other output gets a
     line now and then, for the log of a long run: each after another 10 s, or after a tenth of the time so far.
@@ -74,14 +74,15 @@ def show_progress(*, time_left: bool = True) -> Iterator[Show]:
     bar = Progress(SpinnerColumn(), BarColumn(bar_width=16), TextColumn("{task.description}"), console=console)
     task = bar.add_task("")
     start = told = began = time.monotonic()
-    stage, before = -1, 0  # total of the present stage, and what was done when it began
+    last = before = 0  # what is done, and what was done when the present stage began
     with console.status("starting up") as status:  # disappears before the bar or an error message
 
         def show(done: int, total: int, text: str) -> None:
-            nonlocal told, began, stage, before
+            nonlocal told, began, last, before
             now = time.monotonic()
-            if total != stage:
-                stage, began, before = total, now, done
+            if done <= last or last == 0:
+                began, before = now, done
+            last = done
             if time_left and before < done < total:
                 text += f", {format_clock((now - began) / (done - before) * (total - done))} left"
             if console.is_interactive:

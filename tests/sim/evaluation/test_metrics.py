@@ -248,7 +248,7 @@ def test_the_table_shows_every_number_and_interruptions():
     factors = [line.split("│")[1:3] for line in text.splitlines() if "factor" in line]
     assert [[word.strip() for word in row] for row in factors] == [
         ["real-time factor without start-up, film, page", "8.0"],
-        ["real-time factor with them", "0.0"],
+        ["wall-clock factor with these", "0.0"],
     ]
     result = summary(dataclasses.replace(hand_made(), interrupted=True))
     text = shown({**result, "detection": {"recall": None, "precision": None}})

@@ -23,16 +23,18 @@ def thrice(x):
 twice_compiled = numba.njit(twice)
 
 
-def test_compiling_is_announced_and_timed_once_however_functions_call_each_other():
-    said = []
+def test_compiling_is_announced_and_timed_once_however_functions_call_each_other(monkeypatch):
+    said, done = [], []
+    monkeypatch.setattr("sim.mission.warmup.functions", {f"{__name__}.{name}" for name in ("once", "twice", "thrice")})
     function = numba.njit(thrice)
-    with announce_compilation(said.append):
+    with announce_compilation(said.append, done.append):
         assert said == [] and function(7) == 42 and function(7.0) == 42.0
     assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
-    with announce_compilation(said.append):
+    assert done == [(1, 3), (2, 3)]
+    with announce_compilation(said.append, done.append):
         function(8)
-    assert len(said) == 2
+    assert (len(said), len(done)) == (2, 2)
 
 
 @pytest.fixture
