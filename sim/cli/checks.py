@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -13,7 +14,7 @@ from sim.mission.warmup import announce_compilation
 from sim.scenario.sensing import DETECTORS
 from sim.sensing import detector_check
 from sim.terminal.console import console, say
-from sim.terminal.progress import START_UP
+from sim.terminal.progress import show_compilation, show_progress
 from tracking.fusion import tracker_check
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.findings import Finding
@@ -47,7 +48,7 @@ def check_tracker(
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
     """Print one line per check and a summary; exit with code 1 if a check failed."""
-    with console.status(START_UP), announce_compilation(say):
+    with show_progress() as show, announce_compilation(say, partial(show_compilation, show)):
         findings = check(plugin)
     for one in findings:
         console.print(escape(str(one)), soft_wrap=True)

@@ -28,7 +28,7 @@ def show_mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], Non
         def tell(moment: Moment) -> None:
             nonlocal scans, total, distances
             if isinstance(moment, Compilation):
-                show(*moment, f"compiling: {moment.done} of {moment.total} functions")
+                show_compilation(show, moment)
                 return
             scans += 1
             total, distances = total + sum(moment.distances), distances + len(moment.distances)
@@ -37,6 +37,11 @@ def show_mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], Non
             show(scans, len(times), text)
 
         yield tell
+
+
+def show_compilation(show: Show, moment: Compilation) -> None:
+    """Show how much is compiled by the function that `show_progress` yields."""
+    show(*moment, f"compiling: {moment.done} of {moment.total} functions")
 
 
 @contextmanager
