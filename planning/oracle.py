@@ -1,7 +1,8 @@
-"""The oracle: a planner that knows true positions, present and future, as an upper bound."""
+"""Oracles, planners that know true positions, as upper bounds: of everybody ever, or of the people found at present."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,13 +13,16 @@ from planning.prediction.predicted_belief import PredictedBelief, predict_belief
 from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.arrays import Flags
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.track import Track, beliefs_of
 
 # Covariance for a person without a track: the trace 400 m², at which the paper's tracks are deleted, and walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
+FOUND = 1.0  # m, distance of a track at which its person counts as found
+_MOMENT = 0.1  # s
+_REACH = 20.0  # m, root of the trace of `_UNKNOWN`: a track that is farther away tells less than none about a person
 _ABOUT = 0.5  # m: standard deviation along each axis of the five places at which a person's visibility is judged
 
 
@@ -64,6 +68,58 @@ class _Knowing:
 
 
 @dataclass(frozen=True)
+class FoundOracle(Composed):
+    """Planner as `Composed` that knows the present states of the people who have been found, and nobody else's.
+
+    A person counts as found from the first decision at which a UAV has a track within `FOUND` m. So this bounds what
+    planning can do about people whom the fleet lost, without a bound on the search for those whom nobody has seen:
+    these are searched for as `Composed` does, and where people go is predicted by the tracker's motion model.
+    """
+
+    def knowing(self, people: TruePositions) -> Planner:
+        """The planner to fly, which knows these positions."""
+        return _KnowingFound(Composed(**{field.name: getattr(self, field.name) for field in fields(self)}), people)
+
+
+@dataclass
+class _KnowingFound:
+    planner: Composed
+    people: TruePositions
+    found: set[int] = field(default_factory=set)
+    stateful: ClassVar[bool] = True  # who has been found
+
+    @property
+    def exchange(self) -> Exchange:
+        return self.planner.exchange
+
+    def reset(self, seed: int) -> None:
+        self.found = set()
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        for situation in team:
+            here = self.people(situation.time)
+            gaps = length(here[:, None] - beliefs_of(situation.tracks)[0][None, :, :2])
+            self.found.update(person for person, _ in pairs_within(np.where(np.isnan(gaps), np.inf, gaps), FOUND))
+        known = [replace(s, tracks=corrected_tracks(s, self.people, self.found)) for s in team]
+        return self.planner.plan(known, rng)
+
+
+def corrected_tracks(situation: Situation, people: TruePositions, found: Collection[int]) -> tuple[Track, ...]:
+    """Tracks of the people `found` who are present, as in `true_tracks`, then those that are assigned to nobody.
+
+    A track is assigned to a person within `_REACH` m at most, as others may be of people who have not been found.
+    A velocity is the mean over `_MOMENT` s, so that it tells nothing of turns to come.
+    """
+    here = people(situation.time)
+    persons = np.array(sorted(person for person in found if not np.isnan(here[person, 0])), dtype=int)
+    states = np.hstack([here, np.nan_to_num((people(situation.time + _MOMENT) - here) / _MOMENT)])[persons]
+    spread, taken = _second_moments(states, np.arange(len(persons)), situation.tracks, _REACH)
+    known = [Track(n, Gaussian(state, P)) for n, (state, P) in enumerate(zip(states, spread, strict=True))]
+    others = [track for k, track in enumerate(situation.tracks) if k not in taken]
+    return (*known, *(replace(track, id=len(known) + k) for k, track in enumerate(others)))
+
+
+@dataclass(frozen=True)
 class _TruePaths:
     """Belief propagation along the true paths of people, for the tracks of `true_tracks`."""
 
@@ -104,13 +160,24 @@ def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tu
         first = np.where(np.isnan(first), people(situation.time + step * situation.step), first)
     persons = np.flatnonzero(~np.isnan(first[:, 0]))
     states = np.hstack([first, np.nan_to_num((there - here) / situation.step)])[persons]
-    means, covariances = beliefs_of(situation.tracks)
-    spread = np.tile(_UNKNOWN, (len(persons), 1, 1))
-    present = np.flatnonzero(~np.isnan(here[persons, 0]))
+    spread, _ = _second_moments(states, np.flatnonzero(~np.isnan(here[persons, 0])), situation.tracks)
+    rows = zip(persons.tolist(), states, spread, strict=True)
+    return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)
+
+
+def _second_moments(
+    states: Array, present: Indices, tracks: Sequence[Track], reach: float = np.inf
+) -> tuple[Array, set[int]]:
+    """Second moments (N, 4, 4) about true states (N, 4), and the indices of the tracks that are assigned to them.
+
+    present (M,): rows of `states` to which tracks within `reach` m are assigned, by the least total distance.
+    """
+    means, covariances = beliefs_of(tracks)
+    spread, taken = np.tile(_UNKNOWN, (len(states), 1, 1)), set()
     gaps = length(states[present, None, :2] - means[None, :, :2])
-    for row, track in pairs_within(gaps, np.inf):
+    for row, track in pairs_within(gaps, reach):
         error = states[present[row], :2] - means[track, :2]
         spread[present[row]] = covariances[track]
         spread[present[row], :2, :2] += error[:, None] * error
-    rows = zip(persons.tolist(), states, spread, strict=True)
-    return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)
+        taken.add(track)
+    return spread, taken

@@ -64,6 +64,12 @@ PLANNERS = {
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV flies to its most uncertain track within 40 m"),
     "random": PlannerSpec("planning.baselines:Random", {}, "each UAV flies at a random velocity"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
+    "oracle-found": PlannerSpec(
+        "planning.oracle:FoundOracle",
+        {**_GOSPA, **_EXPECTED},
+        "knows where the people are who have been found",
+        upper_bound=True,
+    ),
     "oracle": PlannerSpec("planning.oracle:Oracle", _GOSPA, "knows where people are and will be", upper_bound=True),
 }
 DEFAULT_PLANNER = "sma-nbo-gospa"

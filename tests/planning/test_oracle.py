@@ -12,7 +12,7 @@ from helpers.studies import task_of
 from helpers.teams import Spy
 
 from planning.objective.nbo import objective
-from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
+from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, corrected_tracks, true_tracks
 from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
@@ -56,7 +56,7 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
             assert not any(struct.pack("<d", x) in team for x in truth.ravel().tolist())
         held = snapshots[5 * k].tracks[0]
         assert all(struct.pack("<d", t.belief.mean[0]) in team for t in held)  # as one that is there would be found
-    assert not any(hasattr(load_planner(name), "knowing") for name in PLANNERS if name != "oracle")
+    assert not any(hasattr(load_planner(name), "knowing") for name, spec in PLANNERS.items() if not spec.upper_bound)
     assert not mission_of(load("forest", [*SHORT]), "sma-nbo-mwtp", 0).sees_truth
 
 
@@ -140,6 +140,70 @@ def test_the_oracle_foresees_people_that_appear_and_leave(random_team):
         values = objective(belief, np.zeros((1, 5, 2)), [0], 0.0)(np.array([np.zeros((1, 5, 2)), plan.controls[None]]))
         in_time = len(known.tracks) > 0 and max(first, 1) <= last  # at some step of the horizon the person is there
         assert (values[1] < 0.9 * values[0]) == in_time and np.isfinite(values).all()
+
+
+def test_an_oracle_of_the_people_found_corrects_their_tracks_and_keeps_all_others(random_team):
+    """Person 0 has a wrong track, 1 none, 2 is unknown, 3 absent; the nearest track to 2 is nobody's."""
+    situation = random_team(1)[0]
+    first = situation.tracks[0]
+    far = Gaussian(first.belief.mean + np.array([60.0, 0.0, 0.0, 0.0]), np.eye(4))
+    other = dataclasses.replace(first, id=5, belief=far, existence=0.7)
+    turn = 0.25  # s after now, at which person 0 turns back
+    wrong, unknown = first.belief.mean[:2] + np.array([6.0, -8.0]), other.belief.mean[:2]
+    here = np.array([wrong, [300.0, 0.0], unknown, [np.nan] * 2])
+
+    def people(time):
+        step = time - situation.time
+        return here + np.array([[2.0, 1.0]]) * min(step, 2 * turn - step)
+
+    found = corrected_tracks(dataclasses.replace(situation, tracks=(other, first)), people, {0, 1, 3})
+    assert [track.id for track in found] == [0, 1, 2]
+    np.testing.assert_allclose(found[0].belief.mean, [*here[0], 2.0, 1.0], atol=1e-9)
+    moment = first.belief.covariance + np.outer([6.0, -8.0, 0.0, 0.0], [6.0, -8.0, 0.0, 0.0])
+    np.testing.assert_allclose(found[0].belief.covariance, moment, rtol=1e-12)
+    np.testing.assert_array_equal(found[1].belief.covariance, _UNKNOWN)
+    assert found[2].belief is far and found[2].existence == 0.7
+    assert [t.belief for t in corrected_tracks(situation, people, set())] == [t.belief for t in situation.tracks]
+
+
+def test_a_person_counts_as_found_from_the_first_track_of_any_uav_within_a_metre(random_team):
+    team = random_team(2, uavs=2)
+    places = np.array([track.belief.mean[:2] for track in team[0].tracks])
+    planner = FoundOracle(evaluations=64).knowing(lambda time: places + np.array([0.8, 0.0]))
+    nothing = [dataclasses.replace(s, tracks=()) for s in team]
+    planner.plan(nothing, np.random.default_rng(0))
+    assert planner.found == set()
+    one = [nothing[0], dataclasses.replace(team[1], tracks=team[1].tracks[1:2])]
+    planner.plan(one, np.random.default_rng(0))
+    planner.plan(nothing, np.random.default_rng(0))
+    assert planner.found == {1}
+    planner.reset(0)
+    assert planner.found == set()
+    planner = FoundOracle(evaluations=64).knowing(lambda time: places + np.array([1.2, 0.0]))
+    planner.plan([dataclasses.replace(s, tracks=s.tracks[:1]) for s in team], np.random.default_rng(0))
+    assert planner.found == set()
+
+
+def test_an_oracle_of_the_people_found_goes_to_those_it_lost_and_to_nobody_else():
+    """All tracks are wrong by 30 m, in the open: UAVs go to where people are who were found, and to no others."""
+
+    class Lost(FoundOracle):
+        known = (0, 1, 2, 3)
+
+        def knowing(self, people):
+            planner = super().knowing(lambda time: people(time) + np.array([30.0, 0.0]))
+            planner.found, planner.reset = set(self.known), lambda seed: None
+            return planner
+
+    class Unaware(Lost):
+        known = ()
+
+    setting = load("forest", [*SHORT, "duration=6", "trees.density=0"])
+    shift = []
+    for planner in (Lost, Unaware):
+        poses = list(Mission(setting, planner(cutoff=10.0, beta=0.0), 0).fly())[-1].poses
+        shift.append(np.mean([pose.position[0] for pose in poses]))
+    assert shift[0] > shift[1] + 10.0
 
 
 def test_the_oracle_alone_searches_for_a_person_without_a_track():
