@@ -54,15 +54,17 @@ class Film:
         self._layout = parts_of(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
         self._map = MapView(scenario, forest, (room.width, room.height))
-        self._planner = planner
         self._numbers: dict[int, int] = {}
         self._holding: Holding | None = None
-        self._sparkline = _Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         # scans in which each camera takes a frame
         self.cycle = max(scenario.frame_scans(i) for i in range(len(scenario.uavs)))
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
+        header = self._empty[:_HEADER, GAP:-GAP]
+        write(header, planner, (96, _HEADER / 2), TextStyle(18))
+        write(header, "OSPA, mean of UAVs", (header.shape[1] - 424, _HEADER / 2), TextStyle(13, FAINT), align=1.0)
+        self._sparkline = _Sparkline(header[6:-4, -300:], scenario.duration)
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
         draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
@@ -100,8 +102,10 @@ class Film:
             frame = None if frames is None else frames[i]
             if frames is None or frame is not None or i not in self._last:
                 draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
-                self._last[i] = image[tile.slices].copy()
-            image[tile.slices] = self._last[i]
+                if self.cycle > 1:
+                    self._last[i] = image[tile.slices].copy()
+            else:
+                image[tile.slices] = self._last[i]
 
     def _take(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
         """The snapshot with numbered tracks, and the states (M,) of people, which depend on earlier snapshots."""
@@ -111,44 +115,42 @@ class Film:
         return numbered, self._holding.step(numbered)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
-        middle, big = _HEADER / 2, TextStyle(20, bold=True)
-        write(image, f"{snapshot.time:.1f} s", (72, middle), big, align=1.0)
-        write(image, self._planner, (96, middle), TextStyle(18))
-        error = snapshot.error
-        right = image.shape[1] - 300
-        write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
-        label = TextStyle(13, FAINT)
-        write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
-        self._sparkline.draw(image[6:-4, right:])
+        big, error = TextStyle(20, bold=True), snapshot.error
+        write(image, f"{snapshot.time:.1f} s", (72, _HEADER / 2), big, align=1.0)
+        text = "-" if math.isnan(error) else f"{error:.2f} m"
+        write(image, text, (image.shape[1] - 314, _HEADER / 2), big, align=1.0)
+        self._sparkline.mark_last(image[6:-4, -300:])
 
 
 class _Sparkline:
-    """The mean OSPA of the fleet so far, on a logarithmic scale."""
+    """The mean OSPA of the fleet so far, on a logarithmic scale, as a line that grows in an RGB image."""
 
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
-        self._points: list[Array] = []  # (2,): shares of the width and of the height
+    def __init__(self, image: Image, duration: float) -> None:
+        self._image, self._duration = image, duration
+        self._extent = image.shape[1] - 34
+        self._last: Array | None = None  # (2,) pixel
+        metre = self._level(1.0)
+        stroke(image, np.array([(0, metre), (self._extent, metre)]), FAINT)
+        write(image, "1 m", (self._extent + 6, metre), TextStyle(12, FAINT))
 
     def add(self, time: float, ospa: float) -> None:
         """Add one value [m], or NaN for none."""
-        if not math.isnan(ospa):
-            self._points.append(np.array([min(time / self._duration, 1.0), self._level(ospa)]))
+        if math.isnan(ospa):
+            return
+        now = np.array([min(time / self._duration, 1.0) * self._extent, self._level(ospa)])
+        if self._last is not None:
+            stroke(self._image, np.array([self._last, now]), VERMILLION)
+        self._last = now
 
-    def draw(self, image: Image) -> None:
-        """Draw all values into an RGB image."""
-        height = image.shape[0]
-        extent = image.shape[1] - 34
-        metre = self._level(1.0)
-        stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
-        write(image, "1 m", (extent + 6, metre * height), TextStyle(12, FAINT))
-        line = np.array(self._points) * [extent, height]
-        stroke(image, line, VERMILLION)
-        disc(image, line[-1], 3.0, VERMILLION)
+    def mark_last(self, image: Image) -> None:
+        """Mark the last value in a copy of the image."""
+        if self._last is not None:
+            disc(image, self._last, 3.0, VERMILLION)
 
     def _level(self, ospa: float) -> float:
-        """Height from the top as a share, 0.08 to 0.92."""
+        """Pixels from the top, at 8 to 92 % of the height."""
         share = math.log(min(max(ospa, _LOW), _HIGH) / _LOW) / math.log(_HIGH / _LOW)
-        return 0.92 - 0.84 * share
+        return (0.92 - 0.84 * share) * float(self._image.shape[0])
 
 
 class Video(AbstractContextManager["Video"]):

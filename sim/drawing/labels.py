@@ -1,6 +1,5 @@
 """Names in an image, placed clear of one another and of the marks."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,8 @@ _SIDES = np.array([(1.0, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1)
 _OUTSIDE = np.array([(1.0, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)])
 _CORNERS = np.array([(-1.0, -1), (1, -1), (-1, 1), (1, 1)])
 _VEIL = 0.65  # opacity of the image behind a name
-_GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels, distance from the mark, and larger ones in crowded places
+_GAP = 14.0  # pixels, distance from the mark
+_FARTHER = np.array([0.0, 16.0, 36.0, 61.0])  # pixels, added to the distance in crowded places
 _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
@@ -27,7 +27,7 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     """The snapshot with readable numbers in place of track ids; new tracks are added to `numbers`."""
     for track in (track for held in snapshot.tracks for track in held):
         numbers.setdefault(track.id, len(numbers))
-    tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
+    tracks = [tuple(Track(numbers[t.id], t.belief, t.existence, t.sighting) for t in held) for held in snapshot.tracks]
     return replace(snapshot, tracks=tracks)
 
 
@@ -47,22 +47,20 @@ class Labels:
     def __init__(self, image: Image, *, veil: bool = True) -> None:
         """Begin without marks; `veil` fades the image behind names, for images that are full of detail."""
         self._image, self._veil = image, veil
-        self._taken: list[Array] = []  # left, top, right, bottom
+        self._limits = np.array([0.0, 0.0, image.shape[1], image.shape[0]])
+        self._taken = np.zeros((0, 4))  # left, top, right, bottom
 
-    def reserve(self, centre: Array, reach: float) -> None:
-        """Keep names off a square around a mark at a pixel (2,)."""
-        self._taken.append(np.concatenate([centre - reach, centre + reach]))
+    def reserve(self, centres: Array, reach: float) -> None:
+        """Keep names off squares around marks at pixels (2,) or (N, 2)."""
+        self._take(np.concatenate([centres - reach, centres + reach], axis=-1))
 
     def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array = _SIDES) -> None:
         """Write a name where it covers least: `gap` pixels from its mark, or farther with a line to the mark.
 
         sides (N, 2): allowed sides of the mark, as steps to the right and down.
         """
-        size = _size(text, style)
-        away = [gap, *(gap + more for more in _FARTHER)]
-        choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in sides]
-        distance, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
-        if distance > gap:
+        farther, box = self._place(_size(text, style), anchor, gap, sides)
+        if farther:
             end = np.clip(anchor, box[:2], box[2:])
             line = np.array([anchor + 0.7 * _GAP * (end - anchor) / np.hypot(*(end - anchor)), end])
             stroke(self._image, line, style.halo or INK, thickness=3)
@@ -72,30 +70,37 @@ class Labels:
             part = self._image[top:bottom, max(left - 3, 0) : right + 3]
             part[:] = part * np.float32(1 - _VEIL) + np.array(style.halo, dtype=np.float32) * np.float32(_VEIL) + 0.5
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
-        self._taken.append(box)
+        self._take(box)
 
-    def put_outside(self, text: str, view: Array, style: TextStyle, *, others: Sequence[Array]) -> None:
+    def put_outside(self, text: str, view: Array, style: TextStyle, *, others: Array) -> None:
         """Write the name of a view outside it, at the corner at which it overlaps other views least.
 
-        view and others: left, top, right, bottom.
+        view (4,) and others (N, 4): left, top, right, bottom.
         """
         sides = _OUTSIDE[:, None] * -_CORNERS  # (5, 4, 2), of each corner
         corners = (view[:2] + view[2:] + _CORNERS * (view[2:] - view[:2])) / 2
         boxes = _box(corners, _size(text, style), _CLOSE, sides)
-        among = _overlap(boxes[:, :, None], np.reshape(others, (-1, 4))).sum(axis=2)
-        costs = np.round(self._beyond(boxes) + among)
+        costs = np.round(self._beyond(boxes) + _overlap(boxes[:, :, None], others).sum(axis=2))
         at = int(costs.argmin()) % len(_CORNERS)
         best = sides[costs[:, at] == costs.min(), at]
         self.put(text, corners[at], style, gap=_CLOSE, sides=best)
 
-    def _covered(self, box: Array) -> float:
-        """Number of pixels of a box that cover other names and marks or lie beyond the image."""
-        return float(3.0 * self._beyond(box) + sum(_overlap(box, other) for other in self._taken))
+    def _take(self, boxes: Array) -> None:
+        self._taken = np.vstack([self._taken, boxes])
+
+    def _place(self, size: Array, anchor: Array, gap: float, sides: Array) -> tuple[bool, Array]:
+        """Whether a name is farther from its mark than the gap, and its box (4,), where it covers least."""
+        distances = gap + _FARTHER
+        boxes = _box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
+        low, high = boxes.min(axis=0)[:2], boxes.max(axis=0)[2:]
+        near = self._taken[((self._taken[:, :2] < high) & (self._taken[:, 2:] > low)).all(axis=1)]
+        covered = 3.0 * self._beyond(boxes) + _overlap(boxes, near[:, None]).sum(axis=0)
+        best = int((10.0 * covered.reshape(-1, len(sides)) + distances[:, None]).argmin())
+        return best >= len(sides), boxes[best]
 
     def _beyond(self, boxes: Array) -> Array:
         """Number of pixels of boxes (..., 4) beyond the image."""
-        limits = np.array([0.0, 0.0, self._image.shape[1], self._image.shape[0]])
-        return np.asarray(np.prod(boxes[..., 2:] - boxes[..., :2], axis=-1) - _overlap(boxes, limits))
+        return _overlap(boxes, boxes) - _overlap(boxes, self._limits)
 
 
 def _size(text: str, style: TextStyle) -> Array:
@@ -103,7 +108,7 @@ def _size(text: str, style: TextStyle) -> Array:
     return np.array([width(text, style), style.size + 4.0])
 
 
-def _box(anchor: Array, size: Array, gap: float, side: Array) -> Array:
+def _box(anchor: Array, size: Array, gap: float | Array, side: Array) -> Array:
     """Left, top, right, bottom (..., 4) of a text with a size (2,) beside its mark; marks and sides (..., 2)."""
     middle = anchor + side * (gap + size / 2)
     return np.concatenate([middle - size / 2, middle + size / 2], axis=-1)
@@ -111,5 +116,6 @@ def _box(anchor: Array, size: Array, gap: float, side: Array) -> Array:
 
 def _overlap(one: Array, other: Array) -> Array:
     """Number of pixels that boxes (..., 4) have in common with others."""
-    sides = np.minimum(one[..., 2:], other[..., 2:]) - np.maximum(one[..., :2], other[..., :2])
-    return np.asarray(np.prod(np.maximum(sides, 0.0), axis=-1))
+    across = np.minimum(one[..., 2], other[..., 2]) - np.maximum(one[..., 0], other[..., 0])
+    down = np.minimum(one[..., 3], other[..., 3]) - np.maximum(one[..., 1], other[..., 1])
+    return np.asarray(np.maximum(across, 0.0) * np.maximum(down, 0.0))

@@ -95,17 +95,24 @@ def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, al
     y = round(baseline - (height - 2 - descent))
     x = min(max(x, 0), max(image.shape[1] - extent, 0))
     y = min(max(y, 0), max(image.shape[0] - height, 0))
-    area = image[y : y + height, x : x + extent]
-    mask = mask[: area.shape[0], : area.shape[1]]
+    rows = image.reshape(len(image), -1)[y : y + height, 3 * x : 3 * (x + extent)]  # pixels and channels in one axis
+    for clear, ink in _layers(text, style):
+        blend = rows * clear[: rows.shape[0], : rows.shape[1]]
+        blend += ink[: rows.shape[0], : rows.shape[1]]
+        blend += np.float32(0.5)
+        rows[:] = blend
+
+
+@lru_cache(maxsize=512)
+def _layers(text: str, style: TextStyle) -> list[tuple[Mask, Mask]]:
+    """Of the halo, if any, and of the text: the share (H, 3 W) of the background that remains, and what is added."""
+    mask, _ = _mask(text, style.size, style.bold)
+    layers = [(style.colour, mask)]
     if style.halo is not None:
         wide = cv2.GaussianBlur(cv2.dilate(mask, np.ones((3, 3))), (3, 3), 0)
-        _blend(area, style.halo, np.asarray(wide, dtype=np.float32))
-    _blend(area, style.colour, mask)
-
-
-def _blend(area: Image, colour: Colour, mask: Mask) -> None:
-    weight = mask[:, :, None]
-    area[:] = area * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
+        layers.insert(0, (style.halo, np.asarray(wide, dtype=np.float32)))
+    weights = [(np.array(colour, dtype=np.float32), np.repeat(mask, 3, axis=1)) for colour, mask in layers]
+    return [(1 - weight, weight * np.tile(colour, mask.shape[1])) for colour, weight in weights]
 
 
 @lru_cache(maxsize=1024)

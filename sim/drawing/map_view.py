@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,17 +14,17 @@ from sim.drawing.labels import Labels, numbered_snapshot, track_name
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import INK, PANEL, Colour, mix, track_colour, uav_colour
-from sim.drawing.strokes import SHIFT, disc, stroke, to_fixed_point
+from sim.drawing.strokes import SHIFT, disc, stroke, strokes, to_fixed_point
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
-from sim.world.contacts import describe_body
+from sim.world.contacts import Contact, describe_body
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Indices
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 MARGIN = 4.0  # m shown beyond the area
 TRAIL = 3.0  # s, length of trails
@@ -34,14 +35,26 @@ _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.
 
 
 def ellipse(mean: Array, covariance: Array) -> Array:
-    """Points (48, 2) m on the 95 % ellipse of a planar Gaussian with mean (2,) m and covariance (2, 2) m²."""
+    """Points (..., 48, 2) m on the 95 % ellipses of planar Gaussians.
+
+    mean (..., 2) m, covariance (..., 2, 2) m².
+    """
     variances, axes = np.linalg.eigh(covariance)
-    return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
+    half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
+    return np.asarray(mean[..., None, :] + (_CIRCLE * half[..., None, :]) @ np.swapaxes(axes, -1, -2))
 
 
 def map_extent(scenario: Scenario) -> tuple[float, float]:
     """Width and height of the map [m] with its margin."""
     return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN
+
+
+class _Past(NamedTuple):
+    """What is drawn of an earlier scan."""
+
+    people: Array  # (M, 2) m
+    means: dict[int, Array]  # (2,) m, of the shown tracks by their ids
+    contacts: tuple[Contact, ...]
 
 
 class MapView:
@@ -56,7 +69,7 @@ class MapView:
         self._scenario = scenario
         self._rate = scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
-        self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
+        self._past: deque[_Past] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)
         # s, length of the past on which a picture depends by trails, plans in flight and last frames of slow cameras
         self._reach = max(TRAIL, scenario.network.plan_delay + scenario.rates.plan_step)
@@ -66,7 +79,8 @@ class MapView:
     def follow(self, snapshot: Snapshot) -> None:
         """Process one snapshot, for trails and intents, without drawing it."""
         self._intents.follow(snapshot)
-        self._past.append(snapshot)
+        means = {track.id: track.belief.mean[:2] for track in self.shown_tracks(snapshot)}
+        self._past.append(_Past(snapshot.people, means, snapshot.contacts))
         k = round(snapshot.time * self._rate)
         self._last |= {i: snapshot for i in snapshot.working if self._scenario.has_frame(i, k)}
 
@@ -85,21 +99,22 @@ class MapView:
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         labels = Labels(image, veil=False)
-        for i, pose in enumerate(snapshot.poses):
-            at = self.pixels(pose.position[:2])
-            labels.reserve(at, 8.0)
-            if i in snapshot.working:
+        uavs = self.pixels(np.array([pose.position[:2] for pose in snapshot.poses]))
+        working = set(snapshot.working)
+        for i, at in enumerate(uavs):
+            if i in working:
                 quadrotor(image, at, uav_colour(i))
             else:
                 broken(image, at)
-        for track in self.shown_tracks(snapshot):
-            colour, at = track_colour(track.id), self.pixels(track.belief.mean[:2])
-            ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
-            stroke(image, self.pixels(ring), colour, thickness=2, closed=True)
-            cross(image, at, colour)
-            labels.reserve(at, 6.0)
-        for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
-            labels.reserve(self.pixels(place), 9.0)
+        labels.reserve(uavs, 8.0)
+        tracks = self.shown_tracks(snapshot)
+        means, covariances = beliefs_of(tracks)
+        rings, crosses = self.pixels(ellipse(means[:, :2], covariances[:, :2, :2])), self.pixels(means[:, :2])
+        for track, ring, at in zip(tracks, rings, crosses, strict=True):
+            stroke(image, ring, track_colour(track.id), thickness=2, closed=True)
+            cross(image, at, track_colour(track.id))
+        labels.reserve(crosses, 6.0)
+        labels.reserve(self.pixels(snapshot.people[~np.isnan(snapshot.people[:, 0])]), 9.0)
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, views, labels)
         self._draw_people(image, snapshot, holds)
@@ -155,16 +170,12 @@ class MapView:
         stroke(image, outline, colour, thickness=2, closed=True)
 
     def _draw_trails(self, image: Image, snapshot: Snapshot) -> None:
-        past = np.array([old.people for old in self._past])
-        for m in range(past.shape[1]):
-            known = past[~np.isnan(past[:, m, 0]), m]
-            if len(known) > 1:
-                stroke(image, self.pixels(known), mix(INK, PANEL, 0.45))
+        past = self.pixels(np.array([old.people for old in self._past]))
+        trails = [trail[~np.isnan(trail[:, 0])] for trail in past.transpose(1, 0, 2)]
+        strokes(image, trails, mix(INK, PANEL, 0.45))
         for track in self.shown_tracks(snapshot):
-            means = [
-                same.belief.mean[:2] for old in self._past for same in self.shown_tracks(old) if same.id == track.id
-            ]
-            stroke(image, self.pixels(np.array(means)), mix(track_colour(track.id), PANEL, 0.7))
+            means = np.array([old.means[track.id] for old in self._past if track.id in old.means])
+            stroke(image, self.pixels(means), mix(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Draw dots along the rest of each plan, beginning at the UAV's position."""
@@ -212,7 +223,7 @@ class MapView:
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
             elif i in shown:
-                others = [shown[j] for j in shown if j != i]
+                others = np.reshape([shown[j] for j in shown if j != i], (-1, 4))
                 labels.put_outside(f"UAV {i}", shown[i], style, others=others)
             else:
                 labels.put(f"UAV {i}", at, style)

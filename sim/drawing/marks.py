@@ -6,25 +6,26 @@ import numpy as np
 
 from sim.drawing.lettering import Image
 from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, UNHELD_COLOURS, Colour
-from sim.drawing.strokes import disc, stroke
+from sim.drawing.strokes import disc, stroke, strokes
 from tracking.numerics.arrays import Array
 
 _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
+_ROTORS = np.array([(dx, dy) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)])
 
 
 def cross(image: Image, centre: Array, colour: Colour) -> None:
     """Draw a track's mark at a pixel (2,), legible on any background, and open in the middle to show the person."""
     for ink, thickness in ((PANEL, 4), (colour, 2)):
-        for arm in _ARMS:
-            stroke(image, centre + arm, ink, thickness=thickness)
+        strokes(image, centre + _ARMS, ink, thickness=thickness)
 
 
 def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
     """Draw a UAV's mark at a pixel (2,)."""
-    rotors = [centre + np.array([dx, dy]) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)]
+    rotors = centre + _ROTORS
+    arms = np.stack([np.broadcast_to(centre, rotors.shape), rotors], axis=1)
     for ink, wider in ((PANEL, 2), (colour, 0)):
+        strokes(image, arms, ink, thickness=2 + wider)
         for rotor in rotors:
-            stroke(image, np.array([centre, rotor]), ink, thickness=2 + wider)
             disc(image, rotor, 3.5 + wider / 2, ink)
         disc(image, centre, 3.0 + wider / 2, ink)
     for rotor in rotors:

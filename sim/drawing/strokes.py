@@ -1,5 +1,7 @@
 """Anti-aliased lines and circles in images."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +18,15 @@ def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, c
     cv2.polylines(image, [to_fixed_point(points)], closed, colour, thickness, cv2.LINE_AA, SHIFT)
 
 
+def strokes(image: Image, lines: Array | Sequence[Array], colour: Colour, *, thickness: int = 1) -> None:
+    """Draw anti-aliased polylines, each through pixels (N, 2), one after another."""
+    fixed = to_fixed_point(lines) if isinstance(lines, np.ndarray) else map(to_fixed_point, lines)
+    cv2.polylines(image, list(fixed), False, colour, thickness, cv2.LINE_AA, SHIFT)
+
+
 def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
     """Draw an anti-aliased circle at a pixel (2,), filled by default."""
-    x, y = to_fixed_point(centre).tolist()
+    x, y = (round(min(max((at - 0.5) * 2**SHIFT, -1e6), 1e6)) for at in centre.tolist())
     cv2.circle(image, (x, y), round(radius * 2**SHIFT), colour, thickness, cv2.LINE_AA, SHIFT)
 
 
@@ -30,4 +38,4 @@ def draw_outline(image: Image, points: Array, colour: Colour, halo: Colour, *, c
 
 def to_fixed_point(points: Array) -> NDArray[np.int32]:
     """Pixels in OpenCV's fixed point; OpenCV counts from the centre of the first pixel, we count from its corner."""
-    return np.asarray(np.round(np.clip((points - 0.5) * 2**SHIFT, -1e6, 1e6)), dtype=np.int32)
+    return np.asarray(np.rint(np.minimum(np.maximum((points - 0.5) * 2**SHIFT, -1e6), 1e6)), dtype=np.int32)

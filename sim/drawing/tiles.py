@@ -10,7 +10,6 @@ from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, u
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
-from tracking.track import beliefs_of
 
 BORDER = 4
 
@@ -18,31 +17,36 @@ BORDER = 4
 def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
     """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks."""
     colour = uav_colour(uav)
-    image[:] = colour
+    _fill(image, colour)
     view = image[BORDER:-BORDER, BORDER:-BORDER]
     side = view.shape[0]
     if frame is None:
-        view[:] = LINE
+        _fill(view, LINE)
     else:
         enlarge = side >= frame.shape[0]
         view[:] = cv2.resize(frame, (side, side), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
     scale, labels = side / camera.pixels, Labels(view, veil=False)
     reach = max(5.0 * scale, 10.0)
-    for uv in snapshot.pixels[uav]:
-        detection(view, scale * uv, reach)
-        labels.reserve(scale * uv, reach)
+    found = scale * snapshot.pixels[uav]
+    for uv in found:
+        detection(view, uv, reach)
+    labels.reserve(found, reach)
     _draw_tracks(view, labels, snapshot, uav, camera)
     _name(image, uav, colour)
 
 
 def draw_broken(image: Image, uav: int) -> None:
     """Fill a square RGB image with the placeholder for a UAV that has broken down."""
-    image[:] = FAINT
-    image[BORDER:-BORDER, BORDER:-BORDER] = LINE
+    _fill(image, FAINT)
+    _fill(image[BORDER:-BORDER, BORDER:-BORDER], LINE)
     middle = image.shape[0] / 2
     broken(image, np.array([middle, middle - 12]))
     write(image, "broken down", (middle, middle + 18), TextStyle(13, INK, True), align=0.5)
     _name(image, uav, FAINT)
+
+
+def _fill(image: Image, colour: Colour) -> None:
+    cv2.rectangle(image, (0, 0), image.shape[1::-1], colour, cv2.FILLED)
 
 
 def _name(image: Image, uav: int, colour: Colour) -> None:
@@ -60,11 +64,12 @@ def _ink_on(colour: Colour) -> Colour:
 
 def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
-    points = at_target_height(beliefs_of(tracks)[0][:, :2])
+    points = at_target_height(np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2))
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
-    shown = [(tracks[t], pixels[t]) for t in np.flatnonzero(camera.sees(pose, points)).tolist()]
+    inside = np.flatnonzero(camera.sees(pose, points))
+    shown = [(tracks[t], pixels[t]) for t in inside.tolist()]
     for track, at in shown:
         cross(view, at, track_colour(track.id))
-        labels.reserve(at, 6.0)
+    labels.reserve(pixels[inside], 6.0)
     for track, at in shown:
         labels.put(track_name(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)

@@ -11,7 +11,7 @@ from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.track import Scan, Track, beliefs_of
+from tracking.track import Scan, Track
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,4 +50,4 @@ class Snapshot:
 
 def reported_positions(tracks: Sequence[Track]) -> Array:
     """Positions (N, 2) m of the reported tracks, which metrics compare with the positions of people."""
-    return beliefs_of([track for track in tracks if track.reported])[0][:, :2]
+    return np.array([track.belief.mean[:2] for track in tracks if track.reported], dtype=float).reshape(-1, 2)

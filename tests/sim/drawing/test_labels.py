@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.drawing.labels import Labels, track_name
-from sim.drawing.lettering import TextStyle
+from sim.drawing.lettering import TextStyle, width
 from sim.drawing.palette import INK, PANEL
 from tracking.filter.kalman import Gaussian
 from tracking.track import Track
@@ -19,7 +19,7 @@ def name_of(view, *, others=(), crowd=()):
     labels = Labels(image, veil=False)
     for place in crowd:
         labels.reserve(place, 8.0)
-    labels.put_outside("UAV 0", view, NAME, others=others)
+    labels.put_outside("UAV 0", view, NAME, others=np.reshape(others, (-1, 4)))
     rows, columns = np.nonzero(image.any(axis=2))
     assert len(rows) > 50
     return rows, columns
@@ -38,6 +38,36 @@ def test_the_name_of_a_view_does_not_stand_in_another_view(across, down):
     rows, columns = name_of(OWN, others=others)
     for left, top, right, bottom in [OWN, *others]:
         assert not np.any((rows > top) & (rows < bottom) & (columns > left) & (columns < right))
+
+
+def common(one, other):
+    across, down = (min(one[i + 2], other[i + 2]) - max(one[i], other[i]) for i in (0, 1))
+    return max(across, 0.0) * max(down, 0.0)
+
+
+@pytest.mark.parametrize("crowd", [0, 10, 60, 300])
+def test_names_stand_where_trying_every_place_finds_that_they_cover_least(monkeypatch, crowd):
+    written = []
+    monkeypatch.setattr("sim.drawing.labels.write", lambda image, text, at, style: written.append(at))
+    rng = np.random.default_rng(crowd)
+    labels = Labels(np.zeros((300, 500, 3), np.uint8), veil=False)
+    marks = rng.uniform([0, 0], [500, 300], (crowd, 2))
+    labels.reserve(marks, 8.0)
+    taken = [(x - 8, y - 8, x + 8, y + 8) for x, y in marks.tolist()]
+    sides = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)]
+    for n in range(20):
+        at, wide, high = rng.uniform([-20, -20], [520, 320]), width(f"person {n}", NAME), NAME.size + 4.0
+        tried = []
+        for away in (11.0, 27.0, 47.0, 72.0):
+            for dx, dy in sides:
+                x, y = at[0] + dx * (away + wide / 2), at[1] + dy * (away + high / 2)
+                box = (x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
+                beyond = common(box, box) - common(box, (0.0, 0.0, 500.0, 300.0))
+                tried.append((10 * (3 * beyond + sum(common(box, other) for other in taken)) + away, box))
+        best = min(tried, key=lambda choice: choice[0])[1]
+        labels.put(f"person {n}", at, NAME, gap=11.0)
+        assert written[-1] == pytest.approx((best[0], (best[1] + best[3]) / 2), abs=1e-9), n
+        taken.append(best)
 
 
 @pytest.mark.parametrize("up", [True, False])
