@@ -84,6 +84,12 @@ def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
     return Metric(label, of, better="neither", key=key)
 
 
+def _left_out(outcome: Outcome) -> float | None:
+    """Share of pairs of a scan and a reported track that NEES does not count, of all UAVs."""
+    left = sum(score.left_out for score in outcome.scores)
+    return _ratio(np.int64(left), np.int64(left + sum(len(score.position_nees) for score in outcome.scores)))
+
+
 def _recall(outcome: Outcome) -> float | None:
     """Share of detected people among those that a camera shows with at least one pixel."""
     r = outcome.recording
@@ -172,6 +178,7 @@ METRICS = {
         "time_to_find_s": Metric("time to find a person", lambda o: mean(times_to_find(o.recording, o.scores)), "s"),
         "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
         "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
+        "nees.left_out_share": Metric("tracks left out of NEES", _left_out, "%", scale=100.0, digits=1, most=1.0),
         "recall": _share("detection recall", _recall, "detection.recall"),
         "precision": _share("detection precision", _precision, "detection.precision"),
         "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),

@@ -1,20 +1,22 @@
 """Score of each UAV: its tracks compared with the people of a recording, scan by scan."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
 from sim.recording.recording import Recording
-from tracking.metrics.clearmot import correspondence, fragmentations, switches
+from tracking.metrics.clearmot import Matcher, correspondence, fragmentations, switches
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.assignment import pairs_within
-from tracking.numerics.distances import squared_distance
+from tracking.numerics.assignment import most_pairs
+from tracking.numerics.distances import length, squared_distance
 
 HELD = 1.0  # m, largest distance from a person to a track that holds them
-FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA and of the errors in NEES
+FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
+_TAKEN = 9.21  # largest squared distance of a track from a detection that it took: 99 % of chi-square, in its noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +39,9 @@ class Score:
     present: Flags  # (K, M)
     switches: int
     fragmentations: int
-    position_nees: Array  # (E,), one for each pair of a track and a person
+    position_nees: Array  # (E,), one for each pair of a track and the person it is of, see `_find_holders`
     state_nees: Array  # (E',), only pairs with a known velocity of the person
+    left_out: int  # pairs of a scan and a reported track that NEES does not count
 
 
 def find_reported_tracks(recording: Recording, uav: int) -> Held:
@@ -63,29 +66,54 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
-class _Pairs(NamedTuple):
-    """Pairs of a track and a person at a scan, as indices (E,)."""
+def owners_of(measurements: Array, people: Array, detected: Indices) -> Indices:
+    """Index (N,) of the person of each measurement (N, 2) m of one frame, -1 for a false alarm.
 
-    scans: Indices
-    tracks: Indices
-    people: Indices
-
-
-def _pair_tracks(tracks: Array, people: Array, near: Indices) -> _Pairs:
-    """The pairs that NEES counts; tracks (K, A, 2) m, people (K, M, 2) m.
-
-    near (K, M): tracks that hold people, -1 for none. These are pairs, even if GOSPA's sum were smaller otherwise; all
-    other tracks are paired as in GOSPA, scan by scan. Labels do not matter, because two exchanged tracks may still be
-    consistent.
+    people (M, 2) m; detected: indices of those whom the frame detected, each of them by the measurement nearest to
+    them, all in all.
     """
-    pairs: list[tuple[int, int, int]] = []
-    for scan, (at, truth, held) in enumerate(zip(tracks, people, near, strict=True)):
-        squares = np.square(at[:, None] - truth).sum(axis=2)
-        taken = np.flatnonzero(held >= 0)
-        pairs += [(scan, int(held[m]), int(m)) for m in taken]
-        squares[held[taken]] = squares[:, taken] = np.inf
-        pairs += [(scan, a, m) for a, m in pairs_within(squares, FAR * FAR) if squares[a, m] < FAR * FAR]
-    return _Pairs(*np.array(pairs, dtype=np.int64).reshape(-1, 3).T)
+    found = np.full(len(measurements), -1)
+    squares = np.sum(np.square(measurements - people[detected][:, None]), axis=2)
+    for m, j in most_pairs(np.isfinite(squares), squares):
+        found[j] = detected[m]
+    return found
+
+
+@lru_cache(maxsize=1)  # because each UAV's score asks for the same
+def _find_owners(recording: Recording) -> Indices:
+    """Index (D,) of the person of each measurement of a recording, -1 for a false alarm."""
+    scans, uavs, _ = recording.matched.shape
+    found = [np.zeros(0, dtype=np.int64)]
+    for k, i in product(range(scans), range(uavs)):
+        detected = np.flatnonzero(recording.matched[k, i])
+        found.append(owners_of(recording.scan_at(k, i).measurements, recording.people[k], detected))
+    return np.concatenate(found)
+
+
+def _find_holders(recording: Recording, tracks: Array) -> Indices:
+    """Index (K, M) of the track that is of each person at each scan, -1 for none; tracks (K, A, 2) m.
+
+    It is the track that took the person's last detection, by any UAV, and no later one of somebody else. Which one took
+    a detection is told as in CLEAR MOT, with distances in the detection's noise instead of distances from people. At
+    the first scan tracks within `HELD` were known.
+    """
+    owners, (_, uavs, people) = _find_owners(recording), recording.matched.shape
+    ends = recording.measurement_offsets[::uavs].tolist()
+    matcher, holder = Matcher(people, 1.0), np.full(people, -1)
+    found = np.empty(recording.people.shape[:2], dtype=np.int64)
+    for k, places in enumerate(tracks):
+        rows = np.arange(*ends[k : k + 2])
+        rows = rows[owners[rows] >= 0]
+        gaps = places[:, None] - recording.measurements[rows]
+        squares = np.full((len(places), people), np.nan)
+        np.fmin.at(squares.T, owners[rows], squared_distance(gaps, recording.measurement_covariances[rows]).T)
+        known = [length(places[:, None] - recording.people[0]) / HELD] if k == 0 else []
+        for distances in (*known, np.sqrt(squares / _TAKEN)):
+            taken = matcher.match(distances)
+            holder[np.isin(holder, taken[taken >= 0])] = -1
+            holder[taken >= 0] = taken[taken >= 0]
+        found[k] = holder
+    return found
 
 
 def score(recording: Recording, uav: int) -> Score:
@@ -94,10 +122,13 @@ def score(recording: Recording, uav: int) -> Score:
     believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
     near = correspondence(tracks, people, HELD)
-    present = ~np.isnan(people[..., 0])
+    present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
-    k, column, m = _pair_tracks(tracks, people, near)
+    holders = _find_holders(recording, believed.means[:, :, :2])[on]
+    there = np.take_along_axis(np.pad(reported, ((0, 0), (0, 1))), holders, axis=1)  # the last column is for none
+    k, m = np.nonzero(present & there)
+    column = holders[k, m]
     errors = believed.means[on][k, column] - truth[k, m]
     P = recording.track_covariances[believed.rows[on][k, column]]
     moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity
@@ -111,4 +142,5 @@ def score(recording: Recording, uav: int) -> Score:
         fragmentations=int(fragmentations(near, present).sum()),
         position_nees=squared_distance(errors[:, :2], P[:, :2, :2]),
         state_nees=squared_distance(errors[moving], P[moving]),
+        left_out=int(reported.sum()) - len(k),
     )

@@ -23,7 +23,7 @@ from tracking.numerics.arrays import Array
 
 _TABLE_METRICS = (
     ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),
-    ("gospa.mean_m", "share_held", "identity_switches", "nees.position"),
+    ("gospa.mean_m", "share_held", "identity_switches", "nees.position", "nees.left_out_share"),
     ("recall", "precision"),
 )
 
@@ -74,7 +74,6 @@ def _parts(outcome: Outcome) -> dict[str, Any]:
     return {
         "gospa.cut_off_m": FAR,
         "identity.within_m": HELD,
-        "nees.within_m": FAR,
         **_interval("nees.position", [s.position_nees for s in outcome.flown], 2),
         **_interval("nees.state", [s.state_nees for s in outcome.flown], 4),
         "people_held": [float(h) / float(p) if p else None for h, p in zip(held, present, strict=True)],

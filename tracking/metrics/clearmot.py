@@ -38,9 +38,12 @@ class Matcher:
 
     def step(self, tracks: Array, people: Array) -> Indices:
         """The track of each person (M,) at the next scan; tracks (A, 2) m, those of earlier scans first."""
-        gap = length(tracks[:, None] - people)
-        gap[~(gap <= self._within)] = np.inf  # absent or too far
-        now, free = np.full(len(people), -1), np.ones(len(gap), dtype=np.bool_)
+        return self.match(length(tracks[:, None] - people))
+
+    def match(self, gaps: Array) -> Indices:
+        """The same from distances (A, M) of any kind, NaN where there are none."""
+        gap = np.where(gaps <= self._within, gaps, np.inf)  # absent or too far
+        now, free = np.full(gap.shape[1], -1), np.ones(len(gap), dtype=np.bool_)
         # Give people the tracks that they had last, where these are near enough. People with the latest correspondence
         # come first; two people cannot have had a track at the same scan.
         held = np.flatnonzero(self._since >= (0 if self._over_gaps else max(self._scan - 1, 0)))

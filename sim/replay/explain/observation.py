@@ -6,6 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from sim.evaluation.score import owners_of
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
@@ -14,7 +15,6 @@ from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import count_visible_pixels, match_detections
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
 
 
@@ -98,10 +98,8 @@ class Observer(ExitStack):
             mask = self.again.rendered(k, uav).people
             rows = match_detections(recording.pixels_at(k, uav), mask, recording.people.shape[1])[seen]
             found[rows[rows >= 0]] = seen[rows >= 0]
-        elif len(seen):
-            gaps = z[None] - recording.people[k][seen][:, None]
-            for target, j in pairs_within(np.sum(gaps**2, axis=2), np.inf):
-                found[j] = seen[target]
+        else:
+            found = owners_of(z, recording.people[k], seen)
         return found
 
     def _found(self, k: int, uav: int, person: int, owners: Indices) -> PersonMeasurement | None:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.flights import recorded as recorded_mission
 from helpers.recordings import bare, record
 from helpers.summaries import SECONDS, hand_made, shown, summary
 
@@ -21,12 +22,28 @@ from tracking.metrics.nees import nees_interval
 from tracking.metrics.ospa import ospa2
 
 
-def recorded(people, held, broken=()):
-    """A recording of people and tracks; `broken`: scans and UAVs from which on these have broken down."""
-    ospa = np.ones((len(people), len(held[0]), 3))
+def recorded(people, held, broken=(), found=()):
+    """A recording of people and tracks; `broken`: scans and UAVs from which on these have broken down.
+
+    found: (scan, UAV, person, place) of each detection, in this order; all have the variance 0.1 m².
+    """
+    uavs = len(held[0])
+    ospa = np.ones((len(people), uavs, 3))
     for k, i in broken:
         ospa[k:, i] = np.nan
-    recording = bare(people, held, ospa=ospa)
+    matched = np.zeros((len(people), uavs, people.shape[1]), dtype=bool)
+    for k, i, m, _ in found:
+        matched[k, i, m] = True
+    recording = bare(
+        people,
+        held,
+        ospa=ospa,
+        matched=matched,
+        measurement_offsets=np.concatenate([[0], np.cumsum(matched.sum(axis=2))]),
+        measurements=np.array([place for *_, place in found], dtype=float).reshape(-1, 2),
+        measurement_covariances=np.tile(0.1 * np.eye(2), (len(found), 1, 1)),
+        pixels=np.full((len(found), 2), np.nan),
+    )
     spread = np.diag([0.25, 0.25, 1.0, 1.0])
     return dataclasses.replace(recording, track_covariances=np.tile(spread, (len(recording.track_ids), 1, 1)))
 
@@ -90,7 +107,8 @@ def test_tracks_that_are_not_reported_count_in_no_figure_of_tracking():
 
 
 def test_the_figures_match_the_hand_count():
-    result = summary(recorded(walk(), HELD))
+    people = walk()
+    result = summary(recorded(people, HELD, found=[(k, 0, 0, people[k, 0]) for k in range(4)]))
     first, second = result["uavs"]
     assert (first["switches"], first["fragmentations"]) == (1, 0)
     assert (second["switches"], second["fragmentations"]) == (0, 0)
@@ -98,12 +116,16 @@ def test_the_figures_match_the_hand_count():
     # Presences: 4 of the first person and 2 of the second, for each of two UAVs; held: 4 of these 12.
     assert result["people_held"] == [0.5, 0.0]
     assert (result["share_held"], first["share_held"], second["share_held"]) == (4 / 12, 4 / 6, 0.0)
-    # UAV 0: errors of 0.5 m, 0.5² / 0.25 = 1 each. UAV 1: 3² / 0.25 = 36. Velocities are right.
-    assert (first["position_nees"], second["position_nees"]) == pytest.approx((1.0, 36.0))
-    assert (first["state_nees"], second["state_nees"]) == pytest.approx((1.0, 36.0))
-    assert result["nees"]["position"]["mean"] == pytest.approx(18.5)
-    assert result["nees"]["position"]["errors"] == 2  # the rounded mean of 4 and 1
-    assert result["nees"]["state"]["interval_95"] == list(nees_interval(2, 4))
+    # UAV 0: errors of 0.5 m, 0.5² / 0.25 = 1 each; velocities are right. The ghost, and UAV 1's track, took nothing.
+    assert (first["position_nees"], second["position_nees"]) == (pytest.approx(1.0), None)
+    assert (first["state_nees"], second["state_nees"]) == (pytest.approx(1.0), None)
+    assert result["nees"]["position"] == {
+        "mean": pytest.approx(1.0),
+        "errors": 4,
+        "interval_95": list(nees_interval(4, 2)),
+    }
+    assert result["nees"]["left_out_share"] == 2 / 6
+    assert result["nees"]["state"]["interval_95"] == list(nees_interval(4, 4))
     # Missed: UAV 0 the second person twice, UAV 1 (1 - 0) + 0 + 2 + 2; false: the ghost. Of 8 pairs of scan and UAV.
     assert result["gospa"]["missed"] == pytest.approx((2 + 5) / 8)
     assert result["gospa"]["false"] == pytest.approx(1 / 8)
@@ -121,43 +143,81 @@ def test_the_figures_match_the_hand_count():
     assert result["ospa2_m"] == pytest.approx((first["ospa2_m"] + second["ospa2_m"]) / 2)
 
 
-def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
+def test_nees_pairs_a_track_with_the_person_whose_detection_it_took_last():
     people = np.zeros((4, 2, 2))
     people[:, 1, 0] = 4.0
     here, there = (0.0, 0.5, 0.0, 0.0), (4.0, 0.5, 0.0, 0.0)
     before, after = {1: here, 2: there}, {1: there, 2: here}
-    found = score(recorded(people, [[before], [before], [after], [after]]), 0)
-    assert found.switches == 2
+    exchanged, seen = (
+        [[before], [before], [after], [after]],
+        [(k, 0, m, people[k, m]) for k in range(4) for m in (0, 1)],
+    )
+    found = score(recorded(people, exchanged, found=seen), 0)
+    assert (found.switches, found.left_out) == (2, 0)
     np.testing.assert_allclose(found.position_nees, np.ones(8))  # 0.5 m is the deviation
-    between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4), 0)
-    np.testing.assert_allclose(between.position_nees, np.full(4, 16.0))  # one track is of one person
-    assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
-    assert len(score(recorded(people, [[{1: (0.0, -10.0, 0.0, 0.0)}]] * 4), 0).position_nees) == 0
+    unseen = score(recorded(people, exchanged, found=seen[:4]), 0)  # exchanged where nobody is detected
+    np.testing.assert_allclose(np.sort(unseen.position_nees), [1.0] * 4 + [65.0] * 4)
+    between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4, found=seen), 0)  # which took nothing
+    assert (len(between.position_nees), between.left_out) == (0, 4)
 
 
-@pytest.mark.parametrize(("side", "rows", "low", "high"), [(2, 1, 0.86, 0.93), (3, 3, 0.57, 0.68)])
-def test_pairs_of_near_people_bias_nees_as_the_page_says(side, rows, low, high):
-    """People in grids, one standard deviation apart, 100 m from grid to grid; independent errors at 20 scans."""
-    rng, deviation, grids = np.random.default_rng(0), 0.25, 90 // (side * rows)
-    grid = np.stack(np.meshgrid(np.arange(side), np.arange(rows)), axis=-1).reshape(-1, 2) * deviation
-    people = (grid + 100.0 * np.arange(grids)[:, None, None] * [1, 0]).reshape(-1, 2)
+def test_a_track_known_at_the_start_is_of_its_person_however_far_it_coasts():
+    people = np.zeros((4, 1, 2))
+    tracks = [[{3: (x, 0.0, 0.0, 0.0), 4: (x, 9.0, 0.0, 0.0)}] for x in (0.5, 0.5, 5.0, 50.0)]
+    found = score(recorded(people, tracks), 0)
+    np.testing.assert_allclose(found.position_nees, [1.0, 1.0, 100.0, 10000.0])
+    assert found.left_out == 4  # those of the other track
+
+
+def test_a_detection_is_the_persons_track_s_even_if_the_track_of_a_hidden_person_is_nearer():
+    people = np.zeros((4, 2, 2))
+    tracks = [[{1: (0.5, 0.0, 0.0, 0.0), 2: (0.0, float(y), 0.0, 0.0)}] for y in (0.5, 0.1, 0.1, 3.0)]
+    people[:, 1, 1] = [0.5, 0.6, 0.6, 3.5]
+    seen = [(0, 0, 0, people[0, 0]), (1, 0, 0, people[1, 0]), (2, 0, 0, people[2, 0])]
+    found = score(recorded(people, tracks, found=seen), 0)
+    np.testing.assert_allclose(found.position_nees, [1, 0, 1, 1, 1, 1, 1, 1])
+
+
+def test_nees_does_not_depend_on_people_who_are_never_detected():
+    """Strangers beside the tracks of those who leave; with them, tracks were paired with the nearest."""
+    rng, setting = np.random.default_rng(0), ("sensing.mode=ideal", "tracking.initial_tracks=none")
+    flown = recorded_mission(*setting, duration=10)
+    people = flown.people.copy()
+    people[30:, 0], people[20:, 1] = np.nan, np.nan
+    gone = dataclasses.replace(flown, people=people, matched=flown.matched & ~np.isnan(people[:, None, :, 0]))
+    strangers = flown.people + rng.normal(0, 3, flown.people.shape)
+    none = np.zeros_like(flown.matched)
+    more = dataclasses.replace(
+        gone, people=np.concatenate([people, strangers], axis=1), matched=np.concatenate([gone.matched, none], axis=2)
+    )
+    for uav in range(3):
+        alone, among = score(gone, uav), score(more, uav)
+        assert np.array_equal(alone.position_nees, among.position_nees) and alone.left_out == among.left_out > 20
+        assert np.array_equal(alone.state_nees, among.state_nees) and len(alone.state_nees) > 50
+
+
+@pytest.mark.parametrize(("spacing", "low", "high"), [(1.0, 0.55, 0.7), (3.0, 0.93, 0.99), (6.0, 0.97, 1.03)])
+def test_people_nearer_to_one_another_than_their_noise_bias_nees_as_the_page_says(spacing, low, high):
+    """Grids of nine people, by the standard deviation, 100 m from grid to grid; tracks are the detections of 20 scans.
+
+    Whose a detection is, is known by nearness alone; a track that goes on keeps its person as long as that may be.
+    """
+    rng, deviation = np.random.default_rng(0), math.sqrt(0.1)
+    grid = np.stack(np.meshgrid(np.arange(3), np.arange(3)), axis=-1).reshape(-1, 2) * spacing * deviation
+    people = (grid + 100.0 * np.arange(11)[:, None, None] * [1, 0]).reshape(-1, 2)
     places = people + deviation * rng.normal(size=(20, len(people), 2))
-    found = []
-    for renamed in (True, False):  # tracks of new ids are paired anew at each scan, others keep their people
+    seen = [(k, 0, m, xy) for k, at in enumerate(places) for m, xy in enumerate(at)]
+    means = []
+    for renamed in (True, False):
         tracks = [
             [{k * renamed * len(people) + i: (*xy, 0, 0) for i, xy in enumerate(at)}] for k, at in enumerate(places)
         ]
-        recording = recorded(np.tile(people, (20, 1, 1)), tracks)
-        spread = np.tile(deviation**2 * np.eye(4), (len(recording.track_ids), 1, 1))
-        found.append(score(dataclasses.replace(recording, track_covariances=spread), 0).position_nees.mean() / 2)
-    assert low < found[0] < high and found[1] > 1.05
-
-
-def test_a_track_that_holds_one_person_is_no_outlier_of_nees_for_another():
-    people = np.zeros((4, 2, 2))
-    people[:, 1, 0] = 5.0
-    tracks = {1: (0.5, 0.0, 0.0, 0.0), 2: (-8.0, 0.0, 0.0, 0.0)}  # GOSPA pairs 1 with the person at 5 m
-    np.testing.assert_allclose(score(recorded(people, [[tracks]] * 4), 0).position_nees, np.ones(4))
+        recording = recorded(np.tile(people, (20, 1, 1)), tracks, found=seen)
+        spread = np.tile(0.1 * np.eye(4), (len(recording.track_ids), 1, 1))
+        found = score(dataclasses.replace(recording, track_covariances=spread), 0)
+        assert found.left_out < 0.01 * places[..., 0].size
+        means.append(found.position_nees.mean() / 2)
+    assert low < means[0] < high and 0.95 < means[1] < 1.3
 
 
 def test_a_uav_that_breaks_down_counts_until_then():
@@ -186,11 +246,8 @@ def test_the_figures_are_strict_json_for_any_mission(options):
 
 def test_the_figures_are_those_of_the_library_scan_by_scan():
     recording = record(21)
-    unit = np.tile(np.eye(4), (len(recording.track_ids), 1, 1))
-    recording = dataclasses.replace(recording, track_covariances=unit)
     for i in range(3):
         found = score(recording, i)
-        assert found.position_nees.sum() == pytest.approx((found.gospa[:, 1] ** 2).sum())  # of the same pairs
         for k in range(21):
             tracks = np.array([t.belief.mean[:2] for t in recording.tracks_at(k, i)])
             people = recording.people[k][~np.isnan(recording.people[k, :, 0])]
