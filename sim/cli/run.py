@@ -23,8 +23,8 @@ from sim.scenario.remarks import find_remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
+from sim.world.recorded_people import describe_trajectories
 from sim.world.stem_map import find_unused_columns
-from sim.world.trajectories import describe_trajectories
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 

@@ -30,8 +30,8 @@ from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import show_study_progress
+from sim.world.recorded_people import describe_trajectories
 from sim.world.stem_map import find_unused_columns
-from sim.world.trajectories import describe_trajectories
 from tracking.errors import InputError, check_known
 
 

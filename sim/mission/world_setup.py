@@ -6,8 +6,9 @@ import numpy as np
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario, is_clear
 from sim.world.forest import grow
+from sim.world.recorded_people import read_trajectories
 from sim.world.stem_map import plant
-from sim.world.trajectories import Trajectories, read_trajectories
+from sim.world.trajectories import Trajectories
 from sim.world.walkers import walk
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
@@ -67,7 +68,11 @@ def count_people(scenario: Scenario) -> int:
 
 def _recorded_people(scenario: Scenario) -> Trajectories | None:
     file = scenario.people.trajectory_file
-    return None if file is None else read_trajectories(file, scenario.area, duration=_duration(scenario))
+    return (
+        None
+        if file is None
+        else read_trajectories(file, scenario.area, duration=_duration(scenario), people=scenario.people)
+    )
 
 
 def _duration(scenario: Scenario) -> float:

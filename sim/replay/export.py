@@ -13,7 +13,7 @@ from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from sim.sensing.cameras import view_of
-from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
+from sim.world.recorded_people import COLUMNS as PEOPLE_COLUMNS
 from tracking.errors import check_known
 from tracking.numerics.arrays import Flags, Indices
 

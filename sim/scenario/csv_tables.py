@@ -3,8 +3,10 @@
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from sim.scenario.quantities import parse_number
@@ -14,6 +16,7 @@ from tracking.errors import InputError
 MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
 _MOST_LINES = 2**23  # lines of a file, which take a few gigabytes during reading
 _MISSING = ("", "NA", "N/A", "NAN", "NULL", "-")  # what statistics programs and people write for a missing value
+_SHOWN = 3  # errors of a table that one message names
 _DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
 
 
@@ -60,12 +63,49 @@ class Row:
         return int(found)
 
 
-def read_csv(path: Path, field: str, columns: Sequence[str], aliases: Mapping[str, str] | None = None) -> Iterator[Row]:
+class RowErrors:
+    """Errors of the rows of one table, which are told of together."""
+
+    def __init__(self, name: str) -> None:
+        """Errors begin with a name, which is removed from all but the first."""
+        self._name = name
+        self._first: list[str] = []
+        self._count = 0
+
+    @contextmanager
+    def collect(self) -> Iterator[None]:
+        """Keep an InputError of the block for `raise_all`."""
+        try:
+            yield
+        except InputError as error:
+            self._count += 1
+            if len(self._first) < _SHOWN:
+                self._first.append(str(error))
+
+    def raise_all(self) -> None:
+        """Raise one InputError for all that were collected, if any; it shows the first ones."""
+        if not self._count:
+            return
+        shown = "; ".join([self._first[0], *(text.removeprefix(f"{self._name}, ") for text in self._first[1:])])
+        more = self._count - len(self._first)
+        raise InputError(f"{shown}; and {more} more" if more else shown)
+
+
+def read_csv(
+    path: Path,
+    field: str,
+    columns: Sequence[str],
+    aliases: Mapping[str, str] | None = None,
+    *,
+    nameless: bool = False,
+    hints: Mapping[str, str] | None = None,
+) -> Iterator[Row]:
     """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
     Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
-    commas, numbers may have a decimal comma. aliases: other names of columns. InputError begins with `field` and names
-    file, line and column.
+    commas, numbers may have a decimal comma. aliases: other names of columns. nameless: a first line of as many numbers
+    as there are `columns` is a row, not their names. hints: what to do if a column is missing. InputError begins with
+    `field` and names file, line and column.
     """
     name = f"{field}: {path}"
     found = read_spreadsheet_text(path, field, MOST_BYTES)
@@ -77,9 +117,12 @@ def read_csv(path: Path, field: str, columns: Sequence[str], aliases: Mapping[st
     table = csv.reader(map(str.strip, lines) if delimiter == " " else lines, delimiter=delimiter, skipinitialspace=True)
     try:
         given = [entry.strip() for entry in next(table)]
-        header = _read_header(given, name, columns, aliases or {})
+        rows: Iterable[list[str]] = table
+        if nameless and len(given) == len(columns) and _are_numbers(given):
+            rows, given = chain([given], table), list(columns)
+        header = _read_header(given, name, columns, aliases or {}, hints or {})
         names = {column: own for column, own in zip(header, given, strict=True) if column != own}
-        for entries in table:
+        for entries in rows:
             where = f"{name}, line {table.line_num}"
             if table.line_num > _MOST_LINES:
                 raise InputError(f"{where}: has more than the {_MOST_LINES} lines that are allowed")
@@ -99,14 +142,21 @@ def _find_delimiter(text: str) -> str:
     return found if found in first or " " not in first else " "
 
 
-def _read_header(entries: list[str], name: str, columns: Sequence[str], aliases: Mapping[str, str]) -> list[str]:
+def _are_numbers(entries: Sequence[str]) -> bool:
+    return all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in entries)
+
+
+def _read_header(
+    entries: list[str], name: str, columns: Sequence[str], aliases: Mapping[str, str], hints: Mapping[str, str]
+) -> list[str]:
     """Names of a table's columns; InputError unless each of `columns` is there once, and none of the aliases twice."""
     header = [aliases.get(entry, entry) for entry in entries]
-    if header and all(math.isfinite(parse_number(entry.replace(",", "."))) for entry in header):
+    if header and _are_numbers(header):
         raise InputError(f"{name}, line 1: names no columns, but has numbers; columns are {','.join(columns)}")
     for column in dict.fromkeys([*columns, *aliases.values()]):
         if header.count(column) > 1:
             raise InputError(f"{name}, line 1: column {column} is twice; columns are {','.join(header)}")
         if column in columns and column not in header:
-            raise InputError(f"{name}, line 1: column {column} is missing; columns are {','.join(header) or 'none'}")
+            there = f"columns are {','.join(header) or 'none'}{hints.get(column, '')}"
+            raise InputError(f"{name}, line 1: column {column} is missing; {there}")
     return header

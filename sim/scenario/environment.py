@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
@@ -95,6 +95,9 @@ DEFAULT_PATHS: Paths = (
 )
 
 
+FILE_KEYS = ("fps", "start", "origin", "outside", "max_gap")  # keys of people that say how to read `trajectories`
+
+
 class People(Struct, frozen=True, forbid_unknown_fields=True):
     """People: simulated walkers with one or several ways of walking, or recorded trajectories."""
 
@@ -116,6 +119,14 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
     # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""
+    # Hz, frames in a second, if the file has the column frame in place of time
+    fps: Annotated[float, Meta(gt=0, le=1000)] | None = None
+    start: Annotated[float, Meta(ge=-1e10, le=1e10)] = 0.0  # s, time in the file at which the mission starts
+    origin: tuple[Projected, Projected] = (0.0, 0.0)  # m, place in the file that is the centre of the area
+    # `"refuse"` rows of the file outside the area, or `"clip"`: people are absent while they are there
+    outside: Literal["refuse", "clip"] = "refuse"
+    # s, longest time between two rows in which a person stays; in longer gaps the person is absent
+    max_gap: Annotated[float, Meta(gt=0, le=DAY)] | None = None
 
     @property
     def trajectory_file(self) -> Path | None:

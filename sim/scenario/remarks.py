@@ -5,7 +5,7 @@ import math
 import msgspec
 import numpy as np
 
-from sim.scenario.environment import People, Trees, Wind
+from sim.scenario.environment import FILE_KEYS, People, Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.detection.noise import NoiseModel
@@ -106,8 +106,10 @@ def _about_people(people: People) -> list[str]:
     default = People()
     if people.trajectories:
         given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
-        unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
+        unused = ", ".join(f"people.{name}" for name in given if name not in ("trajectories", *FILE_KEYS))
         return [f"{unused}: not used, as people.trajectories gives all paths"] if unused else []
+    if unused := ", ".join(f"people.{name}" for name in FILE_KEYS if getattr(people, name) != getattr(default, name)):
+        return [f"{unused}: not used without people.trajectories"]
     if any(":" in walk for walk in people.walks):  # the user's own way of walking may use all keys
         return []
     spare = len(people.paths) - people.count

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Wind
+from sim.scenario.environment import FILE_KEYS, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.quantities import Path, count_scans, whole
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
@@ -185,7 +185,7 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 # Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
 _LATER = (
     ("trees", ("per_hectare", "largest_radius", "height", "crown_ratio", "overlap", "file", "origin")),
-    ("people", ("walks", "group", "stay")),
+    ("people", ("walks", "group", "stay", *FILE_KEYS)),
 )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import Row, RowErrors, read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
@@ -49,11 +49,14 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
     """
     rows: list[Row] = []
     trees: list[Tree] = []
+    errors = RowErrors(f"{field}: {path}")
     for row in read_csv(path, field, ("x", "y"), _ALIASES):
         if len(rows) == MAX_STEMS:
             raise InputError(f"{row.where}: has more than the {MAX_STEMS} trees that are allowed")
         rows.append(row)
-        trees.append(_make_tree(row, missing, least))
+        with errors.collect():
+            trees.append(_make_tree(row, missing, least))
+    errors.raise_all()
     unused = [name for name in rows[0].values if name and name not in _COLUMNS] if rows else []
     found = StemMap(tuple(trees), tuple(rows), tuple(unused))
     same = cKDTree(found.places).query_pairs(_SAME_PLACE)

@@ -18,7 +18,7 @@ from sim.replay import export as module
 from sim.replay.export import STATE, export
 from sim.replay.measurement_tables import read_cameras, read_forest, read_scans
 from sim.scenario.environment import Area
-from sim.world.trajectories import read_trajectories
+from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
 
 SECONDS = {"time_field": "time", "timestamp": True}

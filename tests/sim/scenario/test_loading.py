@@ -26,13 +26,13 @@ from sim.scenario.scenario import Rates, Scenario, check_workload, encode_scenar
 from sim.scenario.settings_text import list_changes
 from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml, tomllib
 from sim.scenario.uavs import Uav
-from sim.world.trajectories import read_trajectories
+from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
-ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin"}
+ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin", "people.origin"}
 
 
 def test_settings_other_than_the_defaults_make_the_scenario_again():

@@ -12,8 +12,8 @@ from sim.scenario.environment import Trees
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
 from sim.study.tasks import _hash_user_files
+from sim.world.recorded_people import read_trajectories
 from sim.world.stem_map import MAX_STEMS, read_stem_map
-from sim.world.trajectories import read_trajectories
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
 from understory import run
@@ -88,6 +88,7 @@ def test_projected_coordinates_are_those_from_the_origin(stems):
         ("x,y\n1,2,3\n", "line 2: has 3 entries, not 2 as line 1"),
         (b"x,y\n\x00\x01", "has zero bytes"),
         (b"x,y\n\x01\xff", "is no text, as byte 4 is '\\x01'"),
+        ("x,y\n1,nan\n2,2\n,3\n", "line 2, column y: 'nan' is not a finite number; line 4, column x: is empty"),
         ("", "is empty; its first line must name the columns x,y"),
     ],
 )

@@ -6,10 +6,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
+from sim.recording.archive import load as load_recording
 from sim.scenario import csv_tables, text_files
-from sim.scenario.environment import Area
+from sim.scenario.environment import Area, People
 from sim.scenario.loading import load
-from sim.world.trajectories import Trajectories, describe_trajectories, read_trajectories
+from sim.scenario.remarks import find_remarks
+from sim.world.recorded_people import describe_trajectories, read_trajectories
+from sim.world.trajectories import Trajectories
 from tracking.errors import InputError
 
 AREA = Area()
@@ -178,7 +181,6 @@ def test_the_packaged_people_are_people(tmp_path):
         (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column time: id 1 has a second row at 1 s"),
         (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
-        (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
         (
             table([(90, 1, 0, 0), (95, 1, 1, 0)]),
             "column time: nobody is there between 0 and 40 s; rows are from 90 to 95 s",
@@ -222,3 +224,106 @@ def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_fil
     monkeypatch.setattr("sim.scenario.csv_tables.MOST_BYTES", 700)
     with pytest.raises(InputError, match="has more than the 700 bytes that are allowed"):
         read_trajectories(path, AREA, duration=1)
+
+
+WALK = [
+    (0.0, "ann", -10.0, 2.5),
+    (1.2, "ann", -8.5, 2.0),
+    (2.0, "ann", -7.0, 3.0),
+    (0.4, "bob", 4.0, 0.0),
+    (2.0, "bob", 5.5, -1.0),
+]
+NUMBERED = [(t, {"ann": 1, "bob": 2}[i], x, y) for t, i, x, y in WALK]
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        (table(WALK), {}),
+        (table(WALK).replace(",", ";").replace(".", ","), {}),
+        (table(WALK).replace(",", "\t"), {}),
+        (table(WALK).replace(",", "   "), {}),
+        (table([(round(25 * t), *rest) for t, *rest in WALK], "frame,id,x,y"), {"fps": 25.0}),
+        (table([(round(2.5 * t, 9), t, *rest) for t, *rest in WALK], "frame,time,id,x,y"), {}),
+        (table([(100 + t, i, x + 500, y - 70) for t, i, x, y in WALK]), {"start": 100.0, "origin": (500.0, -70.0)}),
+        ("".join(" ".join(map(str, row)) + "\n" for row in NUMBERED), {}),
+        ("".join(f"{25 * t:g}\t{i}\t{x}\t{y}\n" for t, i, x, y in NUMBERED), {"fps": 25.0}),
+    ],
+    ids=[
+        "as is",
+        "semicolons",
+        "tabs",
+        "spaces",
+        "frames",
+        "frames and times",
+        "elsewhere",
+        "no names",
+        "frames, no names",
+    ],
+)
+def test_files_of_the_usual_forms_give_the_same_paths(csv_file, text, keys):
+    expected = read_trajectories(csv_file(table(WALK)), AREA, duration=3).positions
+    found = read_trajectories(csv_file(text), AREA, duration=3, people=People(**keys)).positions
+    assert_allclose(found, expected, atol=1e-12)
+
+
+def test_people_are_absent_outside_the_area_and_in_long_gaps(csv_file):
+    """Each stay is the path of a person with the rows of the stay alone."""
+    rows = [(t, "a", 60.0 + 5.0 * t if t < 5 else 100.0 - 5.0 * t, 0.1 * t * t) for t in range(9)]
+    inside = [[row for row in rows if row[2] <= 75 and (row[0] < 4) == first] for first in (True, False)]
+    stays = [read_trajectories(csv_file(table(part)), AREA, duration=9).positions for part in inside]
+    expected = np.where(np.isnan(stays[0]), stays[1], stays[0])
+    with pytest.raises(InputError, match=r"line 6, column x: 80 is outside the area, -75 to 75 m$"):
+        read_trajectories(csv_file(table(rows)), AREA, duration=9)
+    clipped = read_trajectories(csv_file(table(rows)), AREA, duration=9, people=People(outside="clip"))
+    assert_allclose(clipped.positions, expected, atol=1e-12)
+    assert np.isnan(clipped.at(4.0).positions).all() and not np.isnan(clipped.at(6.0).positions).any()
+    path = csv_file(table([row for part in inside for row in part]))  # rows at 0 to 3 s and 5 to 8 s
+    assert not np.isnan(read_trajectories(path, AREA, duration=8).positions).any()
+    assert_allclose(
+        read_trajectories(path, AREA, duration=9, people=People(max_gap=1.5)).positions, expected, atol=1e-12
+    )
+
+
+def test_ids_with_one_row_are_left_out_and_named(csv_file):
+    path = csv_file(table([*GOOD, (0, "x", 1, 1), (1, "y", 1, 1)]))
+    assert read_trajectories(path, AREA, duration=1).positions.shape[1] == 1
+    left = "left out: ids x, y, in a single row; a path needs two or more"
+    assert described(path)[1] == [f"people.trajectories: {path}: {left}"]
+    many = csv_file(table([*GOOD, *((0, f"p{k}", 1, 1) for k in range(5))]))
+    assert "left out: 5 ids, such as p0, p1, p2, in a single row" in described(many)[1][0]
+
+
+def test_all_that_is_wrong_with_a_file_is_in_one_line(csv_file):
+    path = csv_file(
+        table([(0, 1, 0, 0), (1, 1, "east", 0), (2, 1, 99, 0), (0, 1, 1, 1), (3, 1, 0, "nan"), (4, "", 0, 0)])
+    )
+    with pytest.raises(InputError) as error:
+        read_trajectories(path, AREA, duration=1)
+    assert str(error.value) == (
+        f"people.trajectories: {path}, line 3, column x: 'east' is not a finite number; "
+        "line 4, column x: 99 is outside the area, -75 to 75 m; "
+        "line 5, column time: id 1 has a second row at 0 s; and 2 more"
+    )
+
+
+def test_a_file_of_frames_asks_for_their_rate_and_keys_without_a_file_are_told_of(csv_file):
+    path = csv_file(table([*GOOD], "frame,id,x,y"))
+    with pytest.raises(
+        InputError, match=r"column time is missing; .*; if frames are counted, people.fps says how many"
+    ):
+        read_trajectories(path, AREA, duration=1)
+    told = "people.fps, people.max_gap: not used without people.trajectories"
+    assert find_remarks(load("forest", ["people.fps=25", "people.max_gap=2"])) == [told]
+
+
+def test_a_mission_of_a_person_who_leaves_and_returns_is_flown_and_explained(tmp_path, call):
+    rows = [(t, "a", -6.0 + t, 0.0) for t in (0, 1, 4, 5, 6)] + [(t, "b", 0.5 * t, -5.0) for t in range(7)]
+    (tmp_path / "walk.csv").write_text(table(rows), encoding="utf-8")
+    words = ["--set", "people.trajectories=walk.csv", "--set", "people.max_gap=2", "--planner", "hover"]
+    code, _, err = call("run", "--duration", "6", "--no-video", "--out", "flown", "--set", "trees.density=0", *words)
+    assert code == 0 and err == ""
+    there = ~np.isnan(load_recording(tmp_path / "flown" / "mission.npz").people[:, 0, 0])
+    assert np.flatnonzero(np.diff(there.astype(int))).tolist() == [5, 19]  # of 5 scans a second
+    code, out, _ = call("explain", "flown", "--target", "0")
+    assert code == 0 and "0" in out

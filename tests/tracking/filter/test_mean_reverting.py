@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.scenario.environment import Area, People
-from sim.world.trajectories import read_trajectories
+from sim.world.recorded_people import read_trajectories
 from sim.world.walkers import walk
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
