@@ -2,7 +2,7 @@
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
 lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->` and, of the
-default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with `<!-- scores -->` and
+default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with
 `<!-- gaps: METRIC -->`. MkDocs calls the functions `on_...`: `{{ commands }}` becomes the help of
 all commands, a formula between `$$` becomes MathML, and each tutorial is written as a notebook, too.
 """
@@ -56,10 +56,10 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
-    from scores import gaps_table, scores_table
+    from scores import gaps_table
 
     makers = {"keys": keys_table, "planners": planners_table}
-    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table}
+    makers |= {"planner options": options_table, "gaps": gaps_table}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())

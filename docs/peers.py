@@ -96,7 +96,7 @@ TUNED = {  # by `tune`
 # factor of the density of births.
 VARIED: dict[str, dict[str, float]] = {
     "default": {},
-    **{f"confirmed at {r} (0.99)": {"confirmation_threshold": r} for r in (0.9, 0.5)},
+    "confirmed at 0.5 (0.99)": {"confirmation_threshold": 0.5},
     "births x 10": {"births": 10},
     "reported above 0.1 (0.5)": {"reported": 0.1},
     "survival 0.999 (0.98)": {"survival": 0.999},

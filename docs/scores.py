@@ -20,7 +20,7 @@ from sim.analysis.cell_text import Cell
 from sim.analysis.differences import Difference, differences, pair_differences
 from sim.analysis.groups import Group, Run, group_rows
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.normalised_score import SCORE, NormalisedScore, Scored, score_planners
+from sim.analysis.normalised_score import NormalisedScore, Scored, score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
@@ -95,14 +95,6 @@ def add(folders: Iterable[Path]) -> None:
 
 def _view(factors: Cell) -> str:
     return dict(factors).get(VIEW, "")
-
-
-def scores_table() -> str:
-    """Normalised scores in the mean over all worlds; the figure has those in each."""
-    scored = _scored(_groups())
-    texts = {score.planner: score.estimate.text(SCORE) for score in scored.scores if score.cell is None}
-    lines = [[f"`{name}`", texts[name]] for name in ORDER if name in texts and name not in FLOORS]
-    return markdown_table(["planner", "score [%]"], lines)
 
 
 def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
