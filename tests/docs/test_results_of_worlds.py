@@ -117,8 +117,9 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     assert asked | set(scores.STUDY.planners) | {"hover"} == {planner for _, planner, _ in flown}
 
 
-def test_the_tables_have_all_built_in_planners():
-    assert {name.partition("(")[0] for name in scores.ORDER} | {"hover"} == set(PLANNERS)
+def test_the_tables_have_all_built_in_planners_but_one(page):
+    assert {name.partition("(")[0] for name in scores.ORDER} | {"hover", "oracle-found"} == set(PLANNERS)
+    assert "the built-in planners, except `oracle-found`," in page
 
 
 def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monkeypatch):
