@@ -10,6 +10,8 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from av.container import OutputContainer
+from av.video.stream import VideoStream
 
 from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, Parts, parts_in
@@ -32,7 +34,6 @@ WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
 _LOW, _HIGH = 0.1, 50.0  # m, range of the curve of OSPA
 _PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
-_OPTIONS = {"preset": "veryfast", "crf": "23"}
 _BT601 = 6  # OpenCV's colour matrix, which the file must name because players assume another one for HD
 
 
@@ -153,6 +154,15 @@ class _Sparkline:
         return (0.92 - 0.84 * share) * float(self._image.shape[0])
 
 
+def add_stream(container: OutputContainer, fps: int | Fraction, **options: str) -> VideoStream:
+    """A stream for the frames of a film; options of x264."""
+    stream = container.add_stream("libx264", rate=fps, options=options)
+    stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+    stream.codec_context.colorspace = _BT601
+    stream.codec_context.gop_size = math.ceil(5 * fps)
+    return stream
+
+
 class Video(AbstractContextManager["Video"]):
     """An H.264 file for browsers, written frame by frame; it appears at `path` when it is closed.
 
@@ -163,10 +173,7 @@ class Video(AbstractContextManager["Video"]):
         self._path, self._part = path, part_path(path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
-        self._stream = self._container.add_stream("libx264", rate=fps, options=_OPTIONS)
-        self._stream.width, self._stream.height, self._stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        self._stream.codec_context.colorspace = _BT601
-        self._stream.codec_context.gop_size = math.ceil(5 * fps)
+        self._stream = add_stream(self._container, fps, preset="veryfast", crf="23")
         self._frames = 0
 
     def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:

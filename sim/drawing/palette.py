@@ -41,13 +41,20 @@ HOLD_COLOURS: dict[str, Colour] = {
 UNHELD_COLOURS = {name: HOLD_COLOURS[name] for name in ("lost", "not found yet")}
 
 UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
+# Lengths [pixel] of dashes and gaps of the lines of each six UAVs, which have the same colours; () is a whole line.
+UAV_DASHES: tuple[tuple[int, ...], ...] = ((), (9, 4), (3, 3), (9, 3, 3, 3), (16, 4, 3, 4))
 # Darker than most colours of UAVs, so that tracks are recognised on paper, under canopies and in camera tiles.
 TRACK_COLOURS = (VERMILLION, (136, 34, 85), (51, 34, 136), (0, 98, 104), (112, 92, 0))
 
 
 def uav_colour(uav: int) -> Colour:
-    """One of six colours; with more UAVs, the number beside it or the lane identifies the UAV."""
+    """One of six colours; UAVs of one colour have lines with different dashes."""
     return UAV_COLOURS[uav % len(UAV_COLOURS)]
+
+
+def uav_dashes(uav: int) -> tuple[int, ...]:
+    """Dashes of the lines of a UAV, one of `UAV_DASHES`; from the 31st UAV on, its number alone identifies it."""
+    return UAV_DASHES[uav // len(UAV_COLOURS) % len(UAV_DASHES)]
 
 
 def track_colour(track: int) -> Colour:

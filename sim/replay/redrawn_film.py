@@ -1,12 +1,15 @@
 """The film of a recorded mission, drawn again from its recording only."""
 
+import io
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sim.drawing.film import AS_FLOWN, Film, Video
+import av
+
+from sim.drawing.film import AS_FLOWN, Film, Video, add_stream
 from sim.drawing.lettering import Image
 from sim.evaluation.summary import planner_title
 from sim.recording.recording import Recording
@@ -54,6 +57,25 @@ def write_film(
         for k in scans:
             video.add(recording.snapshot(k), frames(k))
             progress(k)
+
+
+def shrink_film(content: bytes, size: int) -> bytes:
+    """The film with the same pictures in less detail, in about `size` bytes."""
+    out = io.BytesIO()
+    with (
+        av.open(io.BytesIO(content), "r") as source,
+        av.open(out, "w", format="mp4") as target,
+    ):
+        film = source.streams.video[0]
+        rate = film.average_rate or Fraction(1)
+        stream = add_stream(target, rate, preset="veryfast")
+        stream.bit_rate = int(8 * size * rate / film.frames)
+        for n, frame in enumerate(source.decode(film)):
+            again = av.VideoFrame.from_ndarray(frame.to_ndarray(), format="yuv420p")
+            again.pts = n
+            target.mux(stream.encode(again))
+        target.mux(stream.encode(None))
+    return out.getvalue()
 
 
 def film_content(recording: Recording, *, progress: Callable[[int], None]) -> bytes:

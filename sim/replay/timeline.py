@@ -21,6 +21,9 @@ from tracking.numerics.arrays import Array, Indices
 
 _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # lanes, height of the bar of the tracks, and of the gap to the next person
+_MOST_LANES, _FOLDED = 100.0, 6.0  # lanes, largest height of all people, and that of those who are folded
+_MOST_DEEP = 12.0  # lanes, largest height of the tracks that stand for no person
+_MOST_NAMED = 5  # largest number of UAVs that are named beside a person's lanes
 _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 _HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
@@ -28,6 +31,18 @@ _UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALS
 _MEANT = {"held": f"held within {HELD:g} m by all", "held by some": "held by some UAVs"}
 
 Shade = tuple[float, float, float]
+
+
+class Row(NamedTuple):
+    """A person in the timeline, and the UAVs that have a lane there."""
+
+    person: int
+    uavs: Sequence[int]
+
+    @property
+    def height(self) -> float:
+        """Height [lanes] with the bar of the tracks and the gap to the next row."""
+        return len(self.uavs) + _BAR + _GAP
 
 
 class Bar(NamedTuple):
@@ -40,52 +55,92 @@ class Bar(NamedTuple):
     shade: Shade
 
 
+def timeline_rows(history: History) -> tuple[list[Row], list[int]]:
+    """The rows of people, and the people without one because there are too many.
+
+    If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
+    those that had the person in a frame have a lane.
+    """
+    _, uavs, people = history.tracks.shape
+    had = (history.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
+    rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
+    if sum(row.height for row in rows) <= _MOST_LANES:
+        return rows, []
+    lost = np.count_nonzero(history.present & (history.held == 0), axis=0)
+    rows = [rows[m] for m in np.argsort(-lost, kind="stable").tolist()]
+    fit = int(np.searchsorted(np.cumsum([row.height for row in rows]), _MOST_LANES - _FOLDED - _GAP, side="right"))
+    return rows[: max(fit, 1)], sorted(row.person for row in rows[max(fit, 1) :])
+
+
 def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
     """The timeline: a lane per UAV and a bar for the fleet's tracks for each person, and below them mean OSPA.
 
-    ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. The last row
-    shows the tracks that stand for no person, if there are any; simultaneous ones are below one another.
+    ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. People without
+    a row of their own have one together, with shares of their states to the tracks. The last row shows the tracks that
+    stand for no person, if there are any; simultaneous ones are below one another.
     """
-    uavs, people = history.tracks.shape[1:]
-    unmatched = lanes(events)
-    deep = 1 + max((lane for _, lane in unmatched), default=-1)
-    rows = max(people, 1) * (uavs + _BAR + _GAP) + (deep * _BAR + _GAP) * bool(deep)
-    lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
-    height = rows * lane
+    uavs = history.tracks.shape[1]
+    places = _Places(history, events)
+    widest = max((len(row.uavs) for row in places.rows), default=uavs)
+    lane = float(np.clip(0.5 / (widest + 1), 0.06, 0.12)) * (1.0 if len(places.rows) <= 8 else 0.75)  # inches
+    height = places.bottom * lane
     with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
-        shades = _draw_people(above, history, events, unmatched)
-        _name_rows(above, history, len(unmatched), deep)
-        above.set_ylim(rows - _GAP / 2, -_GAP / 2)
+        shades = _draw_people(above, history, events, places)
+        _name_rows(above, history, places)
+        above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
         below.set_xlim(*ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         handles = _legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
-        figure.legend(handles=by_rows(handles, 6), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+        columns = 6 if uavs <= len(UAV_COLOURS) else 4
+        ordered = by_rows(handles, columns)
+        figure.legend(handles=ordered, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     return figure
 
 
-def _draw_people(
-    axes: Axes, history: History, events: Sequence[Event], unmatched: Sequence[tuple[Event, int]]
-) -> set[Shade]:
+class _Places:
+    """The rows from the top down, with their places [lanes]."""
+
+    def __init__(self, history: History, events: Sequence[Event]) -> None:
+        self.rows, self.folded = timeline_rows(history)
+        self.unmatched = lanes(events)
+        edges = np.cumsum([0.0, *(row.height for row in self.rows)]).tolist()
+        self.tops = dict(zip((row.person for row in self.rows), edges, strict=False))
+        self.fold_top = float(edges[-1])
+        empty = 0.0 if self.rows else 1 + _BAR + _GAP
+        self.unmatched_top = self.fold_top + (_FOLDED + _GAP) * bool(self.folded) + empty
+        deep = 1 + max((lane for _, lane in self.unmatched), default=-1)
+        self.thin = min(_BAR, _MOST_DEEP / max(deep, 1))  # height of a track that stands for no person
+        self.bottom = self.unmatched_top + (deep * self.thin + _GAP) * bool(deep)
+
+    def bar_of(self, person: int) -> float:
+        """Middle [lanes] of the bar of a person's tracks, or of the row of the folded people."""
+        for row in self.rows:
+            if row.person == person:
+                return float(self.tops[person] + len(row.uavs) + _BAR / 2)
+        return self.fold_top + _FOLDED / 2
+
+
+def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: _Places) -> set[Shade]:
     """Draw the rows and return the colours in them."""
-    uavs, people = history.tracks.shape[1:]
-    pitch = uavs + _BAR + _GAP
     times = history.times
     bars = []
-    for event, lane in unmatched:
-        top = max(people, 1) * pitch + lane * _BAR + 0.2
+    for event, lane in places.unmatched:
+        top = places.unmatched_top + (lane + 0.2) * places.thin
         shade = rgb(_UNMATCHED[event.kind])
-        bars.append(Bar(*ends(times, event.first, event.last), top, _BAR - 0.2, shade))
+        bars.append(Bar(*ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
     for event in events:
         if event.kind in IDENTITIES and event.person is not None:
-            axes.plot([times[event.first]], [event.person * pitch + uavs + _BAR / 2], **_SWITCHED)
-    for m in range(people):
-        bars += _hold_bars(times, history.hold_states[:, m], m * pitch, uavs)
-        for i in range(uavs):
-            bars += _lane_bars(times, history.camera_states[:, i, m], m * pitch + i, i)
+            axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
+    for m, uavs in places.rows:
+        bars += _hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
+        for lane, i in enumerate(uavs):
+            bars += _lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
+    if places.folded:
+        bars += _share_bars(times, history.hold_states[:, places.folded], places.fold_top)
     corners = [
         [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
         for bar in bars
@@ -94,15 +149,19 @@ def _draw_people(
     return {bar.shade for bar in bars}
 
 
-def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
-    uavs, people = history.tracks.shape[1:]
-    pitch = uavs + _BAR + _GAP
-    middles = [m * pitch + (pitch - _GAP) / 2 for m in range(people)]
-    names, shares = [f"person {m}" for m in range(people)], [_share(history, m) for m in range(people)]
-    if unmatched:
-        middles.append(max(people, 1) * pitch + deep * _BAR / 2)
+def _name_rows(axes: Axes, history: History, places: _Places) -> None:
+    named = history.tracks.shape[1] > len(UAV_COLOURS)
+    middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
+    names = [f"person {row.person}{_in_brackets(row.uavs) if named else ''}" for row in places.rows]
+    shares = [_share(history, row.person) for row in places.rows]
+    if places.folded:
+        middles.append(places.fold_top + _FOLDED / 2)
+        names.append(f"{len(places.folded)} others")
+        shares.append(f"held {100 * _held_share(history, places.folded):.1f} %")
+    if count := len(places.unmatched):
+        middles.append((places.unmatched_top + places.bottom - _GAP) / 2)
         names.append("no person")
-        shares.append(f"{unmatched} track{'s' * (unmatched > 1)}")
+        shares.append(f"{count} track{'s' * (count > 1)}")
     axes.set_yticks(middles, names)
     axes.tick_params(axis="both", length=0, labelbottom=False)
     right = axes.secondary_yaxis("right")
@@ -110,8 +169,26 @@ def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
     right.tick_params(axis="y", length=0)
     for spines in (axes.spines, right.spines):
         spines[:].set_visible(False)
-    if not people:
+    if not places.rows:
         axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
+
+
+def _in_brackets(uavs: Sequence[int]) -> str:
+    more = ", ..." if len(uavs) > _MOST_NAMED else ""
+    return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
+
+
+def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
+    """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
+    bars: list[Bar] = []
+    for first, last, _ in episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
+        low = top
+        for hold in ("lost", "not found yet", "held by some", "held"):
+            height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
+            if height:
+                bars.append(Bar(*ends(times, first, last), low, height, rgb(_HOLDS[hold])))
+            low += height
+    return bars
 
 
 def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
@@ -163,7 +240,7 @@ def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Li
     if uavs <= len(UAV_COLOURS):
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
-        known = {"seen: lanes are UAVs, the first on top": [*UAV_COLOURS]}
+        known = {"seen: lanes are the UAVs in brackets": [*UAV_COLOURS]}
     known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
     known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
     known |= {_MEANT.get(kind, kind): [colour] for kind, colour in (_HOLDS | _UNMATCHED).items()}
@@ -188,10 +265,10 @@ def _title(history: History) -> str:
 
 def _share(history: History, person: int) -> str:
     here = history.present[:, person].any()
-    return f"held {100 * _held_share(history, slice(person, person + 1)):.1f} %" if here else "absent"
+    return f"held {100 * _held_share(history, [person]):.1f} %" if here else "absent"
 
 
-def _held_share(history: History, people: slice) -> float:
+def _held_share(history: History, people: slice | Sequence[int]) -> float:
     """Share of scans and working UAVs at which present people are held, as in the summary."""
     working = np.count_nonzero(history.working, axis=1)[:, None]
     pairs = (working * history.present[:, people]).sum()

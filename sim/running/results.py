@@ -22,7 +22,7 @@ from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recorder import Recorder
 from sim.replay.flight import Flight
-from sim.replay.page.page import write_page
+from sim.replay.page.page import omission, write_page
 from sim.running.mission_flight import fly_mission, recording_of
 
 
@@ -101,6 +101,8 @@ def fly_into(
         outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
         summary = summarise(outcome, results.metrics)
         (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        if results.video and (left_out := omission(outcome.recording)):
+            say(left_out)
     return summary
 
 

@@ -1,6 +1,6 @@
-"""Data for the script of a mission's page: plain numbers by scan, rounded to centimetres."""
+"""Data for the script of a mission's page: plain numbers by shown scan, rounded to centimetres."""
 
-import math
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,41 +13,72 @@ from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, footprint
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, lanes
 from sim.replay.flight import Flight
+from sim.replay.timeline import timeline_rows
+from tracking.numerics.arrays import Array, Flags
+
+MOST_SCANS = 1500  # shown on a page
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The scans on a page: each `stride`-th of a long mission."""
+
+    stride: int
+    count: int
+
+    @staticmethod
+    def of(recording: Recording) -> "Shown":
+        """All scans of a recording, or at most `MOST_SCANS` of them, evenly spread."""
+        scans = len(recording.times)
+        stride = -(-scans // MOST_SCANS)
+        return Shown(stride, -(-scans // stride))
+
+    def span(self, first: int, last: int) -> tuple[int, int]:
+        """The first and the last shown scan, by their places on the page, of a span of scans; at least one."""
+        begin = min(-(-first // self.stride), self.count - 1)
+        return begin, max(begin, last // self.stride)
 
 
 def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     """The content of the page's JSON; parts: those of the film, or None without a film.
 
-    Lists run over scans, then UAVs, then people or tracks; null means absent or broken down.
+    Lists run over shown scans, then UAVs, then people or tracks; null means absent or broken down.
     """
     recording, scenario, history, events = flight.recording, flight.scenario, flight.history, flight.events
-    view_texts = [history.view_texts(m) for m in range(recording.people.shape[1])]
+    shown = Shown.of(recording)
+    every, rate = slice(None, None, shown.stride), scenario.rates.sensing / shown.stride
+    view_texts = [history.view_texts(m)[every] for m in range(recording.people.shape[1])]
+    rows, folded = timeline_rows(history)
+    holders = history.tracks[every]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
     return {
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
-        "rate": scenario.rates.sensing,
-        "trail": round(TRAIL * scenario.rates.sensing),
-        "times": _round(recording.times, 3),
+        "rate": rate,
+        "trail": round(TRAIL * rate),
+        "times": _round(recording.times[every], 3),
         "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in recording.forest.trees],
-        "people": [[None if math.isnan(p[0]) else _round(p) for p in row] for row in recording.people],
-        "headings": _round(np.nan_to_num(recording.headings)),
-        "uavs": _round(recording.poses[:, :, :3]),
-        "views": _views(recording),
-        "tracks": _tracks(recording),
-        "states": history.camera_states.tolist(),
+        "people": _with_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
+        "headings": _round(np.nan_to_num(recording.headings[every])),
+        "uavs": _round(recording.poses[every, :, :3]),
+        "views": _views(recording, every),
+        "tracks": _tracks(recording)[every],
+        "states": history.camera_states[every].tolist(),
         "texts": list(texts),
         "view_texts": [[texts[text] for text in column] for column in view_texts],
-        "holds": history.hold_states.tolist(),
-        "holders": recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape).tolist(),
-        "works": history.working.astype(int).tolist(),
-        "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
-        "unmatched": [[e.kind, e.first, e.last, lane] for e, lane in lanes(events)],
-        "switches": [[event.first, event.person] for event in events if event.kind in IDENTITIES],
+        "holds": history.hold_states[every].tolist(),
+        "holders": recording.numbers_of(holders.ravel()).reshape(holders.shape).tolist(),
+        "works": history.working[every].astype(int).tolist(),
+        "ospa": _with_nulls(recording.ospa[every, :, 0], 3, np.isnan(recording.ospa[every, :, 0])),
+        "rows": rows,
+        "folded": folded,
+        "unmatched": [[e.kind, *shown.span(e.first, e.last), lane] for e, lane in lanes(events)],
+        "switches": [[shown.span(e.first, e.first)[0], e.person] for e in events if e.kind in IDENTITIES],
         "plans": _plans(recording),
         "colours": {
             **colours(),
-            "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further UAVs repeat these colours
+            "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further UAVs repeat these with other dashes
+            "uav_dashes": palette.UAV_DASHES,
             "pale_uavs": [css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
             "pale_false": css(palette.pale(palette.FALSE)),
             "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
@@ -56,24 +87,35 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     }
 
 
-def _views(recording: Recording) -> list[list[list[float] | None]]:
+def _views(recording: Recording, every: slice) -> list[list[list[float] | None]]:
     """Corners x, y [m] of each camera's field of view on the ground; null if it has no bounds nearby."""
     scans, uavs = recording.poses.shape[:2]
-    shown = ([footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans))
-    return [[None if corners is None else _round(corners.ravel()) for corners in row] for row in shown]
+    found = [
+        [footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans)[every]
+    ]
+    corners = np.array([[np.full((4, 2), np.nan) if view is None else view for view in row] for row in found])
+    return _with_nulls(corners.reshape(-1, uavs, 8), 2, np.isnan(corners[:, :, 0, 0]))
 
 
-def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
-    """Number of each track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is reported."""
+def _tracks(recording: Recording) -> list[dict[str, Any]]:
+    """Rows of the tracks of each scan, equal ones of several UAVs once, and each UAV's as indices into these rows.
+
+    A row has the number of the track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is
+    reported.
+    """
     variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
     half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
     number = recording.numbers_of(recording.track_ids)
-    rows = _round(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]))
-    uavs = recording.poses.shape[1]
-    offsets = recording.track_offsets.tolist()
-    cells = [rows[a:b] for a, b in pairwise(offsets)]
-    return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
+    columns = [number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]
+    rows = list(map(tuple, _round(np.column_stack(columns))))
+    uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
+    found = []
+    for k in range(0, len(offsets) - 1, uavs):
+        distinct = {row: n for n, row in enumerate(dict.fromkeys(rows[offsets[k] : offsets[k + uavs]]))}
+        held = [[distinct[row] for row in rows[a:b]] for a, b in pairwise(offsets[k : k + uavs + 1])]
+        found.append({"rows": list(distinct), "held": held})
+    return found
 
 
 def _plans(recording: Recording) -> dict[str, Any]:
@@ -95,6 +137,12 @@ def colours() -> dict[str, str]:
 def css(colour: palette.Colour) -> str:
     """A colour in CSS."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _with_nulls(values: Array, digits: int, without: Flags) -> list[list[Any]]:
+    """Rounded values (K, N, ...) as lists, with null at the places (K, N) without a value."""
+    rows = zip(_round(np.nan_to_num(values), digits), without.tolist(), strict=True)
+    return [[None if gone else value for value, gone in zip(*row, strict=True)] for row in rows]
 
 
 def _round(values: ArrayLike, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array

@@ -36,9 +36,19 @@ function seek() {
   if (Math.abs(film.currentTime - goal) > 1e-3) film.currentTime = goal;
 }
 
-// The table under Now.
+// The states of a person to the tracks, the worst first; of the lost, those lost for longer.
+function trouble(k, m) {
+  const hold = data.holds[k][m];
+  let first = k;
+  while (first > 0 && data.holds[first - 1][m] === hold) first -= 1;
+  return [[LOST, NOT_FOUND, SOME, HELD].indexOf(hold) + 1 || 5, hold === LOST ? first : 0, m];
+}
+
+// The table under Now, sorted by trouble.
 function tell() {
-  const rows = data.people[state.k].map((_, m) => {
+  const order = data.people[state.k].map((_, m) => trouble(state.k, m));
+  order.sort((one, other) => one[0] - other[0] || one[1] - other[1] || one[2] - other[2]);
+  const rows = order.map(([, , m]) => {
     const row = document.createElement("tr");
     row.className = lost(state.k, m) ? "lost" : unfound(state.k, m) ? "unfound" : "";
     for (const text of [String(m), views(state.k, m), holders(state.k, m)]) row.insertCell().textContent = text;
@@ -213,7 +223,7 @@ legend("map-legend", [
   ["lost", mark(SEEN, colours.lost), known.holds.has(LOST)],
   ["not found yet", mark(SEEN, colours.not_found_yet), known.holds.has(NOT_FOUND)],
   ["track, 95 %", (ctx) => { ctx.strokeStyle = colours.vermillion; ctx.lineWidth = 2; ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); },
-    data.tracks.flat(2).length],
+    data.tracks.some((scan) => scan.rows.length)],
   ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); },
     data.views.flat().some(Boolean)],
   ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); },
@@ -223,7 +233,7 @@ const sees = (i) => data.states.some((rows) => rows[i].includes(SEEN)); // a UAV
 const distinct = fleet <= colours.uavs.length;
 legend("chart-legend", [
   ...(distinct ? data.uavs[0].map((_, i) => [`${sees(i) ? "seen by " : ""}UAV ${i}`, box(uavColour(i)), true])
-    : [["seen: lanes are UAVs, the first on top", box(uavColour(0)), known.states.has(SEEN)]]),
+    : [["seen: lanes are the UAVs in brackets", box(uavColour(0)), known.states.has(SEEN)]]),
   ["shown, not detected", box(paleUavColour(0)), known.states.has(MISSED)], ["hidden", box(colours.hidden), known.states.has(HIDDEN)],
   ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }, known.states.has(OUT)],
   ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import io
 import json
+import math
 import shlex
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -24,7 +25,8 @@ from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.link_outages import link_outages
-from sim.replay.page.data import colours, page_data
+from sim.replay.page.data import Shown, colours, page_data
+from sim.replay.redrawn_film import shrink_film
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
@@ -38,6 +40,7 @@ _RESULTS = {  # metrics at the top, by their label there
     "GOSPA mean": "gospa.mean_m",
     "people held": "share_held",
 }
+_LARGE_FILM, _FILM = 8_000_000, 5_000_000  # bytes: a larger film is encoded again, with about so many
 _MOST_FAULTS = 3  # number of faults of different kinds at the top
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 
@@ -46,18 +49,33 @@ def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None,
     """Write a mission's page, completely or not at all.
 
     video: the film of the run with a frame for each scan, or None for a page without a film; InputError if it is the
-    film of another mission. place: name of the run's folder in the commands on the page.
+    film of another mission. A long mission's page has no film. place: name of the run's folder in the commands on the
+    page.
     """
     with write_whole(path) as part:
         part.write_text(page(flight, video=video, place=place), encoding="utf-8")
 
 
+def omission(recording: Recording) -> str:
+    """What the page of a long mission leaves out, in words; "" for nothing."""
+    shown = Shown.of(recording)
+    if shown.stride == 1:
+        return ""
+    return (
+        f"The page shows {shown.count} of {len(recording.times)} scans, one each "
+        f"{shown.stride / recording.setting.rates.sensing:g} s, and no film, because the mission is long; "
+        "the recording has all scans."
+    )
+
+
 def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
     """The text of a mission's page; arguments as in `write_page`."""
     recording, scenario, events = flight.recording, flight.scenario, flight.events
+    shown = Shown.of(recording)
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
         _check(film, recording)
+        film = None if shown.stride > 1 else shrink_film(film, _FILM) if len(film) > _LARGE_FILM else film
     data = page_data(flight, None if film is None else parts_of(scenario))
     lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
@@ -68,14 +86,15 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     return Template(_asset("page.html")).substitute(
         policy=policy,
         title=escape(recording_title(recording)),
+        omission="".join(f"<p>{escape(text)}</p>" for text in [omission(recording)] if text),
         warnings=_warnings(recording, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),
         settings=_settings(scenario),
         film="" if film is None else _film(film),
         lost=len(lost),
-        losses=_list_events("losses", lost, recording, place),
+        losses=_list_events("losses", lost, recording, shown, place),
         count=len(incidents),
-        incidents=_list_events("incidents", incidents, recording, place),
+        incidents=_list_events("incidents", incidents, recording, shown, place),
         data=_json(data),
         style=style,
         script=script,
@@ -187,7 +206,7 @@ def _settings(scenario: Scenario) -> str:
 
 def _fleet(scenario: Scenario) -> str:
     """The fleet in the form of `--set`: a line for each UAV, without defaults."""
-    default = {field.name: field.default for field in msgspec.structs.fields(Uav)}
+    default = msgspec.to_builtins(Uav(start=(math.nan, math.nan)))
     rows = [{k: v for k, v in msgspec.to_builtins(uav).items() if v != default[k]} for uav in scenario.uavs]
     return "\n".join(["uavs=[", *(f"  {format_value(row)}," for row in rows), "]"])
 
@@ -196,21 +215,22 @@ def _codes(lines: Iterable[str]) -> str:
     return "".join(f"<code>{escape(line)}</code>" for line in lines)
 
 
-def _list_events(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
+def _list_events(name: str, events: Sequence[Event], recording: Recording, shown: Shown, place: str) -> str:
     """A list of events as buttons, each with the commands that explain it."""
     if not events:
         return f'<p id="{name}">None.</p>'
-    items = "\n".join(_item(event, recording, place) for event in events)
+    items = "\n".join(_item(event, recording, shown, place) for event in events)
     return f'<ol class="events" id="{name}">\n{items}\n</ol>'
 
 
-def _item(event: Event, recording: Recording, place: str) -> str:
+def _item(event: Event, recording: Recording, shown: Shown, place: str) -> str:
+    first, last = shown.span(event.first, event.last)
     person = "" if event.person is None else f' data-person="{event.person}"'
     why = f"<p>{escape(event.why)}</p>" if event.why else ""
     commands = _codes(_commands(event, recording, place))
     more = f"<details><summary>Look closer</summary>{commands}</details>" if commands else ""
     return (
-        f'<li data-first="{event.first}" data-last="{event.last}"{person}>'
+        f'<li data-first="{first}" data-last="{last}"{person}>'
         f'<button type="button">{escape(f"{event.text} {event.when}")}</button>{why}{more}</li>'
     )
 

@@ -1,11 +1,21 @@
 // The charts: the timeline of each person and OSPA over time, on one time axis with the slider.
 
-const GUTTER = 100, RIGHT = 14, BAR = 4;
+const RIGHT = 14, BAR = 4, FOLDED = 30;
 const people = data.people[0].length;
 const fleet = data.uavs[0].length;
-const deep = (BAR + 2) * (1 + Math.max(-1, ...data.unmatched.map((event) => event[3]))); // of tracks of no person
-const lane = Math.max(2, Math.min(10, Math.floor(260 / (Math.max(people, 1) * (fleet + 1)))));
-const rowHeight = fleet * lane + BAR + 8;
+const bracketed = fleet > colours.uavs.length; // which UAVs have a lane differs from person to person
+const GUTTER = bracketed ? 170 : 100;
+const simultaneous = 1 + data.unmatched.reduce((most, event) => Math.max(most, event[3]), -1); // tracks of no person
+const thin = Math.min(BAR + 2, 72 / Math.max(simultaneous, 1)); // height of one, with its gap
+const deep = thin * simultaneous;
+const lanes = data.rows.reduce((sum, [, uavs]) => sum + uavs.length + 1, 0);
+const lane = Math.max(2, Math.min(10, Math.floor(260 / Math.max(1, lanes))));
+const tops = []; // of the rows, then of the row of people without one
+for (let n = 0, top = 4; n <= data.rows.length; n++) {
+  tops.push(top);
+  if (n < data.rows.length) top += Math.max(data.rows[n][1].length * lane + BAR + 8, 15); // else names overlap
+}
+const low = tops[data.rows.length] + (data.folded.length ? FOLDED + 8 : 0) + (people ? 0 : 16);
 const charts = { timeline: $("timeline"), ospa: $("ospa"), height: 125 };
 
 const plotWidth = () => charts.ospa.clientWidth - GUTTER - RIGHT;
@@ -15,7 +25,7 @@ const scanAt = (x) => clamp(Math.floor(((x + 1 - GUTTER) / plotWidth()) * scans)
 
 function sizeCharts() {
   const width = $("charts").clientWidth;
-  fit(charts.timeline, width, Math.max(people * rowHeight, 16) + 8 + (deep && deep + 6));
+  fit(charts.timeline, width, low + 4 + (deep && deep + 6));
   fit(charts.ospa, width, charts.height);
   const [from, to] = [xOf(0), xOf(scans - 1)];
   $("slider").style.left = `${from - 8}px`; // half a thumb
@@ -28,18 +38,40 @@ function drawTimeline() {
   const ctx = charts.timeline.getContext("2d");
   ctx.clearRect(0, 0, charts.timeline.clientWidth, charts.timeline.clientHeight);
   if (!people) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
-  for (let m = 0; m < people; m++) {
-    const top = 4 + m * rowHeight;
-    write(ctx, people > 12 ? String(m) : `person ${m}`, GUTTER - 8, top + rowHeight / 2 - 3, colours.ink, "right");
-    for (let i = 0; i < fleet; i++) drawLane(ctx, i, m, top + i * lane);
-    drawBar(ctx, m, top + fleet * lane + 1);
-  }
-  const last = 4 + Math.max(people, 1) * rowHeight;
-  if (deep) write(ctx, "no person", GUTTER - 8, last + deep / 2 - 1, colours.ink, "right");
+  data.rows.forEach(([m, uavs], n) => {
+    const whose = bracketed && uavs.length ? ` (${uavs.slice(0, 5).join(", ")}${uavs.length > 5 ? ", ..." : ""})` : "";
+    const name = people > 12 ? String(m) : `person ${m}`;
+    write(ctx, name + whose, GUTTER - 8, (tops[n] + tops[n + 1]) / 2 - 3, colours.ink, "right");
+    uavs.forEach((i, row) => drawLane(ctx, i, m, tops[n] + row * lane));
+    drawBar(ctx, m, barOf(n));
+  });
+  drawFolded(ctx, tops[data.rows.length]);
+  if (deep) write(ctx, "no person", GUTTER - 8, low + deep / 2 - 1, colours.ink, "right");
   for (const [kind, first, until, row] of data.unmatched) {
-    span(ctx, first, until, last + row * (BAR + 2), BAR, kind === "false track" ? colours.false : colours.pale_false);
+    span(ctx, first, until, low + row * thin, Math.max(thin - 2, 1), kind === "false track" ? colours.false : colours.pale_false);
   }
-  for (const [k, person] of data.switches) diamond(ctx, xOf(k), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
+  for (const [k, person] of data.switches) {
+    const n = data.rows.findIndex(([m]) => m === person);
+    diamond(ctx, xOf(k), n < 0 ? tops[data.rows.length] + FOLDED / 2 : barOf(n) + BAR / 2);
+  }
+}
+
+// Top of the bar of the tracks in a row.
+const barOf = (n) => tops[n + 1] - BAR - 7;
+
+// Shares of the people without a row of their own by their states to the tracks, the worst on top.
+function drawFolded(ctx, top) {
+  if (!data.folded.length) return;
+  write(ctx, `${data.folded.length} others`, GUTTER - 8, top + FOLDED / 2, colours.ink, "right");
+  const shades = { [LOST]: colours.lost, [NOT_FOUND]: colours.not_found_yet, [SOME]: colours.held_by_some, [HELD]: colours.held };
+  stretches((k) => [LOST, NOT_FOUND, SOME, HELD].map((hold) => data.folded.filter((m) => data.holds[k][m] === hold).length).join(), (first, until, counts) => {
+    let above = top;
+    counts.split(",").forEach((count, n) => {
+      const high = (FOLDED * count) / data.folded.length;
+      if (high) span(ctx, first, until, above, high, shades[[LOST, NOT_FOUND, SOME, HELD][n]]);
+      above += high;
+    });
+  });
 }
 
 // Fills what stands for some scans, both included.
@@ -104,8 +136,9 @@ function drawOspa() {
   }
   ctx.setLineDash([]);
   drawTimes(ctx, bottom);
-  const curve = (of, colour, width) => {
+  const curve = (of, colour, width, dashes) => {
     ctx.strokeStyle = ctx.fillStyle = colour;
+    ctx.setLineDash(dashes);
     ctx.lineWidth = width;
     let run = [];
     for (let k = 0; k <= scans; k++) {
@@ -116,8 +149,8 @@ function drawOspa() {
       if (value === null) run = [];
     }
   };
-  for (let i = 0; i < data.ospa[0].length; i++) curve((k) => data.ospa[k][i], uavColour(i), 1.2);
-  curve(fleetMean, colours.ink, 2);
+  for (let i = 0; i < data.ospa[0].length; i++) curve((k) => data.ospa[k][i], uavColour(i), 1.2, uavDashes(i));
+  curve(fleetMean, colours.ink, 2, []);
 }
 
 // Mean OSPA over the UAVs that work; null if none does.

@@ -12,6 +12,8 @@ const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: nul
 const clamp = (k) => Math.max(0, Math.min(scans - 1, k));
 const uavColour = (i) => colours.uavs[i % colours.uavs.length];
 const paleUavColour = (i) => colours.pale_uavs[i % colours.pale_uavs.length];
+const uavDashes = (i) => colours.uav_dashes[Math.floor(i / colours.uavs.length) % colours.uav_dashes.length];
+const tracksOf = (k, i) => data.tracks[k].held[i].map((n) => data.tracks[k].rows[n]);
 const trackColour = (n) => colours.tracks[n % colours.tracks.length];
 
 // Gives a canvas its size in CSS pixels and as many pixels as the screen has.

@@ -37,13 +37,13 @@ function drawMap() {
   ctx.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
   drawGround(ctx);
   const k = state.k;
-  data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], uavColour(i)));
+  data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], i));
   drawTrails(ctx, k);
   drawIntents(ctx, k);
   const views = data.views[k].map((view, i) => data.works[k][i] && view && bounds(view));
   data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], views));
   const who = trackOwner(k);
-  if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
+  if (who >= 0) for (const track of tracksOf(k, who)) drawTrack(ctx, track);
   data.people[k].forEach((at, m) => at && notePerson(at, k, m));
   writeNames(ctx);
   data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
@@ -79,7 +79,8 @@ function drawGround(ctx) {
   }
 }
 
-function drawView(ctx, corners, colour) {
+function drawView(ctx, corners, i) {
+  const colour = uavColour(i);
   ctx.beginPath();
   for (let c = 0; c < 8; c += 2) ctx.lineTo(px(corners[c]), py(corners[c + 1]));
   ctx.closePath();
@@ -89,7 +90,9 @@ function drawView(ctx, corners, colour) {
   ctx.globalAlpha = 1;
   ctx.strokeStyle = colour;
   ctx.lineWidth = 1.6;
+  ctx.setLineDash(uavDashes(i));
   ctx.stroke();
+  ctx.setLineDash([]);
 }
 
 function drawTrails(ctx, k) {
@@ -210,7 +213,7 @@ function named(u, v) {
   data.people[k].forEach((at, m) => at && add(...at, `person ${m}: ${views(k, m)}; ${holders(k, m)}`, 6));
   data.uavs[k].forEach(([x, y, z], i) => add(x, y, `UAV ${i}${data.works[k][i] ? `, ${z.toFixed(1)} m up` : ", broken down"}`, 4));
   if (who >= 0) {
-    for (const [number, x, y, a, b, , reported] of data.tracks[k][who]) {
+    for (const [number, x, y, a, b, , reported] of tracksOf(k, who)) {
       add(x, y, `track ${number} of UAV ${who}${reported ? "" : ", not reported"}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
     }
   }

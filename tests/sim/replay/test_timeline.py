@@ -1,5 +1,7 @@
 """The timeline of a mission: stretches of time counted by hand, and a figure that shows each of them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from helpers.histories import history
@@ -13,7 +15,7 @@ from sim.evaluation.holding import HOLDS, Episode, episodes
 from sim.replay.event import Event
 from sim.replay.flight import Flight
 from sim.replay.history import BROKEN, STATES, History
-from sim.replay.timeline import timeline_figure
+from sim.replay.timeline import timeline_figure, timeline_rows
 
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
@@ -100,7 +102,7 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
         "track switched",
     ]
     calm = history(["--"] * 8, ["--"] * 8, ["--"] * 7 + ["xx"], [[1, 1]] * 8)
-    words = ["seen: lanes are UAVs, the first on top", "out of view", "held within 1 m by all"]
+    words = ["seen: lanes are the UAVs in brackets", "held within 1 m by all"]
     assert legend_of(timeline_figure(calm, np.ones((2, 8, 3)), ())) == words
 
 
@@ -112,17 +114,55 @@ def test_breakdowns_at_one_time_are_named_beneath_one_another():
     assert not one.overlaps(other)
 
 
+def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
+    """Of 60 people, person m is lost for m scans. UAV 1 of 9 has all in view, and UAV 8 even numbers."""
+    scan, _, person = np.ogrid[:60, :9, :60]
+    lost = (scan >= 1) & (scan <= person) & np.ones((60, 9, 60), bool)
+    seen = np.zeros((60, 9, 60), bool)
+    seen[:, 1], seen[:, 8, ::2] = True, True
+    one = history(["-" * 60] * 9, ["-" * 60] * 9, ["-" * 60] * 9, [[1] * 60] * 9)
+    made = dataclasses.replace(
+        one,
+        present=np.ones((60, 60), bool),
+        inside=seen,
+        shown=seen,
+        detected=seen,
+        hidden_by=np.full(seen.shape, -1),
+        tracks=np.where(lost, -1, person),
+    )
+    rows, folded = timeline_rows(made)
+    assert [row.person for row in rows] == list(range(59, 59 - len(rows), -1))
+    assert folded == list(range(60 - len(rows))) and folded and len(rows) > 10
+    assert all(row.uavs == ([1] if row.person % 2 else [1, 8]) for row in rows)
+    events = [event("false track", 0, 59, track=k) for k in range(80)]
+    figure = timeline_figure(made, np.ones((60, 9, 3)), events)
+    assert figure.get_figheight() < 15
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert labels[:2] == ["person 59 (1)", "person 58 (1, 8)"] and len(labels) == len(rows) + 2
+    assert labels[-2:] == [f"{len(folded)} others", "no person"]
+    # The row of all others tells at each scan which share of them is lost: those with larger numbers than the scan's.
+    (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    top = sum(row.height for row in rows)
+    heights = {
+        round(float(corners[:, 0].min()), 6): np.ptp(corners[:, 1])
+        for corners, face in zip((p.vertices for p in boxes.get_paths()), boxes.get_facecolors(), strict=True)
+        if corners[:, 1].min() == pytest.approx(top) and tuple(face[:3]) == pytest.approx(rgb(LOST))
+    }
+    for k in range(1, len(folded)):
+        assert heights[round(0.2 * k, 6)] == pytest.approx(6.0 * (len(folded) - k) / len(folded))
+
+
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording = record(scans, uavs=uavs, people=people)
     recording = broken(recording, 0, scans // 2 + 1)
     figure = timeline_figure(History.of(recording), recording.ospa, Flight(recording).events)
-    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    labels = [text.get_text().partition(" (")[0] for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = legend_of(figure)
     seen = {f"seen by UAV {i}" for i in range(uavs) if recording.matched[:, i].any()}
     assert {word for word in words if word.startswith("seen")} == (
-        seen if uavs <= len(UAV_COLOURS) else {"seen: lanes are UAVs, the first on top"}
+        seen if uavs <= len(UAV_COLOURS) else {"seen: lanes are the UAVs in brackets"}
     )
     assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
     figure.draw_without_rendering()

@@ -11,6 +11,7 @@ import shlex
 
 import numpy as np
 import pytest
+from helpers.films import decoded
 from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
 
@@ -25,7 +26,7 @@ from sim.replay.frames.frame_panels import scans_between
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.page.data import page_data
-from sim.replay.page.page import page, write_page
+from sim.replay.page.page import omission, page, write_page
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, encode_scenario
@@ -101,7 +102,8 @@ def test_the_data_are_those_of_the_recording(mission, text):
     data = data_of(text)
     numbers = list(dict.fromkeys(recording.track_ids.tolist()))
     for k, i in np.argwhere(recording.working).tolist():
-        rows = data["tracks"][k][i]
+        scan = data["tracks"][k]
+        rows = [scan["rows"][n] for n in scan["held"][i]]
         tracks = recording.tracks_at(k, i)
         assert [numbers[int(row[0])] for row in rows] == [track.id for track in tracks]
         for row, track in zip(rows, tracks, strict=True):
@@ -130,6 +132,37 @@ def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
     data = page_data(Flight(flown(scans=201)), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
+
+
+def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypatch, mission):
+    monkeypatch.setattr("sim.replay.page.data.MOST_SCANS", 6)  # of 21: each fourth
+    text = page(Flight(mission), video=None)
+    data = data_of(text)
+    monkeypatch.undo()
+    whole = json.loads(json.dumps(page_data(Flight(mission), None)))
+    assert data["times"] == whole["times"][::4] and data["rate"] == 5 / 4 and data["trail"] == 4
+    for name in ("people", "headings", "uavs", "views", "tracks", "states", "holds", "holders", "works", "ospa"):
+        assert data[name] == whole[name][::4], name
+    assert all(len(column) == 6 for column in data["view_texts"])
+    firsts = {(int(g["data-person"]), int(g["data-first"]), int(g["data-last"]))
+              for g, _ in Page(text).of("li") if "data-person" in g}  # fmt: skip
+    assert firsts == {(2, 2, 2), (1, 2, 2), (0, 4, 5)}  # scans 5 to 9, 8, and 15 to 20
+    said = "The page shows 6 of 21 scans, one each 0.8 s, and no film, because the mission is long"
+    assert said in text and omission(mission) == ""
+
+
+def test_a_large_film_is_on_the_page_in_fewer_bytes_with_the_same_pictures(monkeypatch, tmp_path, mission, folder):
+    film = (folder / "mission.mp4").read_bytes()
+    monkeypatch.setattr("sim.replay.page.page._LARGE_FILM", len(film) - 1)
+    monkeypatch.setattr("sim.replay.page.page._FILM", len(film) // 3)
+    ((given, _),) = Page(page(Flight(mission), video=film)).of("video")
+    small = base64.b64decode(given["src"].partition(",")[2])
+    assert len(small) < len(film) / 2
+    (tmp_path / "small.mp4").write_bytes(small)
+    one, other = (decoded(path) for path in (folder / "mission.mp4", tmp_path / "small.mp4"))
+    assert one[1] == pytest.approx(other[1])
+    for before, after in zip(one[0], other[0], strict=True):
+        assert np.abs(before.astype(float) - after).mean() < 6.0
 
 
 def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, mission, folder):
