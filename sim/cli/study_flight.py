@@ -67,15 +67,15 @@ def fly_study(
             files = {(task.setting.people, task.setting.area): task.setting for task in listed}
             remark(*dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1]))
             remark(*_remarks_on_others(store, listed))
-            with show_study_progress(len(listed)) as tell:
+            with show_study_progress(len(listed)) as progress:
 
                 def on_row(task: Task, row: Row, fresh: bool) -> None:
                     nonlocal again
                     again += fresh
-                    tell(row.status == "failed", fresh)
+                    progress.count(row.status == "failed", fresh)
 
                 try:
-                    return complete(listed, store, backend, options, on_row)
+                    return complete(listed, store, backend, options, on_row, progress.wait)
                 except (KeyboardInterrupt, StoreError):
                     kept = len(store.read_finished_rows(listed))
                     raise

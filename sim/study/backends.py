@@ -1,10 +1,11 @@
 """Backends that fly trials: their interface, processes of this machine, executors of the caller and dask clusters."""
 
+import logging
 import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from multiprocessing.synchronize import Event, Lock
 from typing import Any, NamedTuple, Protocol, cast
@@ -30,6 +31,14 @@ class Backend(Protocol):
 
     def crash_place(self, task: Task) -> str:
         """Place in a plug-in where a trial's process died or hung, in brackets; empty if it is not known."""
+        return ""
+
+    def describe_loss(self) -> str:
+        """Why no trial can be flown any more; empty if trials can be flown."""
+        return ""
+
+    def describe_wait(self) -> str:
+        """What trials wait for before they are flown; empty if they are flown."""
         return ""
 
 
@@ -60,8 +69,8 @@ class Cluster(Backend):
     A trial that hangs is ended with its worker. A nanny starts the worker again, and dask repeats its other tasks.
     """
 
-    def __init__(self, client: Any) -> None:  # noqa: ANN401 - its library may not be installed
-        self._client = client
+    def __init__(self, client: Any, address: str) -> None:  # noqa: ANN401 - its library may not be installed
+        self._client, self._address = client, address
         self._executor = client.get_executor(pure=False)
         self._topic = f"understory-{client.id}"
         self._submitted = 0
@@ -97,6 +106,18 @@ class Cluster(Backend):
         if late:
             self._client.restart_workers([*set(late.values())], raise_for_error=False)
         return hanging
+
+    def describe_loss(self) -> str:
+        """That the scheduler no longer answers; its futures are then cancelled."""
+        lost = self._client.status != "running"
+        return f"--dask: {self._address!r} no longer answers" if lost else ""
+
+    def describe_wait(self) -> str:
+        """That the cluster has no workers."""
+        with suppress(OSError):  # of a scheduler that is being lost
+            if self._client.status == "running" and not self._client.nthreads():
+                return "no workers, waiting"
+        return ""
 
     def _hear(self, event: tuple[float, tuple[str, str]]) -> None:
         """Note a worker's announcement that a trial has begun, for the first time or again."""
@@ -134,8 +155,10 @@ def connect(address: str) -> Iterator[Cluster]:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"--dask: {address!r} does not answer: {reason}") from error
     try:
-        yield Cluster(client)
+        yield Cluster(client, address)
     finally:
+        if client.status != "running":  # the end of its attempts to connect again would be logged with a traceback
+            logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         client.close(timeout=_CONNECT)
 
 

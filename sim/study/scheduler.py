@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, TimeoutError
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -17,6 +16,7 @@ from sim.study.trial_flight import TrialResult, make_failure
 
 ATTEMPTS = 2
 _TICK = 0.5  # s, interval of checks for trials that hang
+OnWait = Callable[[str], None]  # what trials wait for, empty if nothing
 OnRow = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
 
 
@@ -42,11 +42,12 @@ def complete(
     backend: Backend,
     options: Options = Options(),
     on_row: OnRow = lambda task, row, fresh: None,
+    on_wait: OnWait = lambda why: None,
 ) -> list[Row]:
     """Rows of all tasks, in order: from the store, or flown now and added to it.
 
     Trials are flown again if they had failed, lack a metric that is asked for, or lack a recording that is to be kept.
-    StoreError if a result cannot be written; earlier results stay in the store.
+    StoreError if a result cannot be written or no more trials can be flown; earlier results stay in the store.
     """
     asked = {task.key: set(task.metrics) for task in tasks}
     kept = options.recordings
@@ -67,7 +68,7 @@ def complete(
         rows[task.key] = result.row
         on_row(task, result.row, True)
 
-    _fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
+    _fly_all([task for task in tasks if task.key not in rows], backend, keep, options, on_wait)
     return [rows[task.key] for task in tasks]
 
 
@@ -79,7 +80,11 @@ def fly_tasks(tasks: Sequence[Task], backend: Backend) -> list[Row]:
 
 
 def _fly_all(
-    tasks: Sequence[Task], backend: Backend, keep: Callable[[Task, TrialResult], None], options: Options = Options()
+    tasks: Sequence[Task],
+    backend: Backend,
+    keep: Callable[[Task, TrialResult], None],
+    options: Options = Options(),
+    on_wait: OnWait = lambda why: None,
 ) -> None:
     """Fly tasks, and call `keep` for each one that is complete or has failed twice."""
     flying: dict[Future[TrialResult], _Attempt] = {}
@@ -97,9 +102,11 @@ def _fly_all(
         for task in tasks:
             submit(_Attempt(task, 1))
         while flying:
-            for future, error in _wait_for_ended(ended, backend, options.timeout):
+            for future, error in _wait_for_ended(ended, backend, options.timeout, on_wait):
                 if future not in flying:  # it was ended as it hung
                     continue
+                if error and (loss := backend.describe_loss()):  # of which the trial is not to blame
+                    raise StoreError(loss)
                 task, number = flying.pop(future)
                 result = _describe(task, error, backend, options.timeout) if error else future.result()
                 if result.row.status == "failed" and number < ATTEMPTS:
@@ -112,14 +119,17 @@ def _fly_all(
 
 
 def _wait_for_ended(
-    ended: SimpleQueue[Future[TrialResult]], backend: Backend, timeout: float | None
+    ended: SimpleQueue[Future[TrialResult]], backend: Backend, timeout: float | None, on_wait: OnWait
 ) -> Iterator[tuple[Future[TrialResult], BaseException | None]]:
     """The next trial that ends, if one does within `_TICK` s, with its exception, and the trials that the backend ends.
 
     Only a cluster ends trials here that hang; the processes of `Pool` end by themselves at the timeout.
     """
-    with suppress(Empty):
+    try:
         future = ended.get(timeout=_TICK)
+    except Empty:
+        on_wait(backend.describe_wait())
+    else:
         yield future, CancelledError() if future.cancelled() else future.exception()
     if timeout is not None:
         for future in backend.end_hanging(timeout + GRACE):

@@ -9,6 +9,7 @@ from contextlib import closing
 import msgspec
 import numpy as np
 
+from sim.study.backends import Backend
 from sim.study.store import NAME, Store
 from sim.study.study import Study
 from sim.study.tasks import Task, get_release, list_tasks
@@ -65,7 +66,7 @@ def plain(row):
     return *fixed, metrics, row.ospa.dtype.str, row.ospa.tobytes(), row.times.tobytes()
 
 
-class Serial:
+class Serial(Backend):
     """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt.
 
     None stands for an invented row, a text for a row that failed, an exception for one that its future has, its class
@@ -97,9 +98,6 @@ class Serial:
         for future in late:
             future.cancel()
         return late
-
-    def crash_place(self, task):
-        return ""
 
 
 def is_timing(metric):

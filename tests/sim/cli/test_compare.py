@@ -6,7 +6,7 @@ from helpers.studies import Serial, sql
 from sim.recording.archive import load
 from sim.report.wide_table import main as wide_table
 from sim.study.store import Store, StoreError, read_rows
-from sim.terminal.progress import describe_pace
+from sim.terminal.progress import StudyProgress, describe_pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
 INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
@@ -185,6 +185,19 @@ SCORED = """
 study = { name = "mine", planners = ["greedy"], seeds = "0-1", scenarios = ["forest", "scatter"] }
 score = { floor = "hover", bound = "greedy", metric = "ospa.mean_m" }
 """
+
+
+def test_what_trials_wait_for_is_told_until_they_fly():
+    told = []
+    progress = StudyProgress(lambda *given: told.append(given), 3)
+    progress.wait("")
+    progress.count(False, False)
+    progress.wait("no workers, waiting")
+    progress.wait("")
+    progress.wait("")
+    progress.count(True, False)
+    texts = ["1 of 3 trials", "1 of 3 trials, no workers, waiting", "1 of 3 trials", "2 of 3 trials, 1 failed"]
+    assert told == [(int(text[0]), 3, text) for text in texts]
 
 
 def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path):

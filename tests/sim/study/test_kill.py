@@ -13,7 +13,7 @@ from helpers.studies import SHORT, Serial, plain, short
 
 from sim.study.backends import connect
 from sim.study.scheduler import complete
-from sim.study.store import NAME, Store, read_rows
+from sim.study.store import NAME, Store, StoreError, read_rows
 from sim.study.study import read_study
 from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
@@ -160,6 +160,70 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
             rows = complete(tasks, store, cluster, on_row=kill)
     assert killed and list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert len(read_rows(tmp_path)) == len(tasks)
+
+
+SCHEDULER = """
+import asyncio
+from distributed import Scheduler
+async def serve():
+    async with Scheduler(port=0, dashboard_address=None) as scheduler:
+        print(scheduler.address, flush=True)
+        await scheduler.finished()
+asyncio.run(serve())
+"""
+
+
+@pytest.fixture
+def scheduler():
+    """A process that is a scheduler without workers, and its address."""
+    pytest.importorskip("distributed")
+    process = python("-c", SCHEDULER, started=True)
+    yield process, process.stdout.readline().strip()
+    process.kill()
+    process.communicate()
+
+
+def join(cluster, address):
+    """Start a worker in this process."""
+
+    async def start():
+        return await distributed.Worker(address, nthreads=1, dashboard=False, silence_logs=50)
+
+    distributed = pytest.importorskip("distributed")
+    return cluster._client.sync(start)
+
+
+def test_a_scheduler_that_dies_in_mid_study_is_told_of_and_no_trial_blamed(tmp_path, scheduler, capfd):
+    process, address = scheduler
+    tasks = short(["hover", "greedy"], "0-3")
+
+    def kill(task, row, fresh):
+        process.kill()
+
+    with connect(address) as cluster, Store.open(tmp_path, "short") as store:
+        worker = join(cluster, address)
+        with pytest.raises(StoreError, match=f"^--dask: '{address}' no longer answers$"):
+            complete(tasks, store, cluster, on_row=kill)
+        cluster._client.sync(worker.close)
+    rows = read_rows(tmp_path)
+    assert "distributed.client" not in capfd.readouterr().err
+    assert 1 <= len(rows) < len(tasks) and {row.status for row in rows} == {"done"}
+
+
+def test_trials_wait_for_workers_and_say_so(tmp_path, scheduler):
+    _, address = scheduler
+    told = []
+
+    def wait(why):
+        told.append(why)
+        if len(told) == 1:
+            workers.append(join(cluster, address))
+
+    workers = []
+    with connect(address) as cluster, Store.open(tmp_path, "short") as store:
+        rows = complete(short(["hover"], "0"), store, cluster, on_wait=wait)
+        cluster._client.sync(workers[0].close)
+    assert [row.status for row in rows] == ["done"] and told[0] == "no workers, waiting" and set(told[1:]) <= {""}
 
 
 def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
