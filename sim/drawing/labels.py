@@ -20,6 +20,7 @@ _CORNERS = np.array([(-1.0, -1), (1, -1), (-1, 1), (1, 1)])
 _VEIL = 0.65  # opacity of the image behind a name
 _GAP = 14.0  # pixels, distance from the mark
 _FARTHER = np.array([0.0, 16.0, 36.0, 61.0])  # pixels, added to the distance in crowded places
+_LITTLE = 20.0  # pixels that a name which is not needed may cover
 _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
@@ -54,12 +55,24 @@ class Labels:
         """Keep names off squares around marks at pixels (2,) or (N, 2)."""
         self._take(np.concatenate([centres - reach, centres + reach], axis=-1))
 
-    def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Array = _SIDES) -> None:
+    def put(
+        self,
+        text: str,
+        anchor: Array,
+        style: TextStyle,
+        *,
+        gap: float = _GAP,
+        sides: Array = _SIDES,
+        needed: bool = True,
+    ) -> None:
         """Write a name where it covers least: `gap` pixels from its mark, or farther with a line to the mark.
 
-        sides (N, 2): allowed sides of the mark, as steps to the right and down.
+        sides (N, 2): allowed sides of the mark, as steps to the right and down. needed: False to leave out a name for
+        which there is no room beside its mark.
         """
-        farther, box = self._place(_size(text, style), anchor, gap, sides)
+        farther, covered, box = self._place(_size(text, style), anchor, gap, sides)
+        if not needed and (farther or covered > _LITTLE):
+            return
         if farther:
             end = np.clip(anchor, box[:2], box[2:])
             line = np.array([anchor + 0.7 * _GAP * (end - anchor) / np.hypot(*(end - anchor)), end])
@@ -88,15 +101,15 @@ class Labels:
     def _take(self, boxes: Array) -> None:
         self._taken = np.vstack([self._taken, boxes])
 
-    def _place(self, size: Array, anchor: Array, gap: float, sides: Array) -> tuple[bool, Array]:
-        """Whether a name is farther from its mark than the gap, and its box (4,), where it covers least."""
+    def _place(self, size: Array, anchor: Array, gap: float, sides: Array) -> tuple[bool, float, Array]:
+        """Where a name covers least: True if farther from its mark than the gap, pixels covered, and its box (4,)."""
         distances = gap + _FARTHER
         boxes = _box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
         low, high = boxes.min(axis=0)[:2], boxes.max(axis=0)[2:]
         near = self._taken[((self._taken[:, :2] < high) & (self._taken[:, 2:] > low)).all(axis=1)]
         covered = 3.0 * self._beyond(boxes) + _overlap(boxes, near[:, None]).sum(axis=0)
         best = int((10.0 * covered.reshape(-1, len(sides)) + distances[:, None]).argmin())
-        return best >= len(sides), boxes[best]
+        return best >= len(sides), float(covered[best]), boxes[best]
 
     def _beyond(self, boxes: Array) -> Array:
         """Number of pixels of boxes (..., 4) beyond the image."""

@@ -13,8 +13,8 @@ from sim.drawing.intents import Intents
 from sim.drawing.labels import Labels, numbered_snapshot, track_name
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
-from sim.drawing.palette import INK, PANEL, Colour, mix, track_colour, uav_colour
-from sim.drawing.strokes import SHIFT, disc, stroke, strokes, to_fixed_point
+from sim.drawing.palette import INK, PANEL, mix, track_colour, uav_colour, uav_dashes
+from sim.drawing.strokes import SHIFT, dashes_along, disc, stroke, strokes, to_fixed_point
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
@@ -29,6 +29,8 @@ from tracking.track import Track, beliefs_of
 MARGIN = 4.0  # m shown beyond the area
 TRAIL = 3.0  # s, length of trails
 ALERT = 1.0  # s, time for which a contact is marked
+_SPACIOUS = 2.0  # pixels per m; marks on maps with less are smaller
+_FEW = 12  # people; more are a crowd
 ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 
 _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
@@ -66,6 +68,7 @@ class MapView:
         self._size = size
         width, height = map_extent(scenario)
         self.scale = min(size[0] / width, size[1] / height)
+        self._mark = float(np.clip(self.scale / _SPACIOUS, 0.5, 1.0))
         self._scenario = scenario
         self._rate = scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
@@ -95,7 +98,7 @@ class MapView:
         views = [footprint(self._scenario, i, pose) for i, pose in enumerate(snapshot.cameras)]
         for i in snapshot.working:
             if (corners := views[i]) is not None:
-                self._draw_view(image, self.pixels(corners), uav_colour(i))
+                self._draw_view(image, self.pixels(corners), i)
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         labels = Labels(image, veil=False)
@@ -103,18 +106,18 @@ class MapView:
         working = set(snapshot.working)
         for i, at in enumerate(uavs):
             if i in working:
-                quadrotor(image, at, uav_colour(i))
+                quadrotor(image, at, uav_colour(i), self._mark)
             else:
                 broken(image, at)
-        labels.reserve(uavs, 8.0)
+        labels.reserve(uavs, 8.0 * self._mark)
         tracks = self.shown_tracks(snapshot)
         means, covariances = beliefs_of(tracks)
         rings, crosses = self.pixels(ellipse(means[:, :2], covariances[:, :2, :2])), self.pixels(means[:, :2])
         for track, ring, at in zip(tracks, rings, crosses, strict=True):
             stroke(image, ring, track_colour(track.id), thickness=2, closed=True)
-            cross(image, at, track_colour(track.id))
-        labels.reserve(crosses, 6.0)
-        labels.reserve(self.pixels(snapshot.people[~np.isnan(snapshot.people[:, 0])]), 9.0)
+            cross(image, at, track_colour(track.id), self._mark)
+        labels.reserve(crosses, 6.0 * self._mark)
+        labels.reserve(self.pixels(snapshot.people[~np.isnan(snapshot.people[:, 0])]), 9.0 * self._mark)
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, views, labels)
         self._draw_people(image, snapshot, holds)
@@ -155,11 +158,12 @@ class MapView:
         for tree in forest.trees:
             place = self.pixels(np.array([tree.x, tree.y]))
             disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
-            disc(image, place, max(tree.trunk_radius * self.scale, 2.2), palette.TRUNK)
+            disc(image, place, max(tree.trunk_radius * self.scale, 2.2 * self._mark), palette.TRUNK)
         stroke(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 
-    def _draw_view(self, image: Image, outline: Array, colour: Colour) -> None:
+    def _draw_view(self, image: Image, outline: Array, uav: int) -> None:
+        colour, dashes = uav_colour(uav), uav_dashes(uav)
         low = np.clip(np.floor(outline.min(axis=0)) - 1, 0, self._size).astype(int)
         high = np.clip(np.ceil(outline.max(axis=0)) + 2, 0, self._size).astype(int)
         part = image[low[1] : high[1], low[0] : high[0]]
@@ -167,7 +171,10 @@ class MapView:
             tinted = part.copy()
             cv2.fillPoly(tinted, [to_fixed_point(outline - low)], colour, cv2.LINE_AA, SHIFT)
             cv2.addWeighted(tinted, 0.14, part, 0.86, 0, dst=part)
-        stroke(image, outline, colour, thickness=2, closed=True)
+        if dashes:
+            strokes(image, dashes_along(outline, dashes), colour, thickness=2)
+        else:
+            stroke(image, outline, colour, thickness=2, closed=True)
 
     def _draw_trails(self, image: Image, snapshot: Snapshot) -> None:
         past = self.pixels(np.array([old.people for old in self._past]))
@@ -189,7 +196,7 @@ class MapView:
         views = self._people_views(snapshot)
         for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
             if not np.isnan(place[0]):
-                person(image, self.pixels(place), heading, view=view, hold=HOLDS[hold])
+                person(image, self.pixels(place), heading, view=view, hold=HOLDS[hold], size=self._mark)
 
     def _people_views(self, snapshot: Snapshot) -> list[str]:
         """States of people in the last frames of the cameras, in the form that `person` takes."""
@@ -211,12 +218,32 @@ class MapView:
             labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Indices, views: Sequence[Array | None], labels: Labels) -> None:
-        """Name UAVs, tracks and lost people, clear of all marks; views: corners of each camera's field of view."""
+        """Name UAVs, tracks and lost people, clear of all marks; views: corners of each camera's field of view.
+
+        In a crowd UAVs come first, then lost people, and people and tracks have names only where there is room.
+        """
+        crowd = len(snapshot.people) > _FEW or len(snapshot.poses) > len(palette.UAV_COLOURS)
+        if crowd:
+            self._name_uavs(snapshot, views, labels)
+            self._name_lost(snapshot, holds, labels, needed=False)
+            self._name_tracks(snapshot, labels, needed=False)
+        else:
+            self._name_tracks(snapshot, labels, needed=True)
+            self._name_lost(snapshot, holds, labels, needed=True)
+            self._name_uavs(snapshot, views, labels)
+
+    def _name_tracks(self, snapshot: Snapshot, labels: Labels, *, needed: bool) -> None:
         for track in self.shown_tracks(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
-            labels.put(track_name(track), at, style, gap=11.0)
+            labels.put(track_name(track), at, style, gap=11.0 * self._mark, needed=needed)
+
+    def _name_lost(self, snapshot: Snapshot, holds: Indices, labels: Labels, *, needed: bool) -> None:
+        style = TextStyle(13, palette.LOST, True, PANEL)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
-            labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
+            at = self.pixels(snapshot.people[m])
+            labels.put(f"person {m}", at, style, gap=14.0 * self._mark, needed=needed)
+
+    def _name_uavs(self, snapshot: Snapshot, views: Sequence[Array | None], labels: Labels) -> None:
         shown = {i: _bounds(self.pixels(c)) for i in snapshot.working if (c := views[i]) is not None}
         for i, pose in enumerate(snapshot.cameras):
             at, style = self.pixels(pose.position[:2]), TextStyle(13, mix(uav_colour(i), INK, 0.7), True, PANEL)

@@ -13,23 +13,23 @@ _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for 
 _ROTORS = np.array([(dx, dy) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)])
 
 
-def cross(image: Image, centre: Array, colour: Colour) -> None:
+def cross(image: Image, centre: Array, colour: Colour, size: float = 1.0) -> None:
     """Draw a track's mark at a pixel (2,), legible on any background, and open in the middle to show the person."""
     for ink, thickness in ((PANEL, 4), (colour, 2)):
-        strokes(image, centre + _ARMS, ink, thickness=thickness)
+        strokes(image, centre + size * _ARMS, ink, thickness=thickness)
 
 
-def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
+def quadrotor(image: Image, centre: Array, colour: Colour, size: float = 1.0) -> None:
     """Draw a UAV's mark at a pixel (2,)."""
-    rotors = centre + _ROTORS
+    rotors = centre + size * _ROTORS
     arms = np.stack([np.broadcast_to(centre, rotors.shape), rotors], axis=1)
     for ink, wider in ((PANEL, 2), (colour, 0)):
         strokes(image, arms, ink, thickness=2 + wider)
         for rotor in rotors:
-            disc(image, rotor, 3.5 + wider / 2, ink)
-        disc(image, centre, 3.0 + wider / 2, ink)
+            disc(image, rotor, 3.5 * size + wider / 2, ink)
+        disc(image, centre, 3.0 * size + wider / 2, ink)
     for rotor in rotors:
-        disc(image, rotor, 1.5, PANEL)
+        disc(image, rotor, 1.5 * size, PANEL)
 
 
 def broken(image: Image, centre: Array) -> None:
@@ -47,16 +47,16 @@ def detection(image: Image, centre: Array, reach: float) -> None:
     disc(image, centre, reach, DETECTION, 2)
 
 
-def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "") -> None:
+def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "", size: float = 1.0) -> None:
     """Draw a person's mark at a pixel (2,), with a ring if no UAV holds the person.
 
     view: "seen" gives a full disc, "hidden" a hollow one, and "out of view" a grey one. hold: one of `HOLDS`.
     """
     ink = FAINT if view == "out of view" else INK
-    ahead = centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])
+    ahead = centre + size * 9.0 * np.array([math.cos(heading), -math.sin(heading)])
     stroke(image, np.array([centre, ahead]), ink, thickness=2)
-    disc(image, centre, 3.4, ink)
+    disc(image, centre, 3.4 * size, ink)
     if view == "hidden":
-        disc(image, centre, 2.0, PANEL)
+        disc(image, centre, 2.0 * size, PANEL)
     if hold in UNHELD_COLOURS:
-        disc(image, centre, 11.0, UNHELD_COLOURS[hold], 2)
+        disc(image, centre, 11.0 * size, UNHELD_COLOURS[hold], 2)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
+from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour, uav_dashes
 from sim.evaluation.fleet_facts import mean_ospa
 from sim.recording.atomic_files import write_whole
 from tracking.numerics.arrays import Array
@@ -24,7 +24,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
 
     times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is divided into the
     part of localisation alone and the rest due to a wrong number of tracks. After a UAV has broken down its OSPA is
-    NaN, which ends its line and is left out of the mean.
+    NaN, which ends its line and is left out of the mean. The legend has no lines that the mean's hides.
     """
     with new_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
@@ -34,12 +34,12 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
         )
-        names = [f"UAV {i}" for i in range(4)] if ospa.shape[1] <= 4 else ["each UAV"]
+        apart = [i for i in range(ospa.shape[1]) if _leaves(ospa[:, i, 0], mean[:, 0])]
+        names = {i: f"UAV {i}" for i in apart} if ospa.shape[1] <= 4 else dict.fromkeys(apart[:1], "each UAV")
         for i in range(ospa.shape[1]):
             errors = ospa[:, i, 0]
-            colour = rgb(uav_colour(i))
-            label = names[i] if i < len(names) else None
-            axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, marker=_dot(times), label=label)
+            colour, style = rgb(uav_colour(i)), (0, uav_dashes(i)) if uav_dashes(i) else "-"
+            axes.plot(times, errors, color=colour, ls=style, lw=0.9, alpha=0.8, marker=_dot(times), label=names.get(i))
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):
                 place = times[works[-1]], errors[works[-1]]
@@ -60,6 +60,15 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         rows = by_rows(axes.get_legend_handles_labels()[0], 6)
         axes.legend(handles=rows, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
     return figure
+
+
+def _leaves(errors: Array, mean: Array) -> bool:
+    """True if the line of one UAV's errors (K,) m can be told from that of the mean (K,)."""
+    heights = [
+        np.where(values < 1.0, 1.2 * values, 1.2 + np.log10(np.maximum(values, 1.0))) for values in (errors, mean)
+    ]
+    gaps = np.abs(heights[0] - heights[1])
+    return bool(np.max(gaps[~np.isnan(gaps)], initial=0.0) > 0.01 * np.nanmax([*heights[1], 1.2]))
 
 
 @contextmanager

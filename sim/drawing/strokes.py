@@ -1,5 +1,6 @@
 """Anti-aliased lines and circles in images."""
 
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -22,6 +23,17 @@ def strokes(image: Image, lines: Array | Sequence[Array], colour: Colour, *, thi
     """Draw anti-aliased polylines, each through pixels (N, 2), one after another."""
     fixed = to_fixed_point(lines) if isinstance(lines, np.ndarray) else map(to_fixed_point, lines)
     cv2.polylines(image, list(fixed), False, colour, thickness, cv2.LINE_AA, SHIFT)
+
+
+def dashes_along(outline: Array, dashes: Sequence[int]) -> list[Array]:
+    """Drawn pieces (2, 2) of the edges of a closed outline (N, 2); dashes: lengths of lines and gaps [pixel]."""
+    pieces = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        length = math.dist(start, end)
+        stops = np.cumsum([0.0, *np.tile(dashes, int(length / sum(dashes)) + 1)])[:-1].reshape(-1, 2, 1)
+        shares = np.minimum(stops[stops[:, 0, 0] < length] / max(length, 1e-9), 1.0)
+        pieces += list(start + shares * (end - start))
+    return pieces
 
 
 def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:

@@ -20,6 +20,7 @@ from tracking.errors import InputError, one_line
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _LONGEST = 2**20  # characters of a text field
+_LARGE = 2**24  # bytes, of recordings that are compressed
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
@@ -29,14 +30,22 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
 
 
 def digest(recording: Recording) -> str:
-    """SHA-256 of the bytes that `save` writes."""
-    return hashlib.sha256(encode(recording)).hexdigest()
+    """SHA-256 of the bytes that `save` writes, or of a large recording, those it would write without compression."""
+    return hashlib.sha256(_pack(recording, zipfile.ZIP_STORED)).hexdigest()
 
 
 def encode(recording: Recording) -> bytes:
-    """The bytes that `save` writes, uncompressed because versions of the compression library differ in their output."""
+    """The bytes that `save` writes.
+
+    Only large recordings are compressed, because versions of the compression library differ in their output.
+    """
+    plain = _pack(recording, zipfile.ZIP_STORED)
+    return plain if len(plain) <= _LARGE else _pack(recording, zipfile.ZIP_DEFLATED)
+
+
+def _pack(recording: Recording, compression: int) -> bytes:
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+    with zipfile.ZipFile(file, "w", compression) as archive:
         for name, field in FIELDS.items():
             value = getattr(recording, name)
             array = np.array(str(value)) if field.dtype == "<U" else np.ascontiguousarray(value, dtype=field.dtype)
@@ -44,7 +53,7 @@ def encode(recording: Recording) -> bytes:
             np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
             # All other parts of an entry follow from its content.
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
-            info.create_system = 3
+            info.create_system, info.compress_type = 3, compression
             archive.writestr(info, member.getvalue())
     return file.getvalue()
 

@@ -1,6 +1,6 @@
 """One camera's frame, enlarged, with detections, tracks and ground truth drawn over it."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -25,12 +25,13 @@ _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colou
 def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
     """The frame (P, P, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
 
-    Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square; a
-    frame with more than `size` pixels is shrunk.
+    Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square. It is
+    `size` itself where that is much larger, or less than P.
     """
     pixels = frame.shape[0]
-    side = max(size // pixels * pixels, min(size, pixels))
-    how = cv2.INTER_NEAREST if side >= pixels else cv2.INTER_AREA
+    squares = size // pixels * pixels
+    side = squares if squares > 0.8 * size else size
+    how = cv2.INTER_NEAREST if side == squares else cv2.INTER_LINEAR if side > pixels else cv2.INTER_AREA
     image = np.asarray(cv2.resize(frame, (side, side), interpolation=how), dtype=np.uint8)
     view = _View(image, sight)
     view.draw()
@@ -84,7 +85,7 @@ class _View:
         for sighting in people:
             self._name_person(sighting)
         self._name_tracks()
-        self._name_trees()
+        self._name_trees(hiding)
         self._draw_scale(scale)  # on top, because in a crowd names may be placed here
 
     def _pixels(self, ground: Array) -> Array:
@@ -134,9 +135,9 @@ class _View:
                 style = TextStyle(13, track_colour(track.id), True, PANEL)
                 self._labels.put(f"track {track_name(track)}", at, style)
 
-    def _name_trees(self) -> None:
-        for tree, parts in enumerate(self._outlines):
-            for part in parts[-1:]:  # the canopy, or the trunk if only the trunk is in view
+    def _name_trees(self, hiding: Sequence[int]) -> None:
+        for tree in hiding:
+            for part in self._outlines[tree][-1:]:  # the canopy, or the trunk if only the trunk is in view
                 shown = np.clip(part, 0, self._image.shape[0])
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
                 self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))

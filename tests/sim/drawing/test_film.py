@@ -14,7 +14,7 @@ from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, parts_in
 from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
-from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mix, track_colour, uav_colour
+from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mix, track_colour, uav_colour, uav_dashes
 from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -174,6 +174,45 @@ def test_the_name_of_a_uav_does_not_stand_in_the_view_of_another():
     (left, top), (right, bottom) = pixel(-17.5, 17.5), pixel(1.5, -1.5)
     name = np.all(image == mix(uav_colour(0), INK, 0.7), axis=2)
     assert name.sum() > 20 and not name[top:bottom, left:right].any()
+
+
+@pytest.mark.parametrize("uav", [0, 6, 12])
+def test_views_of_one_colour_have_lines_with_different_dashes(uav):
+    view, image = MapView(synthetic.scenario(uavs=13), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    above = [Pose.level(0.0, 0.0, 17.32) if i == uav else Pose.level(500.0, 500.0, 17.32) for i in range(13)]
+    view.draw(image, empty(13, poses=above, cameras=above))
+    (left, top), (right, _) = pixel(-10.0, 10.0), pixel(10.0, 10.0)
+    edge = image[top - 1 : top + 3, left + 8 : right - 8].astype(int)
+    drawn = (np.abs(edge - uav_colour(uav)).max(axis=2) < 60).any(axis=0)
+    dash, gap = uav_dashes(uav) or (1, 0)
+    dashes = len(drawn) / (dash + gap) if gap else 0
+    assert drawn.mean() == pytest.approx((dash + 2 * (gap > 0)) / (dash + gap), abs=0.15)  # with round ends
+    assert np.count_nonzero(np.diff(drawn.astype(int)) == 1) == pytest.approx(dashes, abs=1.5)
+
+
+def test_in_a_crowd_uavs_have_names_and_no_two_names_overlap(monkeypatch):
+    written = []
+
+    def note(image, text, at, style):
+        written.append((text, at[0], at[1] - style.size / 2, at[0] + width(text, style), at[1] + style.size / 2))
+
+    monkeypatch.setattr("sim.drawing.labels.write", note)
+    rng = np.random.default_rng(3)
+    setting = synthetic.scenario(uavs=20, people=80)
+    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    people = rng.uniform(-45, 45, (80, 2))
+    held = tuple(Track(i, Gaussian(np.array([*place, 0, 0]), np.eye(4))) for i, place in enumerate(people + 1.0))
+    above = [Pose.level(12.0 * i - 42.0, 20.0 * j - 30.0, 5.0) for i in range(5) for j in range(4)]
+    there = {"people": people, "headings": np.zeros(80), "visible": np.zeros((20, 80), int), "tracks": [held] * 20}
+    snapshot = empty(20, poses=above, cameras=above, **there)
+    view.draw(image, snapshot, np.full(80, HOLDS.index("lost")))
+    names = [text for text, *_ in written]
+    assert names[:20] == [f"UAV {i}" for i in range(20)]
+    assert any(name.startswith("person") for name in names) and len(names) < 20 + 80 + 80
+    for n, (one, left, top, right, bottom) in enumerate(written):
+        for other, left2, top2, right2, bottom2 in written[:n]:
+            common = max(0.0, min(right, right2) - max(left, left2)) * max(0.0, min(bottom, bottom2) - max(top, top2))
+            assert common <= 20.0, (one, other)
 
 
 def test_no_name_covers_a_person():

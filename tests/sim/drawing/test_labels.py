@@ -70,6 +70,20 @@ def test_names_stand_where_trying_every_place_finds_that_they_cover_least(monkey
         taken.append(best)
 
 
+def test_names_that_are_not_needed_are_left_out_where_there_is_no_room():
+    image = np.zeros((300, 500, 3), np.uint8)
+    labels, mark = Labels(image, veil=False), np.array([250.0, 150.0])
+    marks = np.stack(np.meshgrid(np.arange(200.0, 300, 12), np.arange(100.0, 200, 12)), axis=-1)
+    labels.reserve(marks.reshape(-1, 2), 6.0)
+    labels.put("person 1", mark, NAME, needed=False)
+    assert not image.any()
+    labels.put("person 1", mark, NAME)
+    assert image.any()
+    free = np.zeros((300, 500, 3), np.uint8)
+    Labels(free, veil=False).put("person 1", mark, NAME, needed=False)
+    assert free.any()
+
+
 @pytest.mark.parametrize("up", [True, False])
 def test_the_name_of_a_view_at_the_edge_stands_inside_the_image(up):
     rows, _ = name_of(np.array([-60.0, -60.0, 60.0, 60.0]) + (0.0 if up else (0.0, 300.0) * 2))

@@ -60,6 +60,26 @@ def test_the_legend_reads_row_by_row_in_the_order_of_uavs():
     assert words(figure, figure.axes[0].get_legend()) == ["localisation", "added by cardinality", *uavs, "mean of UAVs"]
 
 
+def test_the_legend_lists_no_line_that_the_means_hides_and_dashes_tell_uavs_of_a_colour_apart():
+    times, ospa = errors(uavs=3)
+    ospa[:, 1] = ospa[:, 2] = ospa[:, 0]
+    figure = ospa_figure(times, ospa)
+    assert words(figure, figure.axes[0].get_legend()) == ["localisation", "added by cardinality", "mean of UAVs"]
+    ospa[30, 2, 0] += 0.5  # which the mean's line does not hide, of the others neither
+    figure = ospa_figure(times, ospa)
+    named = [text for text in words(figure, figure.axes[0].get_legend()) if text.startswith("UAV")]
+    assert named == ["UAV 0", "UAV 1", "UAV 2"]
+    times, ospa = errors(uavs=30)
+    lines = ospa_figure(times, ospa).axes[0].get_lines()[:30]
+    assert len({(to_rgb(line.get_color()), line._unscaled_dash_pattern) for line in map(_hashable, lines)}) == 30
+
+
+def _hashable(line):
+    offset, dashes = line._unscaled_dash_pattern
+    line._unscaled_dash_pattern = offset, tuple(dashes or ())
+    return line
+
+
 @pytest.mark.parametrize(("scans", "uavs"), [(1, 1), (201, 20)])
 def test_any_mission_gives_a_png_and_nothing_else(tmp_path, scans, uavs):
     save(ospa_figure(*errors(scans, uavs)), tmp_path / "ospa.png")

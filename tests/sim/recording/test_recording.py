@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import hashlib
 import math
 import os
 from dataclasses import fields
@@ -14,7 +15,7 @@ from helpers.recordings import assert_same, npy, record, rewritten
 
 from planning.planner import Plan
 from sim.recording import recording as recording_module
-from sim.recording.archive import load, save
+from sim.recording.archive import digest, load, save
 from sim.recording.fault_text import encode_faults
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
@@ -32,6 +33,18 @@ def test_a_recording_survives_the_disk_bit_for_bit(tmp_path, options):
     assert os.listdir(tmp_path) == ["mission.npz"]
     turned = {"people": npy(np.asfortranarray(recording.people))}  # Fortran's order of axes
     assert_same(load(rewritten(tmp_path / "mission.npz", tmp_path / "turned.npz", **turned)), recording)
+
+
+def test_large_recordings_are_compressed_and_hashed_as_if_they_were_not(tmp_path, monkeypatch):
+    recording = record(uavs=6, people=20)
+    save(recording, tmp_path / "plain.npz")
+    plain = (tmp_path / "plain.npz").read_bytes()
+    assert digest(recording) == hashlib.sha256(plain).hexdigest()
+    monkeypatch.setattr("sim.recording.archive._LARGE", len(plain) - 1)
+    save(recording, tmp_path / "small.npz")
+    assert (tmp_path / "small.npz").stat().st_size < len(plain) / 2
+    assert_same(load(tmp_path / "small.npz"), recording)
+    assert digest(recording) == hashlib.sha256(plain).hexdigest()
 
 
 def test_snapshots_and_accessors_give_back_what_was_recorded():

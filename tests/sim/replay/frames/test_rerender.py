@@ -82,13 +82,17 @@ def bare(seen):
 
 
 @pytest.mark.parametrize(
-    ("pixels", "size", "side"), [(128, 896, 896), (128, 900, 896), (128, 128, 128), (128, 100, 100)]
+    ("pixels", "size", "side"),
+    [(128, 896, 896), (128, 900, 896), (128, 128, 128), (128, 100, 100), (480, 896, 896), (480, 1000, 960)],
 )
-def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, size, side):
+def test_each_pixel_of_the_camera_is_a_square_unless_that_is_far_from_the_size(pixels, size, side):
     frame = np.random.default_rng(0).integers(0, 256, (pixels, pixels, 3)).astype(np.uint8)
     view, _ = annotate(frame, bare(scene()), size)
     assert view.shape == (side, side, 3)
-    if side > pixels:
+    if side > pixels and side % pixels:
+        enlarged = cv2.resize(frame, (side, side), interpolation=cv2.INTER_LINEAR)
+        np.testing.assert_array_equal(view[: side // 2], enlarged[: side // 2])
+    elif side > pixels:
         factor = side // pixels
         enlarged = frame.repeat(factor, axis=0).repeat(factor, axis=1)
         upper = slice(0, int(0.85 * side))  # below are the scale bar and north
@@ -139,14 +143,12 @@ def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
     view, shown = annotate(frame, seen, 1024)
     assert shown == {"rim of what trees hide"}
     rows, columns = np.nonzero(np.any(view != 90, axis=2))
-    # Pixels that changed, the corners with scale and north and the name in the middle aside.
+    # Pixels that changed, the corners with scale and north aside; trees that hide nobody have no names.
     uv = np.column_stack([columns, rows])[rows < 800] + 0.5
     ground = seen.camera.ground_points(seen.pose, uv / 8, TARGET_HEIGHT)
     free = seen.forest.visible(seen.pose.position, np.column_stack([ground, np.full(len(uv), TARGET_HEIGHT)]))[0]
-    named = np.hypot(*(uv - uv.mean(axis=0)).T) < 80
-    assert named.sum() > 200
-    assert np.mean(free[~named]) > 0.85  # the rest is the soft edge of the line
-    assert (~named).sum() > 2000
+    assert np.mean(free) > 0.85  # the rest is the soft edge of the line
+    assert len(free) > 2000
 
 
 def test_numbers_of_the_view_are_those_of_the_geometry():
