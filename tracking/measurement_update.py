@@ -126,15 +126,25 @@ def associate(
     return likelihood, *existence_association(likelihood, chances, clutter, before.existence)
 
 
-@compiled
 def _updated(before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings) -> ScanUpdate:
+    # Compiled in parts, because code that calls code is compiled with it once more.
     likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
+    pairs = _list_gates(before, likelihood, beta, (means, covariances), settings)
+    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), *pairs)
+
+
+@compiled
+def _list_gates(
+    before: ScanPrediction, likelihood: Array, beta: Array, updated: tuple[Array, Array], settings: AssociationSettings
+) -> tuple[Indices, Array, Flags]:
+    """The `gates`, `weights` and `explained` of an update; beliefs without a measurement in their gate are restored."""
+    means, covariances = updated
     gates, weights = np.empty((likelihood.size, 2), np.int64), np.empty(likelihood.size)
-    count, explained = 0, np.zeros(len(z), np.bool_)
+    count, explained = 0, np.zeros(likelihood.shape[1], np.bool_)
     for t in range(len(likelihood)):
         first = count
-        for j in range(len(z)):
+        for j in range(likelihood.shape[1]):
             if likelihood[t, j] > 0.0:
                 gates[count, 0], gates[count, 1], weights[count] = t, j, beta[t, j + 1]
                 count += 1
@@ -145,5 +155,4 @@ def _updated(before: ScanPrediction, z: Array, R: Array, lost: Array, settings: 
             means[t, a] = before.means[t, a]
             for b in range(4):
                 covariances[t, a, b] = before.covariances[t, a, b]
-    pairs = gates[:count].copy(), weights[:count].copy()
-    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), *pairs, explained)
+    return gates[:count].copy(), weights[:count].copy(), explained

@@ -10,6 +10,7 @@ from numba.core import event
 
 from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
+from sim.mission.compilation import compile_in_processes, is_mostly_uncompiled, name_compiled
 from sim.mission.mission import Mission
 from sim.mission.trial import Compilation, Say
 from sim.scenario.environment import Trees, Wind
@@ -20,7 +21,7 @@ from tracking.detection.detector import Frame
 from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
-from tracking.numerics.compiled import functions, not_kept
+from tracking.numerics.compiled import find_uncompiled, functions, not_kept
 from tracking.parameters import Tracking
 
 _BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
@@ -34,23 +35,28 @@ class _Watch(event.Listener):
         self._say, self._progress = say, progress
         self._depth, self._began, self.seconds = 0, 0.0, 0.0
         self._done: set[str] = set()
+        self._total = 0
 
-    def on_start(self, _: event.Event) -> None:
+    def on_start(self, _: event.Event | None) -> None:
         if self._depth == 0:
             self._began = time.perf_counter()
             if self.seconds == 0.0:
+                self._total = len(find_uncompiled())
                 self._say(f"{_BEFORE}.")
         self._depth += 1
 
-    def on_end(self, ended: event.Event) -> None:
+    def on_end(self, ended: event.Event | None) -> None:
         self._depth -= 1
-        function = getattr(ended.data["dispatcher"], "py_func", None)  # a loop that Numba compiles has none
-        name = function and f"{function.__module__}.{function.__qualname__}"
-        if name in functions and name not in self._done:  # otherwise Numba's own, or for other types
-            self._done.add(name)
-            self._progress(Compilation(len(self._done), len(functions)))
+        if ended:
+            self.count(name_compiled(ended))
         if self._depth == 0:
             self.seconds += time.perf_counter() - self._began
+
+    def count(self, name: str) -> None:
+        """Report the function of this name, unless it is not ours or was compiled for other types before."""
+        if name in functions and name not in self._done:
+            self._done.add(name)
+            self._progress(Compilation(len(self._done), max(self._total, len(self._done))))
 
 
 @contextmanager
@@ -58,6 +64,10 @@ def announce_compilation(say: Say, progress: Callable[[Compilation], None] = lam
     """Report compilation within the block: its start, each function that is done, and at the end how long it took."""
     watch = _Watch(say, progress)
     with event.install_listener("numba:compile", watch):
+        if is_mostly_uncompiled():
+            watch.on_start(None)
+            compile_in_processes(watch.count)
+            watch.on_end(None)
         yield
     if watch.seconds:
         say(f"Compiled in {watch.seconds:.0f} s; {_LOST if not_kept else 'it is kept for later runs'}.")
@@ -66,6 +76,8 @@ def announce_compilation(say: Say, progress: Callable[[Compilation], None] = lam
 @cache
 def warm_up() -> None:
     """Fly two missions of 0.6 s, once per process, so that all kernels are loaded, or compiled and cached."""
+    if is_mostly_uncompiled():
+        compile_in_processes()
     windy = Scenario(duration=0.6, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
     rendered = Scenario(duration=0.6, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))
     for scenario in (windy, rendered):

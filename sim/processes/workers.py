@@ -76,6 +76,13 @@ def start_workers(count: int, prepare: Callable[..., object], *arguments: object
             pool.join()
 
 
+def count_cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def describe_end(error: BaseException, timeout: float | None) -> str:
     """How a task ended, from the exception of its future."""
     if isinstance(error, TimeoutError):

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
-from multiprocessing.synchronize import Event, Lock
 from typing import Any, NamedTuple, Protocol, cast
 
 from sim.mission.warmup import warm_up
-from sim.processes.workers import CONTEXT, Workers, start_workers
+from sim.processes.workers import Workers, count_cores, start_workers
 from sim.study.tasks import Task
 from sim.study.trial_flight import TrialResult, fly_trial
 from tracking.errors import InputError
@@ -173,7 +172,7 @@ class Pool(Backend):
 
     def __init__(self, workers: int | None = None) -> None:
         """Make a pool of `workers` processes, by default one for each core that this process may use."""
-        self.count = workers or _count_cores()
+        self.count = workers or count_cores()
         self._started = ExitStack()
         self._workers: Workers | None = None
 
@@ -187,29 +186,13 @@ class Pool(Backend):
         """Fly a task in the next free process, which is killed if it hangs; the first task starts the processes."""
         if self._workers is None:
             self._started.enter_context(_limit_threads())
-            compiling, compiled = CONTEXT.Lock(), CONTEXT.Event()
-            self._workers = self._started.enter_context(start_workers(self.count, _warm_up, compiling, compiled))
+            self._workers = self._started.enter_context(start_workers(self.count, warm_up))
         limit = None if timeout is None else timeout + GRACE
         return self._workers.submit(task.key, limit, partial(fly_trial, task, keep=keep, timeout=timeout))
 
     def crash_place(self, task: Task) -> str:
         """Place in a plug-in where a trial's process died or hung."""
         return self._workers.crash_place(task.key) if self._workers else ""
-
-
-def _warm_up(compiling: Lock, compiled: Event) -> None:
-    """Warm up a process; the first one does so alone, because the others would compile the same code."""
-    with compiling:
-        if not compiled.is_set():
-            warm_up()
-            compiled.set()
-    warm_up()
-
-
-def _count_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @contextmanager

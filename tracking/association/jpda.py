@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tracking.association.marginals import EXACT_SIDE, marginals
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log
 from tracking.numerics.matrices import symmetrise
@@ -115,20 +115,19 @@ def mixture_update(
     moves = np.empty((len(measurements) + 1, 4))
     K, updated = np.empty((4, 2)), np.empty((4, 4))
     for i in range(len(means)):
-        components = np.flatnonzero(beta[i])  # a track's cost must not grow with distant measurements
         for a in range(4):
             moves[0, a] = undetected[0][i, a] - means[i, a]
             for b in range(4):
                 new_covariances[i, a, b] = beta[i, 0] * undetected[1][i, a, b]
-        for c in components:
-            if c > 0:
+        for c in range(1, beta.shape[1]):
+            if beta[i, c] != 0.0:  # a track's cost must not grow with distant measurements
                 _update(covariances[i], noise[c - 1], K, updated)
                 x, y = measurements[c - 1, 0] - means[i, 0], measurements[c - 1, 1] - means[i, 1]
                 for a in range(4):
                     moves[c, a] = K[a, 0] * x + K[a, 1] * y
                     for b in range(4):
                         new_covariances[i, a, b] += beta[i, c] * updated[a, b]
-        _add_moves(components, beta[i], moves, new_means[i], new_covariances[i])
+        _add_moves(beta[i], moves, new_means[i], new_covariances[i])
     symmetrise(new_covariances)
     return new_means, new_covariances
 
@@ -155,14 +154,14 @@ def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
 
 
 @compiled
-def _add_moves(components: Indices, beta: Array, moves: Array, mean: Array, covariance: Array) -> None:
+def _add_moves(beta: Array, moves: Array, mean: Array, covariance: Array) -> None:
     """Add the mean of the components' moves (N + 1, 4) to a mean, and their spread to a covariance."""
     move = np.zeros(4)
-    for c in components:
-        for a in range(4):
+    for c in range(len(beta)):
+        for a in range(4 if beta[c] != 0.0 else 0):  # other moves are not set
             move[a] += beta[c] * moves[c, a]
-    for c in components:
-        for a in range(4):
+    for c in range(len(beta)):
+        for a in range(4 if beta[c] != 0.0 else 0):
             for b in range(4):
                 covariance[a, b] += beta[c] * ((moves[c, a] - move[a]) * (moves[c, b] - move[b]))
     for a in range(4):

@@ -27,11 +27,14 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
         if done[start]:
             continue
         rows, columns = _cluster(pairs, start)
-        done[rows] = True
+        weights, rest = np.empty((len(rows), len(columns))), np.empty(len(rows))
+        for i in range(len(rows)):
+            done[rows[i]], rest[i] = True, misses[rows[i]]
+            for j in range(len(columns)):
+                weights[i, j] = pairs[rows[i], columns[j]]
         if len(columns) == 0:
             beta[start, 0] = 1.0
             continue
-        weights, rest = pairs[rows][:, columns], misses[rows]
         if min(weights.shape) > exact_side:
             matched, free = _propagate(weights, rest)
         elif len(columns) <= len(rows):
@@ -74,26 +77,21 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
     forward and backward sums of each row are rescaled, because only their ratios matter.
     """
     rows, columns = pairs.shape
-    sets = np.arange(1 << columns)  # of columns, as bits
-    without = [sets[sets >> c & 1 == 0] for c in range(columns)]
-    forward, backward = [np.zeros(len(sets))], np.ones(len(sets))
-    forward[0][0] = 1.0
-    for r in range(rows):
-        before, after = forward[r], row_free[r] * forward[r]
-        for c in range(columns):
-            bit, weight = 1 << c, pairs[r, c]
-            for used in without[c]:
-                after[used | bit] += weight * before[used]
-        forward.append(after / after.max())
+    without = _list_sets_without(columns)
+    forward, backward, before = _sum_forward(pairs, row_free, without), np.ones(1 << columns), np.empty(1 << columns)
     for c in range(columns):
-        taken = sets >> c & 1
-        backward *= taken + (1 - taken) * column_free[c]
-    last = forward[rows] * backward
-    free_columns = np.array([last[free].sum() for free in without]) / last.sum()
-    matched, free_rows = np.empty((rows, columns)), np.empty(rows)
+        for used in without[c]:
+            backward[used] *= column_free[c]
+    last, free_columns = forward[rows] * backward, np.zeros(columns)
+    for c in range(columns):
+        for used in without[c]:
+            free_columns[c] += last[used]
+    matched, free_rows = np.empty((rows, columns)), np.zeros(rows)
     for r in range(rows - 1, -1, -1):
-        sums, before = forward[r], row_free[r] * backward
-        free_rows[r] = (sums * before).sum()
+        sums = forward[r]
+        for used in range(len(sums)):
+            before[used] = row_free[r] * backward[used]
+            free_rows[r] += sums[used] * before[used]
         for c in range(columns):
             bit, weight, total = 1 << c, pairs[r, c], 0.0
             for used in without[c]:
@@ -105,7 +103,36 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
         shares /= total
         free_rows[r] /= total
         backward = before / before.max()
-    return matched, free_rows, free_columns
+    return matched, free_rows, free_columns / last.sum()
+
+
+@compiled
+def _list_sets_without(columns: int) -> Indices:
+    """Sets without each column (C, 2^(C - 1)), ascending, as numbers whose bits are the columns in them."""
+    without = np.empty((columns, 1 << columns >> 1), dtype=np.int64)
+    for c in range(columns):
+        for k in range(without.shape[1]):
+            low = k & ((1 << c) - 1)
+            without[c, k] = k - low << 1 | low
+    return without
+
+
+@compiled
+def _sum_forward(pairs: Array, row_free: Array, without: Indices) -> Array:
+    """Sums (R + 1, 2^C) of weights over the matchings of the first rows, by the set of columns that they use."""
+    sums = np.zeros((len(pairs) + 1, 1 << len(without)))
+    sums[0, 0] = 1.0
+    for r in range(len(pairs)):
+        for used in range(sums.shape[1]):
+            sums[r + 1, used] = row_free[r] * sums[r, used]
+        for c in range(len(without)):
+            bit, weight = 1 << c, pairs[r, c]
+            for used in without[c]:
+                sums[r + 1, used | bit] += weight * sums[r, used]
+        largest = sums[r + 1].max()
+        for used in range(sums.shape[1]):
+            sums[r + 1, used] /= largest
+    return sums
 
 
 @compiled
@@ -116,12 +143,12 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     earlier: marginals of up to 50 people in a square are then within 0.005 of the limit, or within 0.02 if all people
     are within 4 m and there is hardly any clutter.
     """
-    where = np.flatnonzero(pairs)  # one message in each direction for each possible pair
-    rows, columns, weights = where // pairs.shape[1], where % pairs.shape[1], pairs.ravel()[where]
+    rows, columns = np.nonzero(pairs)  # one message in each direction for each possible pair
     clutter = np.ones(pairs.shape[1])
-    by_row = [np.flatnonzero(rows == i) for i in range(len(misses))]
-    by_column = [np.flatnonzero(columns == j) for j in range(len(clutter))]
-    back, values, sums = np.ones(len(rows)), np.empty(len(rows)), np.empty(len(rows))
+    by_row, by_column = _group(rows, len(misses)), _group(columns, len(clutter))
+    weights, back, values, sums = np.empty(len(rows)), np.ones(len(rows)), np.empty(len(rows)), np.empty(len(rows))
+    for e in range(len(rows)):
+        weights[e] = pairs[rows[e], columns[e]]
     for _ in range(min(_ITERATIONS, _MESSAGES * len(misses) // len(rows))):
         for e in range(len(rows)):
             values[e] = weights[e] * back[e]
@@ -147,13 +174,27 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def _others(values: Array, bases: Array, groups: list[Indices], sums: Array) -> None:
+def _group(keys: Indices, count: int) -> tuple[Indices, Indices]:
+    """Indices of the keys (N,), those of each key from 0 to `count` - 1 together and ascending, and their ends."""
+    order, ends, end = np.empty(len(keys), dtype=np.int64), np.empty(count, dtype=np.int64), 0
+    for key in range(count):
+        for k in range(len(keys)):
+            if keys[k] == key:
+                order[end] = k
+                end += 1
+        ends[key] = end
+    return order, ends
+
+
+@compiled
+def _others(values: Array, bases: Array, groups: tuple[Indices, Indices], sums: Array) -> None:
     """Set the sum of each value to the base plus all other values of its group, without differences, which cancel.
 
-    groups: indices of the values of group g, which has the base bases[g]; `sums` takes the result.
+    groups: as from `_group`, of the values; group g has the base bases[g]; `sums` takes the result.
     """
+    order, ends = groups
     for g in range(len(bases)):
-        members, left, right = groups[g], bases[g], 0.0
+        members, left, right = order[(ends[g - 1] if g else 0) : ends[g]], bases[g], 0.0
         for k in members:
             sums[k] = 0.0
         for k in range(len(members)):  # both directions at once, so that neither sum waits

@@ -37,16 +37,25 @@ def _contribution(local: LocalBeliefs) -> Contribution:
     means, covariances = local.prior
     omega = inverses(P)
     q = products(omega, local.means.reshape(-1, 4, 1))
-    averaged = np.concatenate((q.reshape(-1, 4), omega.reshape(-1, 16)), axis=1)
-    novel, shares = np.zeros((len(P), INFORMATION + local.uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
+    averaged, novel = np.empty((len(P), INFORMATION)), np.zeros((len(P), INFORMATION + local.uav + 1))
+    shares = np.empty(len(P))
+    for t in range(len(P)):
+        shares[t] = weights[t] / (P[t, 0, 0] + P[t, 1, 1])
+        for i in range(4):
+            averaged[t, i] = q[t, i, 0]
+            for j in range(4):
+                averaged[t, 4 + 4 * i + j] = omega[t, i, j]
     if len(seen):
         reach = largest_innovation(means, covariances, local.measurements, local.gates)[seen]
-        before, spreads = means[seen], covariances[seen]
-        averaged[seen], gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
-        novel[seen, :INFORMATION] = gained
-        shares[seen] = weights[seen] / (spreads[:, 0, 0] + spreads[:, 1, 1])
-        for k in range(len(seen)):
-            novel[seen[k], -1] = np.any(gained[k] != 0.0)
+        spreads = covariances[seen]
+        kept, gained = split_information((means[seen], spreads), (q[seen], omega[seen]), reach)
+        for k in range(len(seen)):  # loops, because assigning to arrays at indices takes 4 s to compile
+            t = seen[k]
+            shares[t] = weights[t] / (spreads[k, 0, 0] + spreads[k, 1, 1])
+            for i in range(INFORMATION):
+                averaged[t, i], novel[t, i] = kept[k, i], gained[k, i]
+                if gained[k, i] != 0.0:
+                    novel[t, -1] = 1.0
     return Contribution(averaged, novel, shares)
 
 

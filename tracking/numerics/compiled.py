@@ -4,6 +4,7 @@ Numba keeps code until the function's own file changes, but the code contains fu
 too. So the code of a module is kept in a folder whose name has a digest of the module and of all that it imports.
 """
 
+import glob
 import hashlib
 import os
 import re
@@ -26,7 +27,7 @@ _ROOT = Path(__file__).parents[2]
 _IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
 _DIGITS = 16  # of a digest in the name of a folder
 
-functions: set[str] = set()  # names, with modules, of those that are to be compiled
+functions: dict[str, Path] = {}  # folders for the code of functions, by module and name
 not_kept: list[str] = []  # functions whose compiled code this process cannot write to disk
 
 
@@ -55,11 +56,12 @@ def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
 
 def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
     """Compile a function when it is first called, and keep its code in the folder of its module if there is one."""
-    functions.add(f"{function.__module__}.{function.__qualname__}")
     config: Any = numba.config
     if home := code_folder():
         users = config.CACHE_DIR
-        config.CACHE_DIR = str(_folder_of(Path(function.__code__.co_filename), home))
+        folder = _folder_of(Path(function.__code__.co_filename), home)
+        functions[f"{function.__module__}.{function.__qualname__}"] = folder
+        config.CACHE_DIR = str(folder)
         try:
             return compiler(cache=True, **options)(function)
         except RuntimeError:  # Numba finds no place for the code
@@ -128,11 +130,31 @@ def _folder_of(module: Path, home: Path) -> Path:
     return folder
 
 
+def find_uncompiled() -> set[str]:
+    """Names of functions in modules of which no code is on disk."""
+    empty = {folder for folder in set(functions.values()) if not any(folder.rglob("*.nbi"))}
+    return {name for name, folder in functions.items() if folder in empty}
+
+
+def take_code(folder: Path, home: Path) -> None:
+    """Move the code of functions that has none in `home` there, from the folder that another process made of its own.
+
+    Numba's index of a function's code is moved last, so that other processes find all that it names.
+    """
+    for index in (folder / home.name).rglob("*.nbi"):
+        target = home / index.relative_to(folder / home.name)
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            for data in index.parent.glob(f"{glob.escape(index.stem)}.*.nbc"):
+                os.replace(data, target.with_name(data.name))
+            os.replace(index, target)
+
+
 @cache
 def digest_of(file: Path) -> str:
-    """SHA-256 of a module's source and of our modules that it imports, directly or not."""
+    """SHA-256 of a module's source, of our modules that it imports, directly or not, and of Numba's version."""
     text = file.read_text(encoding="utf-8")
     names = sorted(set(_IMPORT.findall(text)))
     files = [_ROOT / f"{name.replace('.', '/')}.py" for name in names]
-    parts = [text, *(digest_of(imported) for imported in files if imported.is_file())]
+    parts = [numba.__version__, text, *(digest_of(imported) for imported in files if imported.is_file())]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()

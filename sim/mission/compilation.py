@@ -1,0 +1,183 @@
+"""Compilation of a mission's numerical code in several processes, before Numba would compile one function at a time."""
+
+import fcntl
+import gc
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numba.core import event
+
+from planning.composed import Composed
+from planning.made_up_teams import flying_team
+from planning.objective.nbo import Measure, objective
+from planning.planner import Situation
+from planning.planner_loading import load_planner
+from planning.planners import DEFAULT_PLANNER
+from planning.prediction.predicted_belief import PredictedBelief
+from planning.prediction.response import response
+from planning.prediction.targets_in_reach import find_targets_in_reach
+from sim.installation import ROOT
+from sim.mission.tracker_fleet import make_trackers
+from sim.mission.world_setup import forest_and_people
+from sim.processes.workers import count_cores
+from sim.scenario.environment import Trees, Wind
+from sim.scenario.scenario import Scenario
+from sim.sensing.detector_check import FOREST, stage_frames
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
+from tracking.filter.kalman import Gaussian
+from tracking.fusion.consensus import fuse
+from tracking.fusion.member import Member
+from tracking.geometry.camera import Pose
+from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
+from tracking.track import Scan, Track
+
+_MANY = 40  # functions, which take longer to compile than processes take to start
+_WORKER = "import sys; sys.path[0] = sys.argv[1]; from sim.mission.compilation import work; work()"
+
+
+def is_mostly_uncompiled() -> bool:
+    """True if so many functions of the modules that are imported have no code on disk that processes save time."""
+    return len(find_uncompiled()) >= _MANY
+
+
+def compile_in_processes(done: Callable[[str], None] = lambda name: None) -> None:
+    """Compile the code of a mission on all cores; nothing if there is one core, or no folder for the code.
+
+    done: called with the name of each function that is compiled. If several processes call this at once, one compiles
+    and the others wait. What the parts below leave out, or what fails, is compiled when it is first called.
+    """
+    home, count = code_folder(), min(count_cores(), len(PARTS))
+    if home is None or count == 1:
+        return
+    with suppress(OSError), open(home / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # until the file is closed, or the process dies
+        if is_mostly_uncompiled():
+            _run_workers(count, home, done)
+
+
+def _run_workers(count: int, home: Path, done: Callable[[str], None]) -> None:
+    """Start processes that take parts from one pipe and write the names of compiled functions to another.
+
+    Each keeps its code in a folder of its own, because Numba confuses what two processes write at once for a function.
+    """
+    new, started = home / "new", []
+    shutil.rmtree(new, ignore_errors=True)  # what a killed process left
+    (parts, offered), (names, told) = os.pipe(), os.pipe()
+    try:
+        with open(offered, "wb") as numbers:
+            numbers.write(bytes(range(len(PARTS))))
+        with open(names) as compiled, open(parts, "rb") as stdin, open(told, "wb") as stdout:
+            for k in range(count):
+                environment = {**os.environ, "NUMBA_CACHE_DIR": str(new / str(k))}
+                command = [sys.executable, "-c", _WORKER, str(ROOT)]
+                started.append(
+                    subprocess.Popen(command, stdin=stdin, stdout=stdout, stderr=subprocess.DEVNULL, env=environment)
+                )
+            stdout.close()
+            for name in compiled:
+                done(name.rstrip())
+        for k in range(count):
+            take_code(new / str(k), home)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+        shutil.rmtree(new, ignore_errors=True)
+
+
+class _Teller(event.Listener):
+    """Writes the names of our functions that are compiled to standard output."""
+
+    def on_start(self, _: event.Event) -> None:
+        """Nothing is told."""
+
+    def on_end(self, ended: event.Event) -> None:
+        if name := name_compiled(ended):
+            os.write(sys.stdout.fileno(), f"{name}\n".encode())
+
+
+def name_compiled(ended: event.Event) -> str:
+    """Name of our function whose compilation has ended; empty if it is Numba's or of a plug-in."""
+    function = getattr(ended.data["dispatcher"], "py_func", None)  # a loop that Numba compiles has none
+    name = f"{function.__module__}.{function.__qualname__}" if function else ""
+    return name if name in functions else ""
+
+
+def work() -> None:
+    """Call parts, whose numbers come as bytes from standard input, until none is left."""
+    gc.set_threshold(100_000)  # a compiler's objects stay
+    with event.install_listener("numba:compile", _Teller()):
+        while number := os.read(sys.stdin.fileno(), 1):
+            PARTS[number[0]]()
+
+
+def _evaluate_plans() -> None:
+    """The objective of the default planner, except the search."""
+    situation, planner, belief = _predict()
+    velocities = np.zeros((len(situation.vehicles), planner.horizon, 2))
+    objective(belief, velocities, [0], planner.beta, 1, Measure(False, float(planner.cutoff)))(velocities[None, :1])
+
+
+def _search_plans() -> None:
+    """The search for undetected people, and the optimiser."""
+    situation, planner, belief = _predict()
+    starts, speeds = np.zeros((2, 1, planner.horizon, 2)), np.array([situation.own.max_speed])
+    for term in planner.terms:
+        if value := term.objective(situation, np.zeros((len(situation.vehicles), planner.horizon, 2)), [0]):
+            value(starts)
+    own = response(situation.vehicles[:1], situation.step)
+    in_reach = find_targets_in_reach(belief, [0], speeds, own)
+    rng = np.random.default_rng(0)
+    planner.minimiser.minimise(lambda plans, ease=None: np.zeros(len(plans)), starts, speeds, rng, in_reach)
+
+
+def _predict() -> tuple[Situation, Composed, PredictedBelief]:
+    """A situation, the default planner and what it predicts."""
+    planner = load_planner(DEFAULT_PLANNER)
+    assert isinstance(planner, Composed)
+    situation = flying_team()[0]
+    return situation, planner, planner.propagator.predict(situation, planner.horizon, np.random.default_rng(0))
+
+
+def _associate() -> None:
+    """A tracker's update with a scan."""
+    for tracker in _make_trackers():
+        z = np.array([(0.5, 0.0), (6.0, 6.0)])
+        tracker.step(Scan(tracker.uav, 0.0, Pose.level(0.0, 0.0, 20.0), z, np.tile(0.05 * np.eye(2), (2, 1, 1))))
+
+
+def _fuse() -> None:
+    """The fusion of trackers without scans."""
+    trackers = _make_trackers()
+    for tracker in trackers:
+        tracker.coast(0.0)
+    fuse(trackers, ~np.eye(len(trackers), dtype=np.bool_), 2)
+
+
+def _make_trackers() -> list[Member]:
+    return make_trackers(Scenario(), FOREST, [Track(0, Gaussian(np.zeros(4), np.eye(4)))])
+
+
+def _detect() -> None:
+    """Detections in frames that are rendered for it."""
+    for staged in stage_frames().values():
+        BlobDetector(FOREST).detect(staged.frame)
+
+
+def _move() -> None:
+    """People who walk, and UAVs that fly in wind."""
+    scenario = Scenario(duration=0.2, trees=Trees(density=5.0), wind=Wind(gust=1.0))
+    forest, people = forest_and_people(scenario, 0)
+    with World(scenario, forest, people.positions.shape[1]) as world:
+        world.advance(np.zeros((len(scenario.uavs), 2)), 2, np.zeros((2, 2)))
+
+
+# The longest first, so that all processes end at about the same time.
+PARTS = (_evaluate_plans, _associate, _detect, _fuse, _search_plans, _move)
