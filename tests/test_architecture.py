@@ -37,6 +37,7 @@ PLANNING = {
     "sim/mission/plan_check.py",
     "sim/mission/teammates.py",
     "sim/mission/mission.py",
+    "sim/mission/compilation.py",
     "sim/mission/warmup.py",
     "sim/running/mission_flight.py",
     "sim/running/results.py",

@@ -20,7 +20,7 @@ from planning.planner import Situation
 from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
 from planning.prediction.predicted_belief import PredictedBelief
-from planning.prediction.response import response
+from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
@@ -133,6 +133,7 @@ def _search_plans() -> None:
         if value := term.objective(situation, np.zeros((len(situation.vehicles), planner.horizon, 2)), [0]):
             value(starts)
     own = response(situation.vehicles[:1], situation.step)
+    mean_velocities(own, starts)
     in_reach = find_targets_in_reach(belief, [0], speeds, own)
     rng = np.random.default_rng(0)
     planner.minimiser.minimise(lambda plans, ease=None: np.zeros(len(plans)), starts, speeds, rng, in_reach)
