@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
+from sim.mission.tracker_setup import planned_motion
 from sim.mission.world_setup import forest_and_people
 from sim.processes.workers import count_cores
 from sim.scenario.environment import Trees, Wind
@@ -143,7 +145,7 @@ def _predict() -> tuple[Situation, Composed, PredictedBelief]:
     """A situation, the default planner and what it predicts."""
     planner = load_planner(DEFAULT_PLANNER)
     assert isinstance(planner, Composed)
-    situation = flying_team()[0]
+    situation = replace(flying_team()[0], motion=planned_motion(Scenario()))
     return situation, planner, planner.propagator.predict(situation, planner.horizon, np.random.default_rng(0))
 
 

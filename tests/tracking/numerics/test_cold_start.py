@@ -23,9 +23,11 @@ def thrice(x):
 twice_compiled = numba.njit(twice)
 
 
-def test_compiling_is_announced_and_timed_once_however_functions_call_each_other(monkeypatch):
+def test_compiling_is_announced_and_timed_once_however_functions_call_each_other(monkeypatch, tmp_path):
     said, done = [], []
-    monkeypatch.setattr("sim.mission.warmup.functions", {f"{__name__}.{name}" for name in ("once", "twice", "thrice")})
+    named = {f"{__name__}.{name}": tmp_path for name in ("once", "twice", "thrice")}
+    for module in ("sim.mission.warmup", "sim.mission.compilation", "tracking.numerics.compiled"):
+        monkeypatch.setattr(f"{module}.functions", named)
     function = numba.njit(thrice)
     with announce_compilation(said.append, done.append):
         assert said == [] and function(7) == 42 and function(7.0) == 42.0
