@@ -141,8 +141,8 @@ def take_code(folder: Path, home: Path) -> None:
 
     Numba's index of a function's code is moved last, so that other processes find all that it names.
     """
-    for index in (folder / home.name).rglob("*.nbi"):
-        target = home / index.relative_to(folder / home.name)
+    for index in folder.rglob("*.nbi"):
+        target = home.joinpath(*index.relative_to(folder).parts[1:])  # without the name of that process's `code_folder`
         if not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
             for data in index.parent.glob(f"{glob.escape(index.stem)}.*.nbc"):

@@ -12,7 +12,7 @@ from tracking.numerics import compiled
 WORKER = """
 import os, sys
 from pathlib import Path
-home = Path(os.environ["NUMBA_CACHE_DIR"]) / "home" / "module"
+home = Path(os.environ["NUMBA_CACHE_DIR"]) / "named otherwise" / "module"
 home.mkdir(parents=True)
 os.write(1, b"a line of a library\\n")
 while number := os.read(0, 1):
@@ -52,7 +52,7 @@ def test_processes_share_the_parts_and_their_code_ends_in_one_folder(home):
 
 def test_code_that_is_there_is_not_replaced(home, tmp_path):
     (home / "module" / "mine.part0.nbi").write_text("before")
-    new = tmp_path / "new" / "home" / "module"
+    new = tmp_path / "new" / "named otherwise" / "module"
     new.mkdir(parents=True)
     for name in ("mine.part0.nbi", "mine.part0.1.nbc", "mine.part1.nbi", "mine.part1.1.nbc"):
         (new / name).write_text("after")

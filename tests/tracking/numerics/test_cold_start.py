@@ -67,6 +67,26 @@ def test_where_nothing_can_be_kept_code_works_and_that_is_said(places, tmp_path)
     assert re.fullmatch(r"Compiled in \d+ s; no folder .* compiled anew each time; NUMBA_CACHE_DIR may .*", said[1])
 
 
+def test_code_is_kept_in_the_first_folder_that_can_be_written(tmp_path, monkeypatch):
+    """Named, of the installation, of the user, temporary. A file in a folder's place keeps even root from writing."""
+    site, user, temporary = tmp_path / "site" / "tracking", tmp_path / "user", tmp_path / "temporary"
+    for folder in site, temporary:
+        folder.mkdir(parents=True)
+    monkeypatch.setattr(subject, "__file__", str(site / "numerics" / "compiled.py"))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "named"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(user))
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    found = []
+    for blocked in (None, tmp_path / "named", site / "__pycache__", user):
+        if blocked:
+            shutil.rmtree(blocked)
+            blocked.touch()
+        subject.code_folder.cache_clear()
+        found.append(subject.code_folder().parent)
+    subject.code_folder.cache_clear()
+    assert found == [tmp_path / "named", site / "__pycache__", user, temporary]
+
+
 def test_code_that_only_its_owner_can_write_is_read(places, tmp_path):
     owners, mine = tmp_path / "owners", tmp_path / "mine"
     mine.mkdir()
