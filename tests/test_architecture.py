@@ -30,7 +30,7 @@ LAYERS = {
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
-ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
+ENGINE = {"world", "bodies", "opengl", "renderer", "shown_bodies", "window"}
 # Of these, planned_visibility.py asks where plans that were flown lead, and teammates.py where they have brought a UAV
 # out of contact.
 PLANNING = {

@@ -123,17 +123,9 @@ class Renderer:
         self._style = world.style
         self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
         self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 6)
-        self._radii = np.array([body.radius for body in world.bodies])
-        self._shown = np.ones(len(world.bodies), dtype=np.bool_)
-        # There is one more element than ids, at which the background's id -1 arrives by wrapping.
-        self._people = np.full(max(body.id for body in world.bodies) + 2, -1, dtype=np.int32)
-        people = [body.id for body in world.bodies if body.kind == "person"]
-        self._people[people] = np.arange(len(people))
+        self._radii = np.array([look.radius for look in world.looks])
+        self._people = len([look for look in world.looks if look.kind == "person"])
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """State for a copy; its world is new and therefore shows all bodies."""
-        return {**vars(self), "_shown": np.ones_like(self._shown)}
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose) -> Rendered:
         """The frame that a UAV's camera delivers at a time [s]: the view with the camera's blur, exposure and noise."""
@@ -142,29 +134,21 @@ class Renderer:
 
     def render(self, camera: Camera, pose: Pose) -> Rendered:
         """The view of a camera at a pose, without blur, exposure and noise."""
-        if not self._world.opengl:  # OpenGL cannot hide single bodies
-            self._show(self.in_view(camera, pose))
-        image, _, bodies = capture(self._world.client, camera, pose, light=self._light, opengl=self._world.opengl)
+        shown = self._world.show(self.in_view(camera, pose))
+        image, _, bodies = capture(shown.client, camera, pose, light=self._light, opengl=self._world.opengl)
         self._ground.draw(image, bodies, camera, pose)
-        return Rendered(image, np.take(self._people, bodies, mode="wrap"))
+        return Rendered(image, np.take(shown.people_by_id, bodies, mode="wrap"))
 
     def in_view(self, camera: Camera, pose: Pose) -> Flags:
         """Mask (B,) of the world's bodies that may show in the image."""
         centres, position = self._world.centres, pose.position
         seen = find_in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
-        trees, people = len(self._trees), np.max(self._people) + 1
-        seen[trees : 2 * trees] &= ~find_hidden_trunks(self._trees, position, camera.fov)
-        of_people = slice(2 * trees, 2 * trees + people)
-        seen[of_people] &= ~find_hidden_people(centres[of_people, :2], self._trees, position, camera.fov)
+        trees = len(self._trees)
+        trunks = np.flatnonzero(seen[trees : 2 * trees])
+        seen[trees + trunks] = ~find_hidden_trunks(self._trees[trunks], position, camera.fov)
+        people = 2 * trees + np.flatnonzero(seen[2 * trees : 2 * trees + self._people])
+        seen[people] = ~find_hidden_people(centres[people, :2], self._trees, position, camera.fov)
         return seen
-
-    def _show(self, wanted: Flags) -> None:
-        """Show or hide bodies by their transparency; the rasteriser skips fully transparent bodies at once."""
-        for k in np.flatnonzero(wanted != self._shown).tolist():
-            body = self._world.bodies[k]
-            colour = (*body.tint, float(wanted[k]))
-            self._world.engine.changeVisualShape(body.id, -1, rgbaColor=colour)
-        self._shown = wanted
 
 
 class Capture(NamedTuple):

@@ -2,10 +2,12 @@
 
 import colorsys
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.installation import ASSETS
 from sim.scenario.scenario import Scenario
@@ -19,99 +21,112 @@ from tracking.numerics.trigonometry import hypot
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
 _PERSON_RADIUS = 0.25  # m, of the solid body
 _WHITE = (1.0, 1.0, 1.0)
+_MESHES = {"uav": "quadrotor"}  # where a mesh has another name than its kind
 _GOLDEN = (math.sqrt(5.0) - 1) / 2
 
 
-@dataclass(frozen=True)
-class Body:
-    """A PyBullet body with the properties that renderers need."""
+Placed = tuple[Sequence[float], Sequence[float]]  # position m and quaternion xyzw, as given to the engine
 
-    id: int
+
+@dataclass(frozen=True)
+class Look:
+    """What renderers know of a body."""
+
     kind: Literal["canopy", "trunk", "person", "uav"]
     tint: tuple[float, float, float]  # multiplies the texture's red, green and blue
     radius: float  # m, of a sphere around the body's centre that encloses it
+    scale: tuple[float, float, float]  # of the mesh of this kind
+    place: tuple[float, float, float]  # m, where a tree stands; people are away and UAVs at their starts at first
+
+
+@dataclass(frozen=True)
+class Body(Look):
+    """A body in the engine."""
+
+    id: int
+
+
+def list_looks(scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSample) -> tuple[Look, ...]:
+    """Canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario."""
+    looks = []
+    for k, t in enumerate(trees):
+        size, height = t.canopy_radius, t.canopy_top - t.canopy_base
+        tint, sphere = _multiply(_foliage(k), style.canopies[k]), hypot(1.01 * size, height / 2)
+        looks.append(Look("canopy", tint, sphere, (size, size, height), (t.x, t.y, t.canopy_base)))
+    for t in trees:
+        size, height = t.trunk_radius, t.canopy_base
+        looks.append(Look("trunk", _WHITE, hypot(1.01 * size, height / 2), (size, size, height), (t.x, t.y, 0.0)))
+    looks += [Look("person", _multiply(_WHITE, tint), 1.1, (1.0, 1.0, 1.0), AWAY) for tint in style.clothes]
+    return *looks, *(Look("uav", _WHITE, 0.45, (1.0, 1.0, 1.0), (*uav.start, uav.altitude)) for uav in scenario.uavs)
+
+
+def empty_people_by_id(looks: Sequence[Look]) -> NDArray[np.int32]:
+    """Table of the person with each id in the engine, with nobody yet, -1.
+
+    The engine gives ids of removed bodies again. The background's id -1 arrives at the end of the table by wrapping.
+    """
+    return np.full(2 * len(looks) + 2, -1, dtype=np.int32)
+
+
+def add_mesh(engine: Engine, look: Look) -> int:
+    """Id of a new visual shape in the engine."""
+    path = str(ASSETS / "meshes" / f"{_MESHES.get(look.kind, look.kind)}.obj")
+    return int(engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=look.scale))
+
+
+def paint(engine: Engine, id: int, look: Look, alpha: float = 1.0) -> None:
+    """Give a body its colour; alpha: 0 if it is hidden."""
+    engine.changeVisualShape(id, -1, rgbaColor=(*look.tint, alpha))
 
 
 class Bodies:
     """Ground, trees, people and quadrotors in one client of the engine."""
 
-    def __init__(
-        self, client: int, scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSample, *, opengl: bool
-    ) -> None:
+    def __init__(self, client: int, scenario: Scenario, looks: tuple[Look, ...], *, opengl: bool) -> None:
         """Make all bodies; people are absent at first, and UAVs are at their starts."""
-        self.client, self.engine, self.style, self.opengl = client, Engine(client), style, opengl
+        self.client, self.engine, self.opengl = client, Engine(client), opengl
         self.engine.setGravity(0.0, 0.0, -GRAVITY)
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
         self.engine.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         ground = self._add_ground()
-        planted = self._add_trees(trees)
-        self.people = self._add_people(len(style.clothes))
-        self.uavs = [self._add_uav(*uav.start, uav.altitude) for uav in scenario.uavs]
-        self.all: tuple[Body, ...] = (*planted, *self.people, *self.uavs)
+        self._shapes: dict[tuple[str, tuple[float, float, float]], tuple[int, int]] = {}
+        self.all = tuple(self._add(look) for look in looks)
+        self.people, self.uavs = ([body for body in self.all if body.kind == kind] for kind in ("person", "uav"))
         self.names = {ground: ("ground", 0)}  # kind, and index among its kind, of each body
         for kind in ("canopy", "trunk", "person", "uav"):
             ids = [body.id for body in self.all if body.kind == kind]
             self.names.update({id_: (kind, k) for k, id_ in enumerate(ids)})
-
-    def _mesh(self, name: str, scale: tuple[float, float, float]) -> int:
-        path = str(ASSETS / "meshes" / f"{name}.obj")
-        return int(self.engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=scale))
+        self.people_by_id = empty_people_by_id(looks)
+        self.people_by_id[[body.id for body in self.people]] = np.arange(len(self.people))
 
     def _cylinder(self, radius: float, height: float) -> int:
         place = (0.0, 0.0, height / 2)
         solid = self.engine.createCollisionShape
         return int(solid(pybullet.GEOM_CYLINDER, radius=radius, height=height, collisionFramePosition=place))
 
-    def _fixed(self, solid: int, mesh: int, position: tuple[float, float, float]) -> int:
-        return int(self.engine.createMultiBody(0.0, solid, mesh, position))
-
-    def _paint(self, body: Body) -> Body:
-        self.engine.changeVisualShape(body.id, -1, rgbaColor=(*body.tint, 1.0))
-        return body
-
     def _add_ground(self) -> int:
         plane = self.engine.createCollisionShape(pybullet.GEOM_PLANE)
         # PyBullet gives a plane without a visual shape a chequered one, at which OpenGL fails: so a speck far below.
         speck = {"radius": 1e-3, "visualFramePosition": AWAY}
         visual = self.engine.createVisualShape(pybullet.GEOM_SPHERE, **speck) if self.opengl else -1
-        ground = self._fixed(plane, visual, (0.0, 0.0, 0.0))
+        ground = int(self.engine.createMultiBody(0.0, plane, visual, (0.0, 0.0, 0.0)))
         self.engine.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0))
         return ground
 
-    def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
-        """Canopies, then trunks; trees of equal size share their shapes."""
-        shapes: dict[tuple[str, float, float], tuple[int, int]] = {}
-        bodies = []
-        for kind in ("canopy", "trunk"):
-            for k, tree in enumerate(trees):
-                canopy = kind == "canopy"
-                base, top = (tree.canopy_base, tree.canopy_top) if canopy else (0.0, tree.canopy_base)
-                radius, height = tree.canopy_radius if canopy else tree.trunk_radius, top - base
-                key = (kind, radius, height)
-                if key not in shapes:
-                    shapes[key] = (self._cylinder(radius, height), self._mesh(kind, (radius, radius, height)))
-                id_ = self._fixed(*shapes[key], (tree.x, tree.y, base))
-                sphere = hypot(1.01 * radius, height / 2)
-                tint = _multiply(_foliage(k), self.style.canopies[k]) if canopy else _WHITE
-                bodies.append(self._paint(Body(id_, "canopy" if canopy else "trunk", tint, sphere)))
-        return bodies
-
-    def _add_people(self, count: int) -> list[Body]:
-        if count == 0:
-            return []
-        mesh = self._mesh("person", (1.0, 1.0, 1.0))
-        solid = self._cylinder(_PERSON_RADIUS, 2 * TARGET_HEIGHT)
-        ids = [self._fixed(solid, mesh, AWAY) for _ in range(count)]
-        return [
-            self._paint(Body(id_, "person", _multiply(_WHITE, tint), 1.1))
-            for id_, tint in zip(ids, self.style.clothes, strict=True)
-        ]
-
-    def _add_uav(self, x: float, y: float, z: float) -> Body:
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), (x, y, z), flags=flags)
-        self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
-        return self._paint(Body(id_, "uav", _WHITE, 0.45))
+    def _add(self, look: Look) -> Body:
+        """Add a body; trees of equal size share their shapes."""
+        if look.kind == "uav":
+            flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+            id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), look.place, flags=flags)
+            self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
+        else:
+            key = look.kind, look.scale
+            if key not in self._shapes:
+                size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if look.kind == "person" else look.scale[1:]
+                self._shapes[key] = self._cylinder(*size), add_mesh(self.engine, look)
+            id_ = int(self.engine.createMultiBody(0.0, *self._shapes[key], look.place))
+        paint(self.engine, id_, look)
+        return Body(**vars(look), id=id_)
 
 
 def _foliage(k: int) -> tuple[float, float, float]:

@@ -6,33 +6,43 @@ from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
 from sim.world.attitude import rotate, settle
-from sim.world.bodies import AWAY, Bodies, Body
+from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly, follow, glide, wrenches
+from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import cos, sin
 
 
+class Shown(NamedTuple):
+    """Client of the engine that shows bodies, with the person of each id in it, -1 for others."""
+
+    client: int
+    people_by_id: NDArray[np.int32]
+
+
 class World:
-    """Ground, trees, people and quadrotors in one client, which the world owns.
+    """Ground, trees, people and quadrotors, with the clients of the engine that they need, which the world owns.
 
     `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario;
     `centres` gives their positions. Trees stand still, people are placed, and UAVs follow velocity commands.
     `states` (n, 13) has the UAVs' positions m, quaternions xyzw, velocities m/s and spins rad/s.
     If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
-    Except with OpenGL, a world can be copied and pickled; the copy has its own client in the same state.
-    The engine moves UAVs only when one is near another body; without rendering, its client is made only then.
+    Except with OpenGL, a world can be copied and pickled; the copy has its own clients in the same state.
+    The engine moves UAVs only when one is near another body, and the client with all bodies is made only then. Cameras
+    see `ShownBodies` in another client; with OpenGL they see all bodies.
     """
 
     def __init__(
@@ -64,7 +74,7 @@ class World:
         self._closed = False
         self._top = max(2 * TARGET_HEIGHT, *(t.canopy_top for t in forest.trees), 0.0)  # m, of trees and people
         self._kinematic = scenario.dynamics == "kinematic"
-        if client is not None or scenario.sensing.renders:
+        if client is not None or self.opengl:
             _ = self._bodies
 
     @property
@@ -76,6 +86,11 @@ class World:
     def engine(self) -> Engine:
         """The engine's functions for the client."""
         return self._bodies.engine
+
+    @cached_property
+    def looks(self) -> tuple[Look, ...]:
+        """What renderers know of the bodies, in their order."""
+        return list_looks(self._scenario, self.trees, self.style)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -90,13 +105,34 @@ class World:
             largest = max(uav.pixels for uav in self._scenario.uavs)
             client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
         try:
-            made = Bodies(client, self._scenario, self.trees, self.style, opengl=self.opengl)
+            made = Bodies(client, self._scenario, self.looks, opengl=self.opengl)
             self._put_uavs(made)
-            _put_people(made, self._people_centres, self._headings)
+            self._put_people(made)
         except BaseException:
             self._disconnect(client)
             raise
         return made
+
+    def show(self, wanted: Flags) -> Shown:
+        """Show bodies (B,) and no others, or with OpenGL all of them, because it cannot hide single bodies."""
+        if self.opengl:
+            return Shown(self.client, self._bodies.people_by_id)
+        self._shown_bodies.show(wanted, self._place)
+        return Shown(self._shown_bodies.client, self._shown_bodies.people_by_id)
+
+    @cached_property
+    def _shown_bodies(self) -> ShownBodies:
+        moving, cameras = len(self._headings) + len(self.states), len(self.states)
+        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.looks, moving, cameras)
+
+    def _place(self, moving: int) -> Placed:
+        """Where a body that moves is, people first and then UAVs."""
+        if (uav := moving - len(self._headings)) >= 0:
+            state = self.states[uav].tolist()
+            return state[_POSITION], state[_QUATERNION]
+        (x, y, _), yaw = self._people_centres[moving].tolist(), float(self._headings[moving])
+        yaw = 0.0 if math.isnan(yaw) else yaw
+        return AWAY if math.isnan(x) else (x, y, 0.0), (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
 
     @property
     def _made(self) -> bool:
@@ -113,13 +149,14 @@ class World:
         self._people_centres[:, 2] = np.where(np.isnan(positions[:, 0]), np.nan, TARGET_HEIGHT)
         self._headings = headings
         if self._made:
-            _put_people(self._bodies, self._people_centres, headings)
+            self._put_people(self._bodies)
 
     def place_uavs(self, poses: Sequence[Pose]) -> None:
         """Put each UAV at a recorded pose of its body, without a change of its velocity."""
         self.states[:, _POSITION] = [pose.position for pose in poses]
         self.states[:, _QUATERNION] = [pose.quaternion for pose in poses]
-        self._put_uavs(self._bodies)
+        if self._made:
+            self._put_uavs(self._bodies)
 
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies; axes: x forward (east at yaw 0), y left, z up."""
@@ -184,8 +221,11 @@ class World:
 
     def close(self) -> None:
         """Free the client, but only once, because PyBullet gives its number to the next client."""
-        if self._made and not self._closed and self.engine.isConnected():
-            self._disconnect(self.client)
+        if not self._closed:
+            if "_shown_bodies" in vars(self):
+                pybullet.disconnect(self._shown_bodies.client)
+            if self._made and self.engine.isConnected():
+                self._disconnect(self.client)
         self._closed = True
 
     def _disconnect(self, client: int) -> None:
@@ -231,20 +271,16 @@ class World:
             pair = sorted((self._bodies.names[a], self._bodies.names[b]), key=lambda name: (name[0] != "uav", name[1]))
             self._touched.add(Contact(pair[0][1], *pair[1]))
 
+    def _put_people(self, bodies: Bodies) -> None:
+        """Put people where they are; absent ones are away."""
+        for m, body in enumerate(bodies.people):
+            bodies.engine.resetBasePositionAndOrientation(body.id, *self._place(m))
+
     def _put_uavs(self, bodies: Bodies) -> None:
         """Put UAVs into their `states`."""
         for body, state in zip(bodies.uavs, self.states.tolist(), strict=True):
             bodies.engine.resetBasePositionAndOrientation(body.id, state[_POSITION], state[_QUATERNION])
             bodies.engine.resetBaseVelocity(body.id, state[_VELOCITY], state[_SPIN])
-
-
-def _put_people(bodies: Bodies, centres: Array, headings: Array) -> None:
-    """Put people on the ground below centres (M, 3) m, NaN if absent, with headings (M,) rad."""
-    for body, (x, y, _), heading in zip(bodies.people, centres.tolist(), headings.tolist(), strict=True):
-        place = AWAY if math.isnan(x) else (x, y, 0.0)
-        yaw = 0.0 if math.isnan(heading) else heading
-        turned = (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
-        bodies.engine.resetBasePositionAndOrientation(body.id, place, turned)
 
 
 _STATE = ("states", "_people_centres", "_headings", "_memories", "_touched", "_closed")

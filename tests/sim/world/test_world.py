@@ -26,7 +26,11 @@ def test_uavs_start_level_at_their_places_in_a_world_that_closes():
             assert pose.quaternion == pytest.approx([0, 0, 0, 1])
         assert np.array_equal(world.velocities(), np.zeros((3, 3)))
     with World(ONE, NO_TREES, 0) as world:
-        assert pybullet.isConnected(physicsClientId=world.client)
+        there, client = open_clients(), world.client
+        assert pybullet.isConnected(physicsClientId=client)
+        world.show(np.zeros(len(world.looks), dtype=bool))  # which takes another client
+        assert len(open_clients()) == len(there) + 2
+    assert open_clients() == there
     assert not pybullet.isConnected(physicsClientId=world.client)
     world.close()
 
@@ -34,6 +38,7 @@ def test_uavs_start_level_at_their_places_in_a_world_that_closes():
 def test_a_world_that_is_closed_again_leaves_the_next_one_open():
     """PyBullet gives the number of a closed client to the next one."""
     first = World(ONE, NO_TREES, 0)
+    assert first.client in open_clients()
     first.close()
     with World(ONE, NO_TREES, 0) as second:
         assert second.client == first.client
@@ -49,7 +54,7 @@ def test_a_world_whose_bodies_cannot_be_made_leaves_no_client(monkeypatch, tmp_p
     before = open_clients()
     for client in (None, pybullet.connect(pybullet.DIRECT)):
         with pytest.raises(pybullet.error):
-            World(ONE, NO_TREES, 0, client=client)
+            _ = World(ONE, NO_TREES, 0, client=client).bodies
     assert open_clients() == before
 
 

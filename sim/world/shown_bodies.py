@@ -1,0 +1,54 @@
+"""What cameras have in view, in a client of the engine that draws and does not move anything."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.bodies import Look, Placed, add_mesh, empty_people_by_id, paint
+from sim.world.engine import Engine
+from tracking.numerics.arrays import Flags
+
+_KEPT = 25  # frames of each camera for which a body stays although none shows it
+
+
+class ShownBodies:
+    """Bodies that cameras show or showed lately, in one client, because an image costs time for each body there is."""
+
+    def __init__(self, client: int, looks: tuple[Look, ...], moving: int, cameras: int) -> None:
+        """Begin without bodies; people and UAVs, the last of them, are `moving`, and `cameras` take turns."""
+        self.client, self._engine, self._looks, self._cameras = client, Engine(client), looks, cameras
+        self._first = len(looks) - moving  # of those that move
+        self._meshes: dict[tuple[str, tuple[float, float, float]], int] = {}
+        self._ids = np.full(len(looks), -1)  # -1 for a body that is not there
+        self._shown = np.zeros(len(looks), dtype=np.bool_)
+        self._seen, self._frames = np.zeros(len(looks), dtype=np.int64), 0  # frame that last showed each body
+        self.people_by_id = empty_people_by_id(looks)
+
+    def show(self, wanted: Flags, place: Callable[[int], Placed]) -> None:
+        """Show bodies (B,) and no others; `place` gives the pose of each body that moves, people first."""
+        self._frames += 1
+        if self._frames % (_KEPT * self._cameras) == 0:
+            self._remove(np.flatnonzero((self._ids >= 0) & (self._seen <= self._frames - _KEPT * self._cameras)))
+        self._seen[wanted] = self._frames
+        for k in np.flatnonzero(wanted & (self._ids < 0)).tolist():
+            self._add(k)
+        for k in np.flatnonzero(wanted != self._shown).tolist():
+            # The rasteriser skips fully transparent bodies at once.
+            paint(self._engine, int(self._ids[k]), self._looks[k], alpha=float(wanted[k]))
+        self._shown = wanted.copy()
+        for m in np.flatnonzero(wanted[self._first :]).tolist():
+            self._engine.resetBasePositionAndOrientation(int(self._ids[self._first + m]), *place(m))
+
+    def _add(self, k: int) -> None:
+        look = self._looks[k]
+        key = look.kind, look.scale
+        if key not in self._meshes:
+            self._meshes[key] = add_mesh(self._engine, look)
+        self._ids[k] = self._engine.createMultiBody(0.0, -1, self._meshes[key], look.place)
+        self.people_by_id[self._ids[k]] = k - self._first if look.kind == "person" else -1
+
+    def _remove(self, bodies: NDArray[np.int64]) -> None:
+        for k in bodies.tolist():
+            self._engine.removeBody(int(self._ids[k]))
+        self._ids[bodies], self._shown[bodies] = -1, False
