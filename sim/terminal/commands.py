@@ -5,6 +5,7 @@ import faulthandler
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -136,6 +137,7 @@ def run_command_line(app: Callable[..., Any]) -> None:
     if not faulthandler.is_enabled():
         faulthandler.enable(all_threads=False)  # says in which line a plug-in crashes the process
     try:
+        _check_temporary_folder()
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes non-zero
             fail("interrupted; nothing new is kept", code=1)
     except (InputError, PlaceTaken) as error:
@@ -154,6 +156,14 @@ def run_command_line(app: Callable[..., Any]) -> None:
         if not hasattr(error, "format_message"):
             raise
         fail(error.format_message(), code=2)
+
+
+def _check_temporary_folder() -> None:
+    """InputError if there is no temporary folder, which libraries need, too."""
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError as error:
+        raise InputError("TMPDIR: no temporary folder can be written to; name one that can") from error
 
 
 def _take_signals() -> None:

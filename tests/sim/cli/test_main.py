@@ -55,6 +55,15 @@ def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, call
     assert err.startswith("understory: ") and err.count("\n") == 1 and list(tmp_path.iterdir()) == []
 
 
+def test_without_any_folder_for_temporary_files_commands_say_so(call, monkeypatch):
+    def no_folder():
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp', '/']")
+
+    monkeypatch.setattr("tempfile.gettempdir", no_folder)
+    told = "understory: TMPDIR: no temporary folder can be written to; name one that can\n"
+    assert call("run", "--planner", "hover") == (2, "", told)
+
+
 def test_version_planners_scenarios_and_studies_are_told_with_their_meaning(call):
     assert call("--version") == (0, f"understory {version('understory')}\n", "")
     _, out, _ = call("planners")

@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+from pathlib import Path
 
 import numba
 import pytest
@@ -99,6 +100,32 @@ def test_code_that_only_its_owner_can_write_is_read(places, tmp_path):
     assert said == [] and [p.relative_to(mine) for p in mine.rglob("*.nbc")] == [
         p.relative_to(owners) for p in owners.rglob("*.nbc")
     ]
+
+
+@pytest.mark.parametrize("holder", ["NUMBA_CACHE_DIR", "installation"])
+@pytest.mark.parametrize("home", [None, "nowhere"])
+def test_code_that_is_there_is_read_where_only_temporary_files_can_be_written(
+    places, tmp_path, monkeypatch, home, holder
+):
+    """As a user of an image that was built by another one: without a home, or with one that is not there."""
+    find_folders = subject._code_folders
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    monkeypatch.setattr(subject, "__file__", str(tmp_path / "tracking" / "numerics" / "compiled.py"))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "named") if holder == "NUMBA_CACHE_DIR" else "")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / home)) if home else monkeypatch.delenv("HOME")
+    folders = list(find_folders())
+    assert [folder.parent for folder in folders[-2:]] == [Path("~/.cache").expanduser(), temporary]
+    filled, written = folders[0], folders[-1]
+    places(folders, [filled])
+    assert subject.compiled(twice)(21) == 42 and list(filled.rglob("*.nbc"))
+    places(folders, [written])
+    said = []
+    with announce_compilation(said.append):
+        assert subject.compiled(twice)(21) == 42
+    assert said == [] and list(written.rglob("*.nbc"))
 
 
 def test_code_of_changed_sources_is_made_anew_and_only_the_last_before_it_stays(places, tmp_path, monkeypatch):
