@@ -1,15 +1,65 @@
-"""Commands in a folder with modules named like ours: these never shadow ours, and a clash is said in one line."""
+"""What is installed, and commands in a folder with modules named like ours, which never shadow ours."""
 
+import subprocess
 import sys
+import zipfile
 
 import pytest
-from helpers.processes import python
+from helpers.processes import ROOT, python
 
 OURS = ("planning", "tracking", "assets", "understory")
 MINE = "from planning.baselines import Hover\n\n\nclass Mine(Hover):\n    pass\n"
 # As a script and with `python -m`; the latter puts the current folder first on the import path.
 COMMANDS = [["-c", "from sim.__main__ import main; main()"], ["-m", "sim"]]
 INSTALLED = {"PYTHONPATH": "", "COLUMNS": "300"}  # not by a path that is set
+
+
+BUILD = """
+import sys
+from importlib import import_module
+from sim.scenario.text_files import tomllib
+with open("pyproject.toml", "rb") as file:
+    backend = import_module(tomllib.load(file)["build-system"]["build-backend"])
+for kind in ("editable", "wheel"):
+    getattr(backend, f"build_{kind}")(f"{sys.argv[1]}/{kind}")
+"""
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory):
+    """The wheels of an editable and of an ordinary installation, as installers ask for them."""
+    pytest.importorskip("hatchling")
+    folder = tmp_path_factory.mktemp("wheels")
+    for kind in ("editable", "wheel"):
+        (folder / kind).mkdir()
+    done = python("-c", BUILD, folder)
+    assert done.returncode == 0, done.stderr
+    return [zipfile.ZipFile(next((folder / kind).iterdir())) for kind in ("editable", "wheel")]
+
+
+def test_an_editable_installation_is_found_beside_folders_named_like_its_packages(wheels, tmp_path):
+    """Folders without Python in them, as of data: the installation is on the path of a fresh interpreter."""
+    editable, _ = wheels
+    (site := tmp_path / "site").mkdir()
+    editable.extractall(site)
+    (here := tmp_path / "here").mkdir()
+    for name in ("assets", "planning", "sim", "tracking"):
+        (here / name).mkdir()
+    code = f"import site; site.addsitedir({str(site)!r}); import planning, assets"
+    done = python("-c", f"{code}; print(planning.__file__, assets.__file__)", cwd=here, **INSTALLED)
+    places = [str(ROOT / name / "__init__.py") for name in ("planning", "assets")]
+    assert (done.stdout.split(), done.stderr) == (places, "")
+
+
+def test_a_wheel_holds_the_files_of_the_packages_and_nothing_else(wheels):
+    _, wheel = wheels
+    packages = ["assets", "planning", "sim", "tracking", "understory.py"]
+    asked = ["git", "ls-files", "--cached", "--others", "--exclude-standard", *packages]
+    listed = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a checkout")
+    held = {name for name in wheel.namelist() if not name.startswith("understory-")}
+    assert held == set(listed.stdout.split()) and "sim/report/page.css" in held
 
 
 @pytest.fixture
