@@ -1,8 +1,10 @@
 """Track-to-track association: tracks of different UAVs that are of one person, and their common id."""
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
-from tracking.numerics.distances import length, pair_costs
+from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
 from tracking.track import DETECTED_AT
 
@@ -72,8 +74,15 @@ def _latest_times(rows: Sequence[Indices], times: Sequence[Array], count: int) -
     return latest
 
 
-def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
-    """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
+class Pairs(NamedTuple):
+    """Rows of the two tracks of each of P pairs."""
+
+    first: Indices  # (P,)
+    second: Indices  # (P,)
+
+
+def likelihood_ratios(states: LatestTracks, pairs: Pairs, max_speed: float) -> Array:
+    """Logarithms (P,) of the likelihood that two tracks are of one person, over that of two people.
 
     If both are of one person, the states are equal, or the person has turned while out of sight and is anywhere within
     reach of the last detection. If they are of two people, a UAV with one track does not know the other person, who may
@@ -81,12 +90,15 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     Note: the larger of the two densities of one person counts, rather than their weighted sum. The errors of two tracks
     of one person are taken as independent, although both contain the person's process noise [BarShalom81].
     """
-    cost = pair_costs(*states[:2], *states[:2])
+    first, second = pairs
+    differences = states.means[first] - states.means[second]
+    cost = gaussian_costs(differences, states.covariances[first] + states.covariances[second])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
-    reach, within = _reach(states, max_speed)
-    turned = np.where(within, _turned(reach), -np.inf)
-    return np.maximum(ratios, np.maximum(turned, turned.T))
+    for one_way in (pairs, Pairs(second, first)):
+        reach, within = _reach(states, one_way, max_speed)
+        ratios = np.maximum(ratios, np.where(within, _turned(reach), -np.inf))
+    return ratios
 
 
 @elementwise
@@ -95,15 +107,15 @@ def _turned(reach: float) -> float:
     return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
 
 
-def _reach(states: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
-    """Distances (G, G) [m] that a person can move from one track's last detection to another's, and flags (G, G).
+def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array, Flags]:
+    """Distances (P,) [m] that a person can move from the first track's last detection to the second's, and flags (P,).
 
-    A flag is set if the other track was seen later, and within this distance.
+    A flag is set if the second track was seen later, and within this distance.
     """
     places, seen = states.sightings[:, :2], states.sightings[:, 2]
-    unseen = seen - seen[:, None]
+    unseen = seen[pairs.second] - seen[pairs.first]
     reach = farthest(np.maximum(unseen, 0.0), max_speed)
-    gap = length(places[:, None] - places)
+    gap = length(places[pairs.second] - places[pairs.first])
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
@@ -139,16 +151,13 @@ def _join(
     existing groups. New tracks come last, because a UAV's new track and its lost one may both be of a person that
     another UAV tracks. A group out of sight ends if its only id has another track that was seen later, within reach.
     """
-    common = np.array([[not one.isdisjoint(other) for other in given] for one in given], dtype=np.bool_)
-    common = common.reshape(len(given), len(given))
     seen = states.sightings[:, 2]
-    together = seen[:, None] == seen
-    ratios = likelihood_ratios(states, max_speed) + _SAME_ID * (common & together)
-    every = np.arange(len(given))
-    group, known = every.copy(), np.zeros(len(given), dtype=np.bool_)
+    alike = _find_common_ids(given)
+    ratios = _rate_pairs(states, alike, holders, max_speed)
+    group, known = np.arange(len(given)), np.zeros(len(given), dtype=np.bool_)
     for held in (*(holders & ~begun[:, None]).T, *(holders & begun[:, None]).T):
         new = np.flatnonzero(held & ~known)
-        old = np.flatnonzero(known & (group == every)) if len(new) else new
+        old = np.unique(group[known & np.any(ratios[new] >= 0.0, axis=0)])  # groups that a new track may join
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
             last = members[seen[members] == seen[members].max()]
@@ -157,11 +166,39 @@ def _join(
         for a, b in pairs_within(cost, 0.0):
             group[new[a]] = old[b]
         known[new] = True
-    later = np.any(common & _reach(states, max_speed)[1] & (group[:, None] != group), axis=1)
+    others = group[alike.first] != group[alike.second]
+    later = np.zeros(len(given), dtype=np.bool_)
+    later[alike.first[others & _reach(states, alike, max_speed)[1]]] = True
     ends = np.zeros(len(given), dtype=np.bool_)
     for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group[later])]:
         ends[rows] = later[rows].all() and len({id for k in rows for id in given[k]}) == 1
     return group, ends
+
+
+def _find_common_ids(given: Sequence[set[int]]) -> Pairs:
+    """All pairs of different tracks, in either order, to which messages give a common id."""
+    tracks = defaultdict[int, list[int]](list)
+    for row, ids in enumerate(given):
+        for id in ids:
+            tracks[id].append(row)
+    pairs = sorted({pair for rows in tracks.values() for pair in permutations(rows, 2)})
+    return Pairs(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T)
+
+
+def _rate_pairs(states: LatestTracks, alike: Pairs, holders: Flags, max_speed: float) -> Array:
+    """Log-likelihood ratios (G, G) of one person, with that of a common id; -inf for two tracks that one UAV holds.
+
+    alike: the pairs of tracks with a common id; holders (G, N): flags of the UAVs that hold each track.
+    """
+    apart = np.ones((len(holders),) * 2, dtype=np.bool_)
+    for bits in np.packbits(holders, axis=1).T:
+        apart &= bits[:, None] & bits == 0
+    pairs = Pairs(*np.nonzero(np.triu(apart, 1)))
+    ratios = np.full(apart.shape, -np.inf)
+    ratios[pairs] = ratios.T[pairs] = likelihood_ratios(states, pairs, max_speed)
+    seen = states.sightings[:, 2]
+    ratios[alike] += _SAME_ID * (seen[alike.first] == seen[alike.second])
+    return ratios
 
 
 def _choose_ids(keys: Indices, given: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:

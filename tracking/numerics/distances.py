@@ -27,9 +27,16 @@ def pair_costs(means: Array, covariances: Array, other_means: Array, other_covar
     Means (A, n) and covariances (A, n, n), other means (B, n) and covariances (B, n, n). NaN where the sum of two
     covariances is not positive definite.
     """
-    spreads = covariances[:, None] + other_covariances[None]
-    distances = squared_distance(means[:, None] - other_means[None], spreads)
-    return distances + apply_to_stacks(_log_determinants, spreads, axes=(2,))
+    return gaussian_costs(means[:, None] - other_means[None], covariances[:, None] + other_covariances[None])
+
+
+def gaussian_costs(differences: Array, covariances: Array) -> Array:
+    """Twice the negative log-densities (...), up to a constant, of Gaussians of mean zero at differences (..., n).
+
+    NaN where the covariance (..., n, n) is not positive definite.
+    """
+    distances = squared_distance(differences, covariances)
+    return distances + apply_to_stacks(_log_determinants, covariances, axes=(2,))
 
 
 @compiled
