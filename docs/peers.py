@@ -39,7 +39,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest
-from tracking.metrics.clearmot import correspondence, switches
+from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 from tracking.track import UNLIKELY
@@ -217,7 +217,7 @@ def score(scene: Scene, found: Sequence[Mapping[Any, Array]]) -> Score:
     far = CUT_OFF**2 / 2
     parts = [gospa(places(tracks), places(people), CUT_OFF) for tracks, people in zip(found, scene.people, strict=True)]
     tracks, people = columns(found), columns(scene.people)
-    matches = correspondence(tracks, people, CUT_OFF)
+    matches = find_correspondence(tracks, people, CUT_OFF)
     causes = {"before": 0, "after": 0, "elsewhere": 0}
     for scan, person in np.argwhere((matches < 0) & ~np.isnan(people[..., 0])).tolist():
         held = matches[:scan, person]
@@ -228,7 +228,7 @@ def score(scene: Scene, found: Sequence[Mapping[Any, Array]]) -> Score:
         float(np.mean([part.distance for part in parts])),
         float(np.mean([part.missed**2 / far for part in parts])),
         float(np.mean([part.false**2 / far for part in parts])),
-        int(switches(matches).sum()),
+        int(count_switches(matches).sum()),
         **{cause: count / len(found) for cause, count in causes.items()},
     )
 

@@ -24,7 +24,7 @@ from sim.analysis.normalised_score import NormalisedScore, Scored, score_planner
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
-from sim.report.formats import markdown_table
+from sim.report.formats import format_markdown_table
 from sim.study.cells import VIEW, list_cells
 from sim.study.store import read_rows
 from sim.study.study import read_study
@@ -123,7 +123,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
     texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
     lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if name not in FLOORS]
-    return markdown_table(heads, [*means.values(), *lines])
+    return format_markdown_table(heads, [*means.values(), *lines])
 
 
 def _marked(gap: Difference, metric: Metric, survives: bool) -> str:

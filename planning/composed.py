@@ -17,7 +17,7 @@ from planning.objective.objective import Term
 from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import Optimizer, pursuits, turns
+from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
@@ -213,7 +213,9 @@ class Composed:
         starts = [intents[None]]
         for j, i in enumerate(uavs):
             vehicle = situation.vehicles[i]
-            others = np.concatenate([pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, length)])
+            others = np.concatenate(
+                [make_pursuits(nominal, vehicle, situation.step), make_turns(vehicle.max_speed, length)]
+            )
             joint = np.repeat(intents[None], len(others), axis=0)
             joint[:, j] = others
             starts.append(joint)

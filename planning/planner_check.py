@@ -16,7 +16,7 @@ from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
-from tracking.plugins.findings import Finding, Unfit, Untried, describe_time, find_change, finding
+from tracking.plugins.findings import Finding, Unfit, Untried, describe_time, find_change, try_check
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 Maker = Callable[[], Planner]
@@ -51,7 +51,7 @@ def check_planner(planner: str | Maker) -> list[Finding]:
         elif "same seed, same plan" in failed and check in _COMPARISONS:
             findings.append(Finding(name, None, "not tried: its plans do not repeat anyway"))
         else:
-            findings.append(finding(name, partial(check, make)))
+            findings.append(try_check(name, partial(check, make)))
     return findings
 
 

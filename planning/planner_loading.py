@@ -103,7 +103,7 @@ def split_options(text: str) -> tuple[str, list[str]]:
     return name.strip(), [part.strip() for part in parts if part.strip()]
 
 
-def with_options(planner: str, options: Mapping[str, str]) -> str:
+def add_options(planner: str, options: Mapping[str, str]) -> str:
     """The text of a planner with further options."""
     if not options:
         return planner

@@ -53,7 +53,9 @@ class Track:
         return self.existence > UNLIKELY
 
 
-def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array) -> tuple[Track, ...]:
+def make_tracks(
+    ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array
+) -> tuple[Track, ...]:
     """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3).
 
     A sighting becomes NaN if its time is below 0 or NaN.

@@ -33,7 +33,7 @@ from tracking.track import (
     Scan,
     Track,
     TrackTable,
-    tracks_of,
+    make_tracks,
 )
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -81,7 +81,7 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        return tracks_of(table.ids, table.means, table.covariances, table.existence, table.sightings)
+        return make_tracks(table.ids, table.means, table.covariances, table.existence, table.sightings)
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""

@@ -18,7 +18,7 @@ Triple = tuple[float, float, float]
 
 
 class Workspace(NamedTuple):
-    """Arrays that `penalties` works on, allocated once: n UAVs, T targets."""
+    """Arrays that `add_penalties` works on, allocated once: n UAVs, T targets."""
 
     unseen: Array  # (T, LANES): 1 for a target outside all fields of view, else 0
     order: Indices  # (T,): the targets by falling trace
@@ -29,7 +29,7 @@ class Workspace(NamedTuple):
 
 
 @compiled
-def workspace(targets: int, uavs: int) -> Workspace:
+def make_workspace(targets: int, uavs: int) -> Workspace:
     """Workspace for a number of targets and UAVs."""
     return Workspace(
         np.empty((targets, LANES)),
@@ -42,7 +42,7 @@ def workspace(targets: int, uavs: int) -> Workspace:
 
 
 @compiled
-def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
+def add_penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
     """Add the MWTP of the targets that are `work.unseen` to `sums` (LANES,), by Algorithm 2.
 
     targets (T, 2 or 3) m at the end of the horizon; traces (T, LANES) m² of their position covariances; views (n, 5, 3)

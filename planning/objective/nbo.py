@@ -8,7 +8,7 @@ import numpy as np
 from planning.objective.camera_lanes import CameraLanes, camera_lanes
 from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
-from planning.objective.mwtp_lanes import Workspace, mark_in_view, mark_in_view_lanes, penalties, workspace
+from planning.objective.mwtp_lanes import Workspace, add_penalties, make_workspace, mark_in_view, mark_in_view_lanes
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
     LANES,
@@ -89,7 +89,7 @@ class _Others(NamedTuple):
 def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
     result, targets = np.empty(len(own)), belief.points.shape[1]
     finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
-    work = workspace(targets // samples, len(belief.positions))
+    work = make_workspace(targets // samples, len(belief.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
         flight = camera_lanes(belief, others.uavs, plans)
@@ -185,7 +185,7 @@ def _penalise(
             for lane in range(LANES):
                 east[lane], north[lane] = own[j, 0, lane], own[j, 1, lane]
             mark_in_view_lanes(work, targets, others.uavs[j], belief.views)
-        penalties(work, targets, traces[first : first + each], belief.views, sums)
+        add_penalties(work, targets, traces[first : first + each], belief.views, sums)
 
 
 @compiled

@@ -32,11 +32,11 @@ class Optimizer(Protocol):
         """
 
 
-NEAREST = 6  # number of nearest targets for which `pursuits` makes plans
+NEAREST = 6  # number of nearest targets for which `make_pursuits` makes plans
 HEADINGS = 16
 
 
-def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
+def make_pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     """Plans (S, H, 2) m/s that hover, or pursue at full speed one near target or the midpoint of two.
 
     nominal (H, T, 2) m: positions of targets after each step of `step` s.
@@ -55,7 +55,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
 
 
 @cache
-def turns(max_speed: float, horizon: int) -> Array:
+def make_turns(max_speed: float, horizon: int) -> Array:
     """Plans (S, H, 2) m/s of two legs, each at full speed in one of 16 directions, or hovering."""
     angles = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
     controls = np.concatenate([max_speed * np.column_stack([cos_each(angles), sin_each(angles)]), np.zeros((1, 2))])

@@ -13,8 +13,8 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.response import camera_paths
 from planning.rivals.distribution import Team, gains, optimise_probabilities
 from planning.rivals.gathered_information import build_prior, gather_information
-from planning.rivals.moves import moves
-from planning.rivals.tree import grow, new_tree, promising
+from planning.rivals.moves import make_moves
+from planning.rivals.tree import find_promising_sequences, grow, new_tree
 from tracking.numerics.arrays import Array, Indices
 
 
@@ -89,7 +89,7 @@ class TreeSearch:
         self._vehicles, horizon = situation.vehicles, planner.horizon
         existence = np.array([track.existence for track in situation.tracks], dtype=float)
         self._belief = Nominal(expected=True).predict(situation, horizon, rng)._replace(weights=existence)
-        self._prior, self._moves = build_prior(self._belief), moves(horizon, planner.directions)
+        self._prior, self._moves = build_prior(self._belief), make_moves(horizon, planner.directions)
         own = situation.own
         places = own.position[:2] + own.max_speed * situation.step * self._moves.places
         self._own = gather_information(self._belief, self._vehicles.index(own), places, self._moves.steps)
@@ -106,7 +106,7 @@ class TreeSearch:
         draws = self._rng.random((count, len(self._others) + planner.horizon))
         fading = np.cumprod(np.append(1.0, np.full(planner.evaluations, planner.discount)))
         grow(self._tree, self._moves, team, draws, fading, planner.exploration)
-        chosen = promising(self._tree, planner.sequences)
+        chosen = find_promising_sequences(self._tree, planner.sequences)
         found = gains(team, self._information_of(chosen), self._rng.random((planner.samples, len(self._others))))
         heat = planner.temperature * np.prod(np.full(now, planner.cooling))
         scaled = found / max(float(found.max()), 1e-12)

@@ -19,7 +19,7 @@ class Moves(NamedTuple):
 
 
 @cache
-def moves(horizon: int, directions: int) -> Moves:
+def make_moves(horizon: int, directions: int) -> Moves:
     """Moves of `horizon` steps; in each the UAV hovers, or flies at top speed in one of `directions` directions."""
     controls = GridSearch(directions).controls(1.0)
     places: list[Array] = []

@@ -106,7 +106,7 @@ def _add_reward(tree: SearchTree, path: Indices, reward: float, controls: Indice
             tree.sequences[node] = controls
 
 
-def promising(tree: SearchTree, most: int) -> Indices:
+def find_promising_sequences(tree: SearchTree, most: int) -> Indices:
     """Sequences (S, H) of controls, at most `most`: distinct best rollouts of the nodes of largest mean reward."""
     nodes = int(tree.counts[0])
     found: dict[tuple[int, ...], None] = {}

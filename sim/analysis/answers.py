@@ -33,7 +33,7 @@ class Answer:
     difference: Difference | None = None  # None for the baseline itself
 
 
-def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -> list[Answer]:
+def find_answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -> list[Answer]:
     """Answers, metric by metric: the planners in every cell, then differences over all cells if there are several.
 
     Holm's correction is for all these differences together.

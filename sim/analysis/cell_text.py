@@ -28,7 +28,7 @@ def cell_text(cell: Cell | None) -> str:
     return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
 
 
-def with_cell(planner: str, cell: Cell | None) -> str:
+def append_cell(planner: str, cell: Cell | None) -> str:
     """A planner with its cell, if the study has cells: greedy (λ = 45, R = 5)."""
     return planner if cell == () else f"{planner} ({cell_text(cell)})"
 

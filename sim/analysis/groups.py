@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of, with_cell
-from sim.analysis.planner_labels import entrant, planner_labels
+from sim.analysis.cell_text import Cell, append_cell, cell_text, cells_of
+from sim.analysis.planner_labels import format_entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
@@ -43,7 +43,7 @@ class Group:
     @property
     def title(self) -> str:
         """Planner and cell."""
-        return with_cell(self.planner, self.cell)
+        return append_cell(self.planner, self.cell)
 
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN if it is undefined."""
@@ -84,11 +84,11 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
     labels = planner_labels(rows, given)
     found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
-        group = found[cell, labels[entrant(row)]]
+        group = found[cell, labels[format_entrant(row)]]
         run = Run(row.seed, row.repeat)
         if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
-            text = f"{entrant(row)}, {format_seed(*run)} is there twice{place}"
+            text = f"{format_entrant(row)}, {format_seed(*run)} is there twice{place}"
             raise InputError(f"study: {text}; flights with other settings or other code need a folder of their own")
         group[run] = row
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner_loading import with_options
+from planning.planner_loading import add_options
 from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.differences import common_values
 from sim.analysis.groups import Group
@@ -52,14 +52,14 @@ def score_planners(
     """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""
     if score is None:
         return None
-    ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
+    ends, metric = find_score_ends(rows, score, given), metric_shown(score.metric)
     found = scores(groups, metric, ends)
     return Scored(found, metric, ends) if found else None
 
 
-def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> Ends:
+def find_score_ends(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> Ends:
     """Labels of floor and bound; InputError if the rows lack one."""
-    bound = with_options(score.bound, {VIEW: "unlimited"})
+    bound = add_options(score.bound, {VIEW: "unlimited"})
     return Ends(
         floor=baseline_of(rows, score.floor, given, "score.floor"),
         bound=baseline_of(rows, bound, given, "score.bound"),

@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
-from planning.planner_loading import split_options, with_options
+from planning.planner_loading import add_options, split_options
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.study.cells import COMPARED_FACTORS, TRACKER, VIEW
 from sim.study.tasks import Row
@@ -14,15 +14,15 @@ BOUND = ", upper bound"  # end of the label of a planner that sees the truth
 Key = tuple[str, str]
 
 
-def entrant(row: Placed) -> str:
+def format_entrant(row: Placed) -> str:
     """Text of a trial's entrant in a comparison: its planner, with tracker and view if the study varies them."""
-    return with_options(row.planner, _entered(row))
+    return add_options(row.planner, _entered(row))
 
 
 def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
-    """Label of each entrant, with a remark if it is an upper bound; given: the user's labels, as from `labels_of`."""
+    """Label of each entrant, with a remark if it is an upper bound; given: labels from `parse_labels`."""
     flown = [row for row in rows if isinstance(row, Row)]
-    bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
+    bounds = {format_entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _own_labels(rows).items()}
 
 
@@ -39,7 +39,7 @@ def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
         places = [cell for own in flies.values() for cell in own]
         if len(flies) > 1 and len(set(places)) == len(places):
             shared[key] = _shared(key[0], list(flies))
-    return {entrant(row): with_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
+    return {format_entrant(row): add_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
 
 
 def _entered(row: Placed) -> dict[str, str]:
@@ -68,12 +68,12 @@ def baseline_of(
         raise InputError("study: it has no trials to compare")
     own, shown = _own_labels(rows), planner_labels(rows, given)
     if baseline is None:
-        return shown[entrant(rows[0])]
+        return shown[format_entrant(rows[0])]
     meant = _named(own, baseline.removesuffix(BOUND), option, given)
     return next(shown[text] for text, label in own.items() if label == meant)
 
 
-def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
+def parse_labels(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
     """The user's labels, given as "label=planner", by the labels that they replace; InputError if one is invalid."""
     labels = _own_labels(rows)
     found: dict[str, str] = {}

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim.calibration.scenes import TILTS, Pair, Sample, pairs, samples, tilted
+from sim.calibration.scenes import TILTS, Pair, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
 from tracking.detection.blob_detector import locate_people
 from tracking.detection.partial_visibility import find_places
 from tracking.geometry.visibility import Forest
@@ -70,8 +70,8 @@ def tilt_bins(seed: int, frames: int) -> list[Bin]:
     bins = []
     for tilt, sway in ((0.0, 0.0), *TILTS):
         rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
-        views = tilted(rng, tilt, frames, sway)
-        people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
+        views = draw_tilted_attitudes(rng, tilt, frames, sway)
+        people = (s for s in draw_samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
         whole = [s for s in people if find_places(s.frame, s.blob, s.forest) is None]
         mount = f"tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
         bins.append(Bin.of(f"whole, {mount}", nees(whole)))
@@ -86,6 +86,6 @@ def pair_bins(seed: int, frames: int) -> list[Bin]:
         for tilt, sway in mounts:
             rng = np.random.default_rng([seed, 6, int(tilt), int(sway)])
             count = frames // len(mounts)
-            population += pairs(rng, frames=count, attitudes=tilted(rng, tilt, count, sway))
+            population += draw_pairs(rng, frames=count, attitudes=draw_tilted_attitudes(rng, tilt, count, sway))
         bins.append(Bin.of(f"told apart, {name}", _nees_of_pairs(population)))
     return bins

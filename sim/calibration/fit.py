@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from sim.calibration.scenes import ALTITUDES, LEVEL, TILTS, Sample, pairs, samples, tilted
+from sim.calibration.scenes import ALTITUDES, LEVEL, TILTS, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
 from sim.scenario.environment import Area, Trees
 from sim.world.forest import grow
 from tracking.detection.blob_detector import locate_people
@@ -26,7 +26,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
     for k, (pixels, altitudes) in enumerate((p, a) for p in (96, 128, 192, 256) for a in (ALTITUDES, _OTHERS)):
         rng = np.random.default_rng([seed, 2, k])
         count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
-        people += samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
+        people += draw_samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
     tangent, footprints, errors = _sight_errors(people)
     gsd, (radial, tangential) = footprints[:, 0], errors.T  # level cameras have square pixels on the ground
     powers = tangent[:, None] ** np.arange(3)
@@ -71,8 +71,8 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
     people: list[Sample] = []
     for k, (tilt, sway) in enumerate(TILTS):
         rng = np.random.default_rng([seed, 3, k])
-        views = tilted(rng, tilt, frames, sway)
-        people += samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
+        views = draw_tilted_attitudes(rng, tilt, frames, sway)
+        people += draw_samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
     tangents, pixels, errors = _sight_errors([sample for sample in people if len(sample.blobs) == 1])
     start = np.array([*WHOLE.powers, WHOLE.stretch])
     found = _minimise(
@@ -91,7 +91,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     cases = []
     for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
         rng = np.random.default_rng([seed, 4, k])
-        for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
+        for pair in draw_pairs(rng, frames=frames, attitudes=draw_tilted_attitudes(rng, tilt, frames, sway)):
             found = locate_people(pair.frame, pair.blobs, Forest(()))
             lens = pair.frame.camera.lens(pair.frame.pose)
             axes, tangents = sight_axes(lens, found.ground)
@@ -121,20 +121,20 @@ def _whole(x: Array) -> WholeError:
     return WholeError(*x[:3].tolist(), *((a, b) for a, b in x[3:].reshape(-1, 2).tolist()))
 
 
-def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
+def sample_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
     """Samples from `frames` frames over each of four forests."""
     out: list[Sample] = []
     for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
         trees = Trees(density=density, canopy_radius=radius)
         forest = grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k]))
         rng = np.random.default_rng([seed, 1, k])
-        out += samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
+        out += draw_samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
     return out
 
 
 def fit_part(seed: int, frames: int) -> PartError:
     """Maximum-likelihood constants for people seen in part, at four resolutions of equal weight."""
-    people = [s for k in (256, 192, 128, 96) for s in people_in_forests(seed + k, frames, k)]
+    people = [s for k in (256, 192, 128, 96) for s in sample_forests(seed + k, frames, k)]
     found = ((find_places(s.frame, s.blob, s.forest), s.person) for s in people)
     cases = [(places, person) for places, person in found if places is not None]
 

@@ -33,7 +33,9 @@ def main() -> None:
 def fly_and_fit() -> tuple[Array, int]:
     """The table, as from `fit`, of missions in `WORLDS` on `SEEDS`, and the number of its rows."""
     planner = load_planner(PLANNER)
-    rows = np.concatenate([states(Mission(load(world), planner, seed)) for world, seed in product(WORLDS, SEEDS)])
+    rows = np.concatenate(
+        [collect_states(Mission(load(world), planner, seed)) for world, seed in product(WORLDS, SEEDS)]
+    )
     return fit(rows), len(rows)
 
 
@@ -58,7 +60,7 @@ def _weights(places: Array, count: int) -> Array:
     return np.maximum(1.0 - np.abs(np.clip(places, 0, count - 1)[:, None] - np.arange(count)), 0.0)
 
 
-def states(mission: Mission) -> Array:
+def collect_states(mission: Mission) -> Array:
     """Rows as in `fit` of all UAVs' tracks within `CUTOFF` of a person, at each second that has the future after it."""
     vehicles = mission.team[0].vehicles
     views = np.array([view_quadrangle(v) for v in vehicles])

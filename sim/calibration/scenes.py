@@ -71,7 +71,7 @@ class Pair:
     people: Array  # (2, 2) m, in the order of the blobs
 
 
-def samples(
+def draw_samples(
     rng: np.random.Generator,
     forest: Forest,
     *,
@@ -132,7 +132,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
     return np.array(people)
 
 
-def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] = (LEVEL,)) -> Iterator[Pair]:
+def draw_pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] = (LEVEL,)) -> Iterator[Pair]:
     """Pairs that touch and were told apart, in frames in the open with random distances, headings and places."""
     camera = Camera(math.radians(60), 128)
     with World(Scenario(uavs=(Uav(start=(74.0, 49.0)),)), Forest(()), 2) as world:
@@ -170,7 +170,7 @@ def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
     return [0, 1] if gaps[0, 0] + gaps[1, 1] <= gaps[0, 1] + gaps[1, 0] else [1, 0]
 
 
-def tilted(rng: np.random.Generator, tilt_deg: float, count: int, sway_deg: float = 0.0) -> list[Array]:
+def draw_tilted_attitudes(rng: np.random.Generator, tilt_deg: float, count: int, sway_deg: float = 0.0) -> list[Array]:
     """Quaternions (4,) of cameras mounted at an angle off nadir, on a gimbal or, if it sways, on a body.
 
     The body has any heading, and roll and pitch up to `sway_deg`.

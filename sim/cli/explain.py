@@ -12,19 +12,19 @@ from sim.cli.recordings import check_new, folder_of
 from sim.drawing.lettering import TextGroup
 from sim.drawing.plots import save
 from sim.recording.atomic_files import claim_place, write_whole
-from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, when_text
-from sim.replay.explain.explanation import explanation, stretches
+from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times
+from sim.replay.explain.explanation import explain_person, find_stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
-from sim.replay.explain.track_story import TrackFacts, track_story
+from sim.replay.explain.track_story import TrackFacts, tell_track_story
 from sim.replay.flight import Flight, load
 from sim.replay.frames.frame_panels import png, scans_between
 from sim.replay.link_outages import link_outages
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
 from sim.terminal.commands import Recorded
-from sim.terminal.console import console, remark, show_place
+from sim.terminal.console import console, print_remarks, show_place
 from tracking.errors import InputError
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
@@ -58,7 +58,7 @@ def explain(
     flight = load(recorded)
     recording = flight.recording
     scan = None if moment is None else scans_between(recording, moment, None)[0]
-    remark(*find_small_people(recording.setting))
+    print_remarks(*find_small_people(recording.setting))
     people = recording.people.shape[1]
     person = None if target is None else _read_index(target, "--target", people, "no person walked in this mission")
     if track is not None:
@@ -88,7 +88,7 @@ def _read_index(text: str, option: str, count: int, lacking: str) -> int:
 def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
     with Observer(flight) as observer:
         facts = PersonFacts.of(observer, scan, person)
-        groups = explanation(facts)
+        groups = explain_person(facts)
         page = draw_explanation(observer, facts, groups)
     with write_whole(path) as part:
         part.write_bytes(png(page))
@@ -98,7 +98,7 @@ def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
 
 def _explain_track(flight: Flight, number: int) -> None:
     with Observer(flight) as observer:
-        _print(track_story(TrackFacts(observer, number)))
+        _print(tell_track_story(TrackFacts(observer, number)))
 
 
 def _print(groups: list[TextGroup]) -> None:
@@ -146,9 +146,9 @@ def _find_other_events(flight: Flight) -> list[Event]:
 def _print_stretches(flight: Flight, person: int) -> None:
     console.print(f"[bold]person {person}[/bold]")
     table = Table.grid(padding=(0, 2))
-    for begin, end, held, seen in stretches(flight.history, person):
+    for begin, end, held, seen in find_stretches(flight.history, person):
         style = _STYLES.get(held, "")
-        table.add_row(f"  {when_text(begin, end)}", f"[{style}]{held}[/]" if style else held, seen)
+        table.add_row(f"  {format_times(begin, end)}", f"[{style}]{held}[/]" if style else held, seen)
     console.print(table)
 
 

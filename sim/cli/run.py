@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 from planning.planners import DEFAULT_PLANNER
-from sim.evaluation.summary import results_table
+from sim.evaluation.summary import make_results_table
 from sim.mission.trial import Trial, prefix_errors
 from sim.recording.atomic_files import PlaceTaken, claim_place
 from sim.replay.history import fleet_text
@@ -21,7 +21,7 @@ from sim.scenario.loading import load, place_of
 from sim.scenario.quantities import parse_duration, parse_seed_and_repeat
 from sim.scenario.remarks import find_remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
-from sim.terminal.console import console, remark, say, show_files, show_place
+from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
 from sim.world.recorded_people import describe_trajectories
 from sim.world.stem_map import find_unused_columns
@@ -69,7 +69,7 @@ def run(
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     with prefix_errors(trial.place):
         people, doubts = describe_trajectories(setting)
-        remark(*find_remarks(setting), *find_unused_columns(setting.trees), *doubts)
+        print_remarks(*find_remarks(setting), *find_unused_columns(setting.trees), *doubts)
     if people:
         say(people)
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
@@ -91,7 +91,7 @@ def run(
 def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     """Print the results of a mission and the place of its files."""
     _show_faults(summary["faults"])
-    console.print(results_table(summary))
+    console.print(make_results_table(summary))
     show_files(folder)
     show_place("People lost, when and why", f"understory explain {shlex.quote(str(folder))}")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 from rich.markup import escape
 
-from sim.analysis.normalised_score import ends_of
-from sim.analysis.planner_labels import baseline_of, entrant, labels_of
+from sim.analysis.normalised_score import find_score_ends
+from sim.analysis.planner_labels import baseline_of, format_entrant, parse_labels
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import versions
 from sim.mission.trial import Trial, prefix_errors
@@ -28,7 +28,7 @@ from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study
 from sim.study.tasks import Row, Task
-from sim.terminal.console import console, fail, remark
+from sim.terminal.console import console, fail, print_remarks
 from sim.terminal.progress import show_study_progress
 from sim.world.recorded_people import describe_trajectories
 from sim.world.stem_map import find_unused_columns
@@ -39,10 +39,10 @@ def make_facts(
     study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
 ) -> About:
     """Facts for the report of a study; InputError if they name planners or metrics that its trials will not have."""
-    given = labels_of(listed, labels)
+    given = parse_labels(listed, labels)
     baseline_of(listed, baseline, given)
     if study.score:
-        ends_of(listed, study.score, given)
+        find_score_ends(listed, study.score, given)
         check_known(study.at("score.metric"), study.score.metric, [*METRICS, *metrics])
     return About(study.name, study.description, baseline=baseline, labels=given, metrics=metrics, score=study.score)
 
@@ -51,7 +51,7 @@ def fly_study(
     study: Study, listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
 ) -> list[Row]:
     """Fly a study and return the rows of all trials; on failure, exit with a message on how to continue."""
-    remark(*dict.fromkeys(line for task in listed for line in find_remarks(task.setting)))
+    print_remarks(*dict.fromkeys(line for task in listed for line in find_remarks(task.setting)))
     kept: int | None = None
     again = 0
     try:
@@ -63,10 +63,12 @@ def fly_study(
                 flown = {} if options.redo else store.read_finished_rows(listed)
                 _check_missions(study, [task for task in listed if task.key not in flown])
             maps = dict.fromkeys(task.setting.trees for task in listed)
-            remark(*dict.fromkeys(line for trees in maps for line in find_unused_columns(trees)))
+            print_remarks(*dict.fromkeys(line for trees in maps for line in find_unused_columns(trees)))
             files = {(task.setting.people, task.setting.area): task.setting for task in listed}
-            remark(*dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1]))
-            remark(*_remarks_on_others(store, listed))
+            print_remarks(
+                *dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1])
+            )
+            print_remarks(*_remarks_on_others(store, listed))
             with show_study_progress(len(listed)) as progress:
 
                 def on_row(task: Task, row: Row, fresh: bool) -> None:
@@ -151,5 +153,5 @@ def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
     if failures:
         first = failures[0]
-        place = f"{entrant(first)}, {format_seed(first.seed, first.repeat)}"
+        place = f"{format_entrant(first)}, {format_seed(first.seed, first.repeat)}"
         fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)

@@ -13,7 +13,7 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from sim.drawing.labels import with_numbers
+from sim.drawing.labels import number_tracks
 from sim.drawing.layout import GAP, Box, Parts, parts_in
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
@@ -112,7 +112,7 @@ class Film:
         """The snapshot with numbered tracks, and the states (M,) of people, which depend on earlier snapshots."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)
-        numbered = with_numbers(snapshot, self._numbers)
+        numbered = number_tracks(snapshot, self._numbers)
         return numbered, self._holding.step(numbered)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:

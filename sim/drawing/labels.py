@@ -24,7 +24,7 @@ _LITTLE = 20.0  # pixels that a name which is not needed may cover
 _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
-def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
+def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     """The snapshot with readable numbers in place of track ids; new tracks are added to `numbers`."""
     for track in (track for held in snapshot.tracks for track in held):
         numbers.setdefault(track.id, len(numbers))
@@ -37,9 +37,9 @@ def track_name(track: Track) -> str:
     return f"{track.id}{'' if track.reported else '?'}"
 
 
-def numbered_snapshot(recording: Recording, k: int) -> Snapshot:
+def number_snapshot(recording: Recording, k: int) -> Snapshot:
     """Scan k of a recording with numbered tracks."""
-    return with_numbers(recording.snapshot(k), recording.track_numbers)
+    return number_tracks(recording.snapshot(k), recording.track_numbers)
 
 
 class Labels:

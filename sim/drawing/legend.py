@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, width, write
-from sim.drawing.marks import cross, detection, person, quadrotor
+from sim.drawing.marks import cross, detection, draw_person_mark, quadrotor
 from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, TRUNK, UNHELD_COLOURS, track_colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
@@ -25,9 +25,9 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
     if owner:
         entries.append((_tree, "tree"))
         for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
-            entries.append((partial(person, heading=0.0, view=view), text))
+            entries.append((partial(draw_person_mark, heading=0.0, view=view), text))
         for hold in UNHELD_COLOURS:
-            entries.append((partial(person, heading=0.0, view="seen", hold=hold), hold))
+            entries.append((partial(draw_person_mark, heading=0.0, view="seen", hold=hold), hold))
     entries.append((_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
         entries += [(_uav, "UAV, view"), (_intent, "intent")]

@@ -10,9 +10,9 @@ import numpy as np
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import Labels, numbered_snapshot, track_name
+from sim.drawing.labels import Labels, number_snapshot, track_name
 from sim.drawing.lettering import Image, TextStyle
-from sim.drawing.marks import broken, cross, person, quadrotor
+from sim.drawing.marks import cross, draw_broken_mark, draw_person_mark, quadrotor
 from sim.drawing.palette import INK, PANEL, mix, track_colour, uav_colour, uav_dashes
 from sim.drawing.strokes import SHIFT, dashes_along, disc, stroke, strokes, to_fixed_point
 from sim.evaluation.holding import HOLDS
@@ -108,7 +108,7 @@ class MapView:
             if i in working:
                 quadrotor(image, at, uav_colour(i), self._mark)
             else:
-                broken(image, at)
+                draw_broken_mark(image, at)
         labels.reserve(uavs, 8.0 * self._mark)
         tracks = self.shown_tracks(snapshot)
         means, covariances = beliefs_of(tracks)
@@ -129,9 +129,9 @@ class MapView:
         holds (M,): states of people at the scan, as indices into `HOLDS`.
         """
         for earlier in range(max(0, k - round(self._reach * self._rate)), k):
-            self.follow(numbered_snapshot(recording, earlier))
+            self.follow(number_snapshot(recording, earlier))
         image = np.empty_like(self._ground)
-        return image, self.draw(image, numbered_snapshot(recording, k), holds)
+        return image, self.draw(image, number_snapshot(recording, k), holds)
 
     @staticmethod
     def shown_tracks(snapshot: Snapshot) -> tuple[Track, ...]:
@@ -196,10 +196,10 @@ class MapView:
         views = self._people_views(snapshot)
         for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
             if not np.isnan(place[0]):
-                person(image, self.pixels(place), heading, view=view, hold=HOLDS[hold], size=self._mark)
+                draw_person_mark(image, self.pixels(place), heading, view=view, hold=HOLDS[hold], size=self._mark)
 
     def _people_views(self, snapshot: Snapshot) -> list[str]:
-        """States of people in the last frames of the cameras, in the form that `person` takes."""
+        """States of people in the last frames of the cameras, in the form that `draw_person_mark` takes."""
         seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
         for i in snapshot.working:
             last = self._last.get(i, snapshot)

@@ -32,7 +32,7 @@ def quadrotor(image: Image, centre: Array, colour: Colour, size: float = 1.0) ->
         disc(image, rotor, 1.5 * size, PANEL)
 
 
-def broken(image: Image, centre: Array) -> None:
+def draw_broken_mark(image: Image, centre: Array) -> None:
     """Draw the mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
     for ink, thickness in ((PANEL, 6), (ALARM, 3)):
         for way in (1.0, -1.0):
@@ -47,7 +47,9 @@ def detection(image: Image, centre: Array, reach: float) -> None:
     disc(image, centre, reach, DETECTION, 2)
 
 
-def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "", size: float = 1.0) -> None:
+def draw_person_mark(
+    image: Image, centre: Array, heading: float, *, view: str, hold: str = "", size: float = 1.0
+) -> None:
     """Draw a person's mark at a pixel (2,), with a ring if no UAV holds the person.
 
     view: "seen" gives a full disc, "hidden" a hollow one, and "out of view" a grey one. hold: one of `HOLDS`.

@@ -62,7 +62,7 @@ def track_colour(track: int) -> Colour:
     return TRACK_COLOURS[track % len(TRACK_COLOURS)]
 
 
-def on_dark(colour: Colour) -> Colour:
+def lighten(colour: Colour) -> Colour:
     """The colour, lightened so that it is legible on a dark background."""
     return mix((255, 255, 255), colour, 0.45)
 

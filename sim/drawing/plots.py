@@ -57,7 +57,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
             fontsize=12,
             fontweight="bold",
         )
-        rows = by_rows(axes.get_legend_handles_labels()[0], 6)
+        rows = order_by_rows(axes.get_legend_handles_labels()[0], 6)
         axes.legend(handles=rows, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
     return figure
 
@@ -80,7 +80,7 @@ def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]
         yield figure
 
 
-def by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
+def order_by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
     """Entries of a legend in the order that Matplotlib, which fills its columns one by one, shows row by row."""
     return [entry for column in range(columns) for entry in entries[column::columns]]
 

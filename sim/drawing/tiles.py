@@ -5,7 +5,7 @@ import numpy as np
 
 from sim.drawing.labels import Labels, track_name
 from sim.drawing.lettering import Image, TextStyle, width, write
-from sim.drawing.marks import broken, cross, detection
+from sim.drawing.marks import cross, detection, draw_broken_mark
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
@@ -40,7 +40,7 @@ def draw_broken(image: Image, uav: int) -> None:
     _fill(image, FAINT)
     _fill(image[BORDER:-BORDER, BORDER:-BORDER], LINE)
     middle = image.shape[0] / 2
-    broken(image, np.array([middle, middle - 12]))
+    draw_broken_mark(image, np.array([middle, middle - 12]))
     write(image, "broken down", (middle, middle + 18), TextStyle(13, INK, True), align=0.5)
     _name(image, uav, FAINT)
 

@@ -11,7 +11,7 @@ from planning.planner import Situation
 from sim.drawing.film import Film
 from sim.evaluation.score import FAR
 from sim.mission.mission import Mission
-from sim.mission.snapshot import Snapshot, reported_positions
+from sim.mission.snapshot import Snapshot, find_reported_positions
 from sim.replay.flight import Flight
 from sim.running.results import record
 from sim.scenario.scenario import Scenario
@@ -76,7 +76,7 @@ class Episode:
         metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             metrics["ospa"] = float(self.now.ospa[uav, 0])
-            metrics["gospa"] = gospa(reported_positions(self.now.tracks[uav]), self.people, FAR).distance
+            metrics["gospa"] = gospa(find_reported_positions(self.now.tracks[uav]), self.people, FAR).distance
         return metrics
 
     def draw(self) -> NDArray[np.uint8]:

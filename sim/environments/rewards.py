@@ -7,7 +7,7 @@ import numpy as np
 
 from planning.planner import Situation
 from sim.evaluation.score import FAR
-from sim.mission.snapshot import reported_positions
+from sim.mission.snapshot import find_reported_positions
 from tracking.errors import check_known
 from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
@@ -37,7 +37,7 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 def true_gospa(situation: Situation, people: Array) -> float:
     """Negative GOSPA [m] between the UAV's reported tracks and the true people, cut-off 10 m; for training only."""
-    return -gospa(reported_positions(situation.tracks), people, FAR).distance
+    return -gospa(find_reported_positions(situation.tracks), people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_bytes
+from sim.evaluation.fleet_facts import count_bytes_sent, disagreement, list_contacts, plan_bytes
 from sim.evaluation.metric import Better, Metric, Of, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.evaluation.searching import times_to_find
@@ -182,17 +182,17 @@ METRICS = {
         "recall": _share("detection recall", _recall, "detection.recall"),
         "precision": _share("detection precision", _precision, "detection.precision"),
         "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),
-        "bytes_per_scan_mean": _sent("sent by a UAV per scan", bytes_sent, np.mean, "kB", "bytes_per_scan_mean"),
+        "bytes_per_scan_mean": _sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB", "bytes_per_scan_mean"),
         "bytes_per_scan_max": _sent(
-            "sent by a UAV in one scan at most", bytes_sent, np.max, "kB", "bytes_per_scan_max"
+            "sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB", "bytes_per_scan_max"
         ),
-        "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
+        "bytes_total": _sent("sent by all UAVs", count_bytes_sent, np.sum, "MB", "bytes_total"),
         "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
         "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
         "faults": Metric(
             "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
         ),
-        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), in_summary=False),
+        "contacts": Metric("contacts", lambda o: len(list_contacts(o.recording)), in_summary=False),
         "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),
         "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),

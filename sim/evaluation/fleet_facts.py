@@ -21,7 +21,7 @@ def mean_ospa(ospa: Array) -> Array:
     return mean
 
 
-def contacts(recording: Recording) -> list[dict[str, Any]]:
+def list_contacts(recording: Recording) -> list[dict[str, Any]]:
     """Contacts, each with UAV, touched body, and times [s] of first and last scan; a lasting contact counts once."""
     found: list[dict[str, Any]] = []
     open_: dict[tuple[int, ...], tuple[int, dict[str, Any]]] = {}
@@ -36,7 +36,7 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
     return found
 
 
-def bytes_sent(recording: Recording) -> Indices | None:
+def count_bytes_sent(recording: Recording) -> Indices | None:
     """Bytes (N,) of messages per scan and working UAV; None if none works."""
     return _counted(recording.bytes_sent, recording.working)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Snapshot, reported_positions
+from sim.mission.snapshot import Snapshot, find_reported_positions
 from tracking.metrics.clearmot import Matcher
 from tracking.numerics.arrays import Flags, Indices
 
@@ -41,7 +41,7 @@ class Holding:
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
             own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = reported_positions(known)
+            places[own] = find_reported_positions(known)
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from sim.recording.recording import Recording
-from tracking.metrics.clearmot import Matcher, correspondence, fragmentations, switches
+from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -121,7 +121,7 @@ def score(recording: Recording, uav: int) -> Score:
     on = recording.working[:, uav]
     believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
-    near = correspondence(tracks, people, HELD)
+    near = find_correspondence(tracks, people, HELD)
     present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
@@ -138,8 +138,8 @@ def score(recording: Recording, uav: int) -> Score:
         ospa2=ospa2(tracks, people).distance if len(people) else np.nan,
         held=near >= 0,
         present=present,
-        switches=int(switches(near).sum()),
-        fragmentations=int(fragmentations(near, present).sum()),
+        switches=int(count_switches(near).sum()),
+        fragmentations=int(count_fragmentations(near, present).sum()),
         position_nees=squared_distance(errors[:, :2], P[:, :2, :2]),
         state_nees=squared_distance(errors[moving], P[moving]),
         left_out=int(reported.sum()) - len(k),

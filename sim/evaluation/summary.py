@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.evaluation.catalogue import METRICS, evaluate, find_metric
-from sim.evaluation.fleet_facts import contacts, plan_bytes
+from sim.evaluation.fleet_facts import list_contacts, plan_bytes
 from sim.evaluation.machine import machine, versions
 from sim.evaluation.metric import Metric, Outcome, mean
 from sim.evaluation.score import FAR, HELD, Score
@@ -55,7 +55,7 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
         "faults": [
             {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
         ],
-        "contacts": contacts(recording),
+        "contacts": list_contacts(recording),
         "planning_s": [round(lap, 6) for lap in outcome.planning_s],
     }
 
@@ -136,7 +136,7 @@ def recording_title(recording: Recording) -> str:
     return f"{planner_title(recording.planner, recording.sees_truth)}, {format_seed(recording.seed, recording.repeat)}"
 
 
-def results_table(summary: Mapping[str, Any]) -> Table:
+def make_results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as a table, as shown at the end of a run."""
     flown = format_seed(summary["seed"], summary["repeat"])
     title = f"{planner_title(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"

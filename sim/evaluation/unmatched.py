@@ -9,7 +9,7 @@ import numpy as np
 from sim.evaluation.holding import episodes
 from sim.evaluation.score import FAR, HELD, Held, find_reported_tracks
 from sim.recording.recording import Recording
-from tracking.metrics.clearmot import correspondence
+from tracking.metrics.clearmot import find_correspondence
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -34,7 +34,7 @@ class Unmatched:
 
 def find_standing_tracks(held: Held, people: Array) -> Indices:
     """Ids (K, M) of one UAV's tracks that stand for people (K, M, 2) m, as in CLEAR MOT; -1 for none."""
-    columns = correspondence(held.means[:, :, :2], people, HELD)
+    columns = find_correspondence(held.means[:, :, :2], people, HELD)
     return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
 
 
@@ -74,7 +74,7 @@ def _find_unmatched(held: Held, standing: Indices, people: Array) -> Flags:
     lost = np.where((standing >= 0)[:, :, None], np.nan, people)
     free = ~np.isnan(places[:, :, 0])
     scans = np.flatnonzero(free.any(axis=1))  # scans without such a track do not affect the correspondence
-    matched = correspondence(places[scans], lost[scans], FAR)
+    matched = find_correspondence(places[scans], lost[scans], FAR)
     k, m = np.nonzero(matched >= 0)
     free[scans[k], matched[k, m]] = False
     return free

@@ -25,7 +25,7 @@ from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
-from sim.mission.tracker_setup import planned_motion
+from sim.mission.tracker_setup import make_planned_motion
 from sim.mission.world_setup import forest_and_people
 from sim.processes.workers import count_cores
 from sim.scenario.environment import Trees, Wind
@@ -145,7 +145,7 @@ def _predict() -> tuple[Situation, Composed, PredictedBelief]:
     """A situation, the default planner and what it predicts."""
     planner = load_planner(DEFAULT_PLANNER)
     assert isinstance(planner, Composed)
-    situation = replace(flying_team()[0], motion=planned_motion(Scenario()))
+    situation = replace(flying_team()[0], motion=make_planned_motion(Scenario()))
     return situation, planner, planner.propagator.predict(situation, planner.horizon, np.random.default_rng(0))
 
 

@@ -10,7 +10,7 @@ from planning.planner import Exchange, Situation
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
 from sim.mission.tracker_fleet import make_trackers, step_trackers
-from sim.mission.tracker_setup import planned_motion
+from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of, view_of
 from sim.sensing.sensors import Observation
@@ -85,7 +85,7 @@ class Knowledge:
                     tracks=self._trackers[i].tracks,
                     forest=self._known_forest,
                     area=self._area,
-                    motion=planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
+                    motion=make_planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
                     undetected=self._undetected[i].belief,
                 )
             )

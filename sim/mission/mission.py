@@ -12,7 +12,7 @@ from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
-from sim.mission.snapshot import Snapshot, reported_positions
+from sim.mission.snapshot import Snapshot, find_reported_positions
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.wind import Air
 from sim.mission.world_setup import draw_starts, forest_and_people
@@ -190,7 +190,7 @@ class Mission:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m; NaN after a breakdown."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            errors[i] = ospa(reported_positions(tracks[i]), present)
+            errors[i] = ospa(find_reported_positions(tracks[i]), present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> Snapshot:

@@ -48,6 +48,6 @@ class Snapshot:
         return float(self.ospa[self.working, 0].mean()) if self.working else math.nan
 
 
-def reported_positions(tracks: Sequence[Track]) -> Array:
+def find_reported_positions(tracks: Sequence[Track]) -> Array:
     """Positions (N, 2) m of the reported tracks, which metrics compare with the positions of people."""
     return np.array([track.belief.mean[:2] for track in tracks if track.reported], dtype=float).reshape(-1, 2)

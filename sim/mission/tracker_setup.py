@@ -19,7 +19,7 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion)
 
 
-def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
+def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
     """Motion model of people with which planners predict over a planning step, scan by scan as the trackers do.
 
     learned: the present motion model of a UAV's tracker, if it has one.

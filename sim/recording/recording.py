@@ -19,7 +19,7 @@ from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.track import UNLIKELY, Scan, Track, tracks_of
+from tracking.track import UNLIKELY, Scan, Track, make_tracks
 
 VERSION = 1
 # Tables with a row for each scan, which have the same names in snapshots.
@@ -146,7 +146,7 @@ class Recording:
         rows = self._rows(self.track_offsets, k, uav)
         certain = np.nan_to_num(self.track_existence[rows], nan=1.0)
         beliefs = self.track_means[rows], self.track_covariances[rows]
-        return tracks_of(self.track_ids[rows], *beliefs, certain, self.track_sightings[rows])
+        return make_tracks(self.track_ids[rows], *beliefs, certain, self.track_sightings[rows])
 
     def track_ids_at(self, k: int, uav: int) -> Indices:
         """Ids (N,) of the tracks of one UAV after scan k."""

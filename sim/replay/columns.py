@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.evaluation.score import velocities
 from sim.recording.recording import Recording
-from sim.replay.event import Event, ends
+from sim.replay.event import Event, find_ends
 from sim.replay.history import STATES, History
 
 Column = NDArray[Any]
@@ -96,7 +96,7 @@ def _sightings(r: Recording, history: History) -> Columns:
 
 def _losses(r: Recording, history: History) -> Columns:
     lost = history.losses
-    begin, end = np.array([ends(r.times, loss.first, loss.last) for loss in lost]).reshape(-1, 2).T
+    begin, end = np.array([find_ends(r.times, loss.first, loss.last) for loss in lost]).reshape(-1, 2).T
     return {
         "person": np.array([loss.person for loss in lost], dtype=np.int64),
         "from_s": begin,

@@ -63,10 +63,10 @@ class Event:
     @property
     def when(self) -> str:
         """The time or times in words."""
-        return when_text(self.time, self.until)
+        return format_times(self.time, self.until)
 
 
-def ends(times: Array, first: int, last: int) -> tuple[float, float]:
+def find_ends(times: Array, first: int, last: int) -> tuple[float, float]:
     """Beginning and end [s] of the time that a first to a last scan represent, both included; times (K,) s.
 
     If a mission has a single scan, it represents one second.
@@ -76,13 +76,13 @@ def ends(times: Array, first: int, last: int) -> tuple[float, float]:
     return float(times[first]), float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1.0))
 
 
-def lasting(times: Array, first: int, last: int) -> tuple[float, float]:
+def find_lasting_ends(times: Array, first: int, last: int) -> tuple[float, float]:
     """Beginning and end [s] as for texts: the end is infinite if the last scan is that of the mission."""
-    begin, end = ends(times, first, last)
+    begin, end = find_ends(times, first, last)
     return begin, math.inf if last == len(times) - 1 else end
 
 
-def when_text(begin: float, end: float) -> str:
+def format_times(begin: float, end: float) -> str:
     """Times [s] in words; an infinite end means the mission's end."""
     if math.isinf(end):
         return f"from {begin:.1f} s to the end"

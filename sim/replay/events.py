@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from sim.evaluation.fleet_facts import contacts
+from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
-from sim.replay.event import KINDS, Event, ends, lasting
+from sim.replay.event import KINDS, Event, find_ends, find_lasting_ends
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.replay.recorded_fleet import links_of
 from sim.world.contacts import describe_body
@@ -40,7 +40,7 @@ def _at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) ->
 
 def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401
     """An event that lasts from a first to a last scan, both included."""
-    return Event(kind, text, *span, *lasting(recording.times, *span), **concerned)
+    return Event(kind, text, *span, *find_lasting_ends(recording.times, *span), **concerned)
 
 
 def _breakdowns(recording: Recording) -> Iterator[Event]:
@@ -67,7 +67,7 @@ def _faults(recording: Recording) -> Iterator[Event]:
 
 
 def _contacts(recording: Recording) -> Iterator[Event]:
-    for entry in contacts(recording):
+    for entry in list_contacts(recording):
         first, last = (int(np.argmin(np.abs(recording.times - entry[name]))) for name in ("time", "until"))
         text = f"UAV {entry['uav']} touched {describe_body(entry['kind'], entry['other'])}"
         yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(entry["uav"],))
@@ -133,7 +133,7 @@ def _identities(recording: Recording, history: History) -> Iterator[Event]:
 def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
     """Scan, kind, person, former person, number of the track and text of each change in the tracks (K, M) of one UAV.
 
-    Switches are those of `tracking.metrics.clearmot.switches`.
+    Switches are those of `tracking.metrics.clearmot.count_switches`.
     """
     last: dict[int, int] = {}  # by person
     owner: dict[int, int] = {}  # by track
@@ -185,7 +185,7 @@ def _causes(history: History, loss: Loss) -> str:
         for tree, fleet in having.items():
             uavs[key, tree].update(fleet)
     most = sorted(scans, key=lambda key: -scans[key])[:_MOST_CAUSES]
-    begin, end = ends(history.times, 0, 0)  # of one scan
+    begin, end = find_ends(history.times, 0, 0)  # of one scan
     parts = []
     for key in (key for key in scans if key in most):
         state, between = key

@@ -18,14 +18,14 @@ from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, map_extent
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.catalogue import METRICS
-from sim.evaluation.fleet_facts import contacts
+from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import planner_title
 from sim.recording.archive import find_recording, save
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, arrays, columns, event_columns
-from sim.replay.event import Event, ends
+from sim.replay.event import Event, find_ends
 from sim.replay.events import events_of
 from sim.replay.frames.frame_panels import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer
@@ -115,7 +115,7 @@ class Flight:
         """The results of the mission in the form of the summary."""
         r = self.recording
         lost = [loss for loss in self.history.losses if loss.found]
-        spans = [ends(r.times, loss.first, loss.last) for loss in lost]
+        spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
         if unfound := len(self.history.losses) - len(lost):
@@ -133,7 +133,7 @@ class Flight:
             "people held": held,
             "losses": losses,
             "faults": str(len(r.all_faults)),
-            "contacts": str(len(contacts(r))),
+            "contacts": str(len(list_contacts(r))),
         }
 
     def __repr__(self) -> str:

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from sim.replay.event import Event, ends, lasting
+from sim.replay.event import Event, find_ends, find_lasting_ends
 from tracking.numerics.arrays import Array
 
 _CAUSES = "too far, cut or not there"
@@ -34,7 +34,7 @@ def link_outages(events: Sequence[Event], times: Array) -> list[Event]:
     for own in longest[:named]:
         text = f"no link between {_pairs_text(alike[own])}"
         if len(own) > 1:
-            seconds = sum(end - begin for begin, end in (ends(times, *outage) for outage in own))
+            seconds = sum(end - begin for begin, end in (find_ends(times, *outage) for outage in own))
             text += f", {len(own)} times, {seconds:.1f} s in all"
         found.append(_event(times, _Outage(own[0].first, own[-1].last), text))
     if rest := longest[named:]:
@@ -75,7 +75,7 @@ def _scans(outages: Iterable[_Outage]) -> int:
 
 
 def _event(times: Array, span: _Outage, text: str) -> Event:
-    return Event("link lost", text, *span, *lasting(times, *span), _CAUSES)
+    return Event("link lost", text, *span, *find_lasting_ends(times, *span), _CAUSES)
 
 
 def _pairs_text(pairs: Sequence[_Pair]) -> str:

@@ -13,7 +13,7 @@ from tracking.geometry.visibility import Forest
 
 
 @lru_cache(maxsize=1)  # with its grid
-def known_forest(recording: Recording) -> Forest:
+def make_known_forest(recording: Recording) -> Forest:
     """The map of trees with the occlusion that trackers and planners assumed."""
     return Forest(recording.forest.trees, recording.setting.sensing.occlusion)
 

@@ -12,10 +12,10 @@ from matplotlib.patches import Patch
 
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
-from sim.drawing.plots import by_rows, draw_mean, new_figure, rgb
+from sim.drawing.plots import draw_mean, new_figure, order_by_rows, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
-from sim.replay.event import IDENTITIES, Event, ends, lanes
+from sim.replay.event import IDENTITIES, Event, find_ends, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
 
@@ -91,12 +91,12 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
         above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
-        below.set_xlim(*ends(history.times, 0, len(history.times) - 1))
+        below.set_xlim(*find_ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         handles = _legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
         columns = 6 if uavs <= len(UAV_COLOURS) else 4
-        ordered = by_rows(handles, columns)
+        ordered = order_by_rows(handles, columns)
         figure.legend(handles=ordered, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     return figure
 
@@ -131,7 +131,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
     for event, lane in places.unmatched:
         top = places.unmatched_top + (lane + 0.2) * places.thin
         shade = rgb(_UNMATCHED[event.kind])
-        bars.append(Bar(*ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
+        bars.append(Bar(*find_ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
     for event in events:
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
@@ -186,7 +186,7 @@ def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
         for hold in ("lost", "not found yet", "held by some", "held"):
             height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
             if height:
-                bars.append(Bar(*ends(times, first, last), low, height, rgb(_HOLDS[hold])))
+                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(_HOLDS[hold])))
             low += height
     return bars
 
@@ -200,7 +200,7 @@ def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
             shade = rgb(shades[STATES[value]])
-            bars.append(Bar(*ends(times, first, last), top + inset, 1 - 2 * inset, shade))
+            bars.append(Bar(*find_ends(times, first, last), top + inset, 1 - 2 * inset, shade))
     return bars
 
 
@@ -208,7 +208,7 @@ def _hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar
     """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
     bars: list[Bar] = []
     for first, last, value in episodes(states):
-        start, end = ends(times, first, last)
+        start, end = find_ends(times, first, last)
         hold = HOLDS[value]
         if hold == "lost":
             bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
@@ -258,7 +258,7 @@ def _title(history: History) -> str:
     text = f"People held {100 * share:.1f} % of the time, {times}"
     if lost:
         worst = max(lost, key=lambda loss: loss.last - loss.first)
-        start, end = ends(history.times, worst.first, worst.last)
+        start, end = find_ends(history.times, worst.first, worst.last)
         text += f", longest: person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
     return text
 

@@ -13,7 +13,7 @@ from sim.drawing.palette import uav_colour
 from sim.recording.recording import Recording
 from sim.scenario.environment import Area
 from sim.sensing.cameras import camera_of
-from sim.world.engine import Engine, pybullet, refusal_of, silence, silence_c_code
+from sim.world.engine import Engine, explain_failure, pybullet, silence, silence_c_code
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -26,11 +26,11 @@ _ENDS = (ord("q"), 27)  # Q and Esc
 _TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.disconnect()"
 
 
-def refusal() -> str:
+def explain_refusal() -> str:
     """Reason why no window can be opened here; empty if one can."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         return "DISPLAY is not set"
-    return refusal_of("the display", _TRIAL)
+    return explain_failure("the display", _TRIAL)
 
 
 def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say: Callable[[str], None]) -> None:
@@ -39,7 +39,7 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
     People and UAVs move evenly between scans. The show ends with the last scan, by Q or Esc, or when the window is
     closed; the space bar pauses and continues it.
     """
-    reason = refusal()
+    reason = explain_refusal()
     if reason:
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
     setting = recording.setting

@@ -9,12 +9,12 @@ from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell
 from sim.report.answer_columns import make_entries
 from sim.report.sentences import notes, shortfalls
-from sim.report.tables import Table, answer_tables
+from sim.report.tables import Table, make_answer_tables
 
 
-def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
+def format_markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
     """Markdown with one table per metric, after the table of scores if there is one."""
-    parts = [_table_section(table) for table in ([scored] if scored else []) + answer_tables(found, baseline)]
+    parts = [_table_section(table) for table in ([scored] if scored else []) + make_answer_tables(found, baseline)]
     said = "\n".join(f"- {escape_markdown(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
 
@@ -22,11 +22,11 @@ def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None
 def _table_section(table: Table) -> str:
     names = _factors(row.cell for row in table.rows)
     rows = [map(escape_markdown, [*_levels(row.cell, names), *row.texts]) for row in table.rows]
-    shown = markdown_table(map(escape_markdown, [*names, *table.heads]), rows, texts=len(names) + 1)
+    shown = format_markdown_table(map(escape_markdown, [*names, *table.heads]), rows, texts=len(names) + 1)
     return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), shown])
 
 
-def markdown_table(heads: Iterable[str], rows: Iterable[Iterable[str]], *, texts: int | None = None) -> str:
+def format_markdown_table(heads: Iterable[str], rows: Iterable[Iterable[str]], *, texts: int | None = None) -> str:
     """A table in Markdown; columns after the first `texts`, by default none, are aligned to the right."""
     names = list(heads)
     rule = ["---" if texts is None or n < texts else "---:" for n in range(len(names))]

@@ -33,7 +33,7 @@ def bullet_list(lines: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
 
 
-def paragraph(text: str, kind: str = "") -> str:
+def make_paragraph(text: str, kind: str = "") -> str:
     """An HTML paragraph of plain text."""
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
@@ -43,7 +43,7 @@ def command_line(text: str) -> str:
     return f'<code class="command">{escape(text)}</code>'
 
 
-def titled_tables(tables: Iterable[Table]) -> str:
+def make_titled_tables(tables: Iterable[Table]) -> str:
     """Tables under their titles, which say which direction of the metric is better."""
     parts = []
     for table in tables:
@@ -65,10 +65,10 @@ def html_table(table: Table) -> str:
             first, *rest = map(escape, row.texts)
             entries = "".join(f"<td>{text}</td>" for text in rest)
             html.append(f'<tr><td class="name">{first}</td>{entries}</tr>')
-    return table_element(heads, html)
+    return make_table_element(heads, html)
 
 
-def table_element(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
+def make_table_element(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
     """The HTML element of a table from its headings and its rows of HTML."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "\n".join(_labelled(row, heads) for row in rows)

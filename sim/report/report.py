@@ -11,21 +11,29 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 
-from sim.analysis.answers import Answer, answers
-from sim.analysis.cell_text import SYMBOLS, cell_text, with_cell
+from sim.analysis.answers import Answer, find_answers
+from sim.analysis.cell_text import SYMBOLS, append_cell, cell_text
 from sim.analysis.coverage import COVERED
 from sim.analysis.groups import Group, constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.metric_choice import RUNTIME, available, choose_metrics, metric_shown
 from sim.analysis.normalised_score import score_planners
-from sim.analysis.planner_labels import baseline_of, entrant
+from sim.analysis.planner_labels import baseline_of, format_entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
-from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
-from sim.report.formats import comma_separated, markdown
-from sim.report.html_parts import Section, bullet_list, command_line, html_table, page, paragraph, titled_tables
-from sim.report.sentences import notes, shortfalls, verdict
-from sim.report.single_trials import failures, maps
-from sim.report.tables import answer_tables, runtime_tables, score_table
+from sim.report.figures.pictures import Picture, draw_pictures, runtime_pictures, score_picture
+from sim.report.formats import comma_separated, format_markdown
+from sim.report.html_parts import (
+    Section,
+    bullet_list,
+    command_line,
+    html_table,
+    make_paragraph,
+    make_titled_tables,
+    page,
+)
+from sim.report.sentences import notes, shortfalls, write_verdict
+from sim.report.single_trials import list_failures, maps
+from sim.report.tables import make_answer_tables, runtime_tables, score_table
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.errors import InputError
@@ -92,9 +100,9 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     baseline = baseline_of(rows, about.baseline, about.labels)
     every = group_rows(rows, baseline, about.labels)
     groups, metrics = drop_constant_factors(every), choose_metrics(rows, about.metrics)
-    found = answers(groups, metrics, baseline)
-    times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
-    drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
+    found = find_answers(groups, metrics, baseline)
+    times = find_answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
+    drawn, timing = draw_pictures(groups, baseline, metrics), runtime_pictures(groups)
     scores = score_planners(rows, groups, about.score, about.labels)
     scoring = [score_picture(scores.scores, scores.ends)] if scores else []
     table = score_table(scores, groups) if scores else None
@@ -104,18 +112,18 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     sections = [
         Section("In short", _in_short(found, baseline, metrics[0])),
         Section("What was run", _what_was_run(rows, every, about, baseline)),
-        *([Section("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        Section("Results", f"{bullet_list(notes(found))}\n{titled_tables(answer_tables(found, baseline))}"),
+        *([Section("Scores", make_paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
+        Section("Results", f"{bullet_list(notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}"),
         Section("Figures", _figures(drawn)),
-        *([Section("Run time", _figures(timing) + titled_tables(runtime_tables(times)))] if times else []),
+        *([Section("Run time", _figures(timing) + make_titled_tables(runtime_tables(times)))] if times else []),
         *_trials(groups, every, metrics[0]),
         Section("How to read this", bullet_list(_HOW_TO_READ)),
     ]
-    opening = f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"
+    opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
     files = {
         "report.html": page(f"{about.study}: understory", opening, sections).encode(),
         "table.csv": comma_separated(full_answers, baseline).encode(),
-        "table.md": markdown(found, baseline, table).encode(),
+        "table.md": format_markdown(found, baseline, table).encode(),
     }
     for picture in (*drawn, *timing, *scoring):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
@@ -144,9 +152,9 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
         "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
     )
     return [
-        *([Section(heading, paragraph(of_each) + table)] if places else []),
-        *([Section(f"Failures: {failed}", failures(every))] if failed else []),
-        *([Section("Fly them again", paragraph(hint) + places)] if places else []),
+        *([Section(heading, make_paragraph(of_each) + table)] if places else []),
+        *([Section(f"Failures: {failed}", list_failures(every))] if failed else []),
+        *([Section("Fly them again", make_paragraph(hint) + places)] if places else []),
     ]
 
 
@@ -156,7 +164,7 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     of_metric = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in of_metric if answer.cell is None}
     sentences = [
-        verdict(with_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
+        write_verdict(append_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
         for answer in of_metric
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
@@ -164,7 +172,9 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
     counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
-    return bullet_list(lines) + ((paragraph(counted) if sentences else "") + bullet_list(left_out) if left_out else "")
+    return bullet_list(lines) + (
+        (make_paragraph(counted) if sentences else "") + bullet_list(left_out) if left_out else ""
+    )
 
 
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
@@ -172,7 +182,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
-    planners = dict.fromkeys(entrant(row) for group in every for row in (*group.done, *group.failed))
+    planners = dict.fromkeys(format_entrant(row) for group in every for row in (*group.done, *group.failed))
     facts = [
         ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
         ("everywhere", cell_text(constant_factors(every))),
@@ -181,10 +191,10 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
         ("planners", "; ".join(planners)),
         ("labels", "; ".join(f"{label} is {planner}" for planner, label in about.labels.items())),
         ("baseline", baseline),
-        ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
+        ("seeds (maps)", f"{len(seeds)}: {format_ranges(seeds)}"),
         ("repeats of each map", str(repeats) if repeats > 1 else ""),
         ("trials", f"{len(rows) - failed} done, {failed} failed"),
-        ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
+        ("time of all trials, added up", "" if about.wall_s is None else format_duration(about.wall_s)),
         ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
         ("hash of all recordings", _recordings_hash(rows)),
         ("report made on", about.machine),
@@ -192,7 +202,9 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     ]
     lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts if value]
     text = "<dl>\n" + "\n".join(lines) + "\n</dl>"
-    return text + (paragraph("The command that runs it again:") + command_line(about.command) if about.command else "")
+    return text + (
+        make_paragraph("The command that runs it again:") + command_line(about.command) if about.command else ""
+    )
 
 
 def _recordings_hash(rows: Sequence[Row]) -> str:
@@ -201,7 +213,7 @@ def _recordings_hash(rows: Sequence[Row]) -> str:
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""
 
 
-def ranges(numbers: Sequence[int]) -> str:
+def format_ranges(numbers: Sequence[int]) -> str:
     """Ascending integers as text, such as 0-4, 7."""
     runs: list[list[int]] = []
     for number in numbers:
@@ -212,7 +224,7 @@ def ranges(numbers: Sequence[int]) -> str:
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
-def duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """A duration in words."""
     if seconds < 90:
         return f"{seconds:.0f} s"

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from sim.analysis.answers import Answer
-from sim.analysis.cell_text import with_cell
+from sim.analysis.cell_text import append_cell
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import LEVEL, POWER
@@ -12,7 +12,7 @@ from sim.evaluation.metric import Metric
 from sim.report.tables import has_repeats
 
 
-def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
+def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
     """One sentence that says whether a planner is better or worse than the baseline, or cannot be told apart.
 
     shown: number of differences that the page shows, including this one.
@@ -48,7 +48,7 @@ def _direction(metric: Metric, gap: Difference) -> str:
 
 
 def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
-    """Notes below the tables of these answers, one line each; wide: as for `answer_tables`."""
+    """Notes below the tables of these answers, one line each; wide: as for `make_answer_tables`."""
     sampled = [(answer.metric, answer.maps) for answer in found]
     gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
     compared = [(metric, pairs) for metric, pairs in gaps if pairs]
@@ -85,7 +85,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     """Remarks on incomplete numbers, one line each: failed trials, undefined values, faults and maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        place = with_cell(answer.planner, answer.cell)
+        place = append_cell(answer.planner, answer.cell)
         if answer.failed:
             lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.faulty:

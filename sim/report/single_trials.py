@@ -9,9 +9,9 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, slug
 from sim.analysis.groups import Group
-from sim.analysis.planner_labels import entrant
+from sim.analysis.planner_labels import format_entrant
 from sim.evaluation.metric import Metric
-from sim.report.html_parts import command_line, table_element
+from sim.report.html_parts import command_line, make_table_element
 from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
 
@@ -50,7 +50,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
         for what, row, remark in ends:
             value = metric.text(row.metrics[metric.name])
             flown = format_seed(row.seed, row.repeat)
-            name = f"map-{len(places)}-{slug(f'{entrant(row)} {flown}')}"
+            name = f"map-{len(places)}-{slug(f'{format_entrant(row)} {flown}')}"
             link = f'<a href="#{name}">{flown}</a>{remark}'
             one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
             cells.append(f"<td>{escape(value)}</td><td>{link}</td>" if len(ends) > 1 else one)
@@ -63,7 +63,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     heads = ["cell"] * several + ["planner"]
     for name in names:
         heads += [f"{name}{unit}", "map"]
-    return table_element(heads, rows, "left"), "\n".join(places)
+    return make_table_element(heads, rows, "left"), "\n".join(places)
 
 
 def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:
@@ -83,7 +83,7 @@ def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extre
     return found
 
 
-def failures(groups: Sequence[Group]) -> str:
+def list_failures(groups: Sequence[Group]) -> str:
     """Table of the trials that failed, with error and command."""
     failed = [(group.cell, row) for group in groups for row in group.failed]
     return "\n".join(
@@ -94,4 +94,4 @@ def failures(groups: Sequence[Group]) -> str:
 
 
 def _label(cell: Cell, row: Row) -> str:
-    return ", ".join(filter(None, [cell_text(cell), entrant(row), format_seed(row.seed, row.repeat)]))
+    return ", ".join(filter(None, [cell_text(cell), format_entrant(row), format_seed(row.seed, row.repeat)]))

@@ -31,7 +31,7 @@ class Table(NamedTuple):
     note: str = ""
 
 
-def answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = True) -> list[Table]:
+def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = True) -> list[Table]:
     """The tables of each metric: results and, if maps were repeated, spreads.
 
     wide: False leaves out the columns of results for which a narrow terminal has no room.

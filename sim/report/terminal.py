@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import find_answers
 from sim.analysis.cell_text import cell_text
 from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows
 from sim.analysis.metric_choice import choose_metrics
@@ -17,7 +17,7 @@ from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import baseline_of, short_labels
 from sim.report.report import About
 from sim.report.sentences import notes, shortfalls
-from sim.report.tables import Table, answer_tables, score_table
+from sim.report.tables import Table, make_answer_tables, score_table
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
@@ -33,13 +33,13 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     first = baseline_of(rows, about.baseline, about.labels)
     whole = group_rows(rows, first, about.labels)
     groups, everywhere = drop_constant_factors(whole), constant_factors(whole)
-    full = answers(groups, choose_metrics(rows, about.metrics), first)
+    full = find_answers(groups, choose_metrics(rows, about.metrics), first)
     shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     wide = on.width >= _WIDE
-    for table in answer_tables(found, shorts[first], wide=wide):
+    for table in make_answer_tables(found, shorts[first], wide=wide):
         on.print(_terminal_table(table, on.width))
     if scores := score_planners(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)

@@ -19,7 +19,7 @@ from sim.analysis.groups import Group, drop_constant_factors, group_rows, varyin
 from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.report.formats import escape_markdown, markdown_table
+from sim.report.formats import escape_markdown, format_markdown_table
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
@@ -56,10 +56,10 @@ def set_side_by_side(
         bases = left if less == "left" else found[above] if above and above[:-1] == start[:-1] else {}
         texts.append([*start, *(_entry(own.get(level), bases.get(level), known) for level in across)])
         above = start
-    return markdown_table(map(escape_markdown, heads), [map(escape_markdown, row) for row in texts])
+    return format_markdown_table(map(escape_markdown, heads), [map(escape_markdown, row) for row in texts])
 
 
-def without_start(rows: Sequence[Row], first: int) -> list[Row]:
+def drop_start(rows: Sequence[Row], first: int) -> list[Row]:
     """The rows with the share of scans with OSPA under 1 m counted from scan `first` on.
 
     Note: it counts scans by the mean over UAVs, because stores do not have the OSPA of single UAVs.
@@ -104,7 +104,7 @@ def main(
     check_known("--less", less, ("left", "above"))
     if first and metric != _SHARE:
         raise InputError(f"--from-scan: counts {_SHARE} alone, not {metric}; leave one of both out")
-    print(set_side_by_side(without_start(read_rows(folder), first), columns, less, metric, baseline))
+    print(set_side_by_side(drop_start(read_rows(folder), first), columns, less, metric, baseline))
 
 
 if __name__ == "__main__":

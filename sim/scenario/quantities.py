@@ -34,7 +34,7 @@ def parse_number(text: str) -> float:
     return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
-def whole(value: float) -> float:
+def simplify_number(value: float) -> float:
     """An integral number as an integer, so that recordings have the bytes of one, however it was written."""
     return int(value) if value == int(value) else value
 

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.environment import FILE_KEYS, WALKS, Appearance, Area, People, Trees, Wind
-from sim.scenario.quantities import Path, count_scans, whole
+from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
 from tracking.errors import spell
@@ -43,7 +43,7 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
             near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
             raise ValueError(f"physics {rate} Hz is not a multiple of sensing {step} Hz, as {near} would be")
         count_scans("planning", self.planning, self.sensing)
-        msgspec.structs.force_setattr(self, "planning", whole(self.planning))
+        msgspec.structs.force_setattr(self, "planning", simplify_number(self.planning))
 
     @property
     def plan_scans(self) -> int:

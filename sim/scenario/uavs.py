@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import UNSET, Meta, Struct, UnsetType, field, structs
 
-from sim.scenario.quantities import Point, whole
+from sim.scenario.quantities import Point, simplify_number
 from tracking.errors import spell
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
@@ -43,7 +43,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     start_radius: Annotated[float, Meta(ge=0, le=30_000)] = 0.0
 
     def __post_init__(self) -> None:
-        structs.force_setattr(self, "rate", whole(self.rate))
+        structs.force_setattr(self, "rate", simplify_number(self.rate))
         self._complete_view()
         if self.tilt_deg + self.fov_deg / 2 >= 90:
             limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"

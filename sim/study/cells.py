@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 from msgspec import Struct
 
-from planning.planner_loading import with_options
+from planning.planner_loading import add_options
 from sim.scenario.settings_text import flatten, format_settings, format_value
 from sim.study.study import Study
 from tracking.errors import InputError, spell
@@ -45,7 +45,7 @@ class Cell(Struct, frozen=True):
     @property
     def spec(self) -> str:
         """The planner with the options of all tables."""
-        return with_options(self.planner, {key: text for table in self.tables for key, text in table.options.items()})
+        return add_options(self.planner, {key: text for table in self.tables for key, text in table.options.items()})
 
 
 def list_cells(study: Study) -> list[Cell]:

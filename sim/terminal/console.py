@@ -14,11 +14,11 @@ console = Console(highlight=False, emoji=False)
 
 def fail(message: str, *, code: int) -> NoReturn:
     """Print in one line why there is no result, and exit."""
-    remark(message)
+    print_remarks(message)
     sys.exit(code)
 
 
-def remark(*messages: str) -> None:
+def print_remarks(*messages: str) -> None:
     """Print remarks on unexpected facts, one line each."""
     for message in messages:
         print(f"understory: {one_line(message)}", file=sys.stderr)

@@ -38,10 +38,10 @@ def silence_c_code() -> Iterator[None]:
 with silence(2):
     import pybullet
 
-__all__ = ["Engine", "pybullet", "refusal_of", "silence", "silence_c_code"]
+__all__ = ["Engine", "explain_failure", "pybullet", "silence", "silence_c_code"]
 
 
-def refusal_of(what: str, trial: str, *arguments: str) -> str:
+def explain_failure(what: str, trial: str, *arguments: str) -> str:
     """Reason why a trial of the engine, a script with arguments, fails; empty if it succeeds.
 
     The trial runs in a separate process, because the engine may end it. what: name of the trial in messages.

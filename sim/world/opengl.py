@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.world.engine import pybullet, refusal_of, silence_c_code
+from sim.world.engine import explain_failure, pybullet, silence_c_code
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
 
@@ -37,7 +37,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
     if sizes > 1:
         limit = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius, trees.height or trees.file)"
         raise InputError(f"sensing.renderer: {limit}; allowed is tiny")
-    reason = refusal()
+    reason = explain_refusal()
     if reason:
         raise InputError(f"sensing.renderer: 'egl' cannot start here ({reason}); allowed is tiny")
     if _open:
@@ -59,12 +59,12 @@ def disconnect(client: int) -> None:
 
 
 @functools.lru_cache(maxsize=1)
-def refusal() -> str:
+def explain_refusal() -> str:
     """Reason why the plug-in cannot start here; empty if it can."""
     plugin = _plugin()
     if not plugin:
         return "this PyBullet has no plug-in eglRenderer"
-    return refusal_of("OpenGL", _TRIAL, plugin)
+    return explain_failure("OpenGL", _TRIAL, plugin)
 
 
 def _plugin() -> str:

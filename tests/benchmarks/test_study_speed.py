@@ -13,7 +13,7 @@ import pytest
 from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import find_answers
 from sim.analysis.distributions import ecdf
 from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import available, choose_metrics
@@ -96,7 +96,7 @@ def rows(judged):
 
 def test_answers(benchmark, judged, rows):
     def work():
-        return answers(group_rows(rows, "sma-nbo"), choose_metrics(rows, available(rows)), "sma-nbo")
+        return find_answers(group_rows(rows, "sma-nbo"), choose_metrics(rows, available(rows)), "sma-nbo")
 
     found = benchmark.pedantic(work, rounds=3)
     assert len(found) == 16 * (len(rows) // (50 if judged else 5) + 3)

@@ -5,7 +5,7 @@ from rich.console import Console
 
 from helpers.recordings import bare
 from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import results_table, summarise
+from sim.evaluation.summary import make_results_table, summarise
 
 SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
 
@@ -38,5 +38,5 @@ def summary(recording, *, asked=(), **known):
 
 def shown(result):
     console = Console(width=100, record=True, file=open("/dev/null", "w"))
-    console.print(results_table(result))
+    console.print(make_results_table(result))
     return console.export_text()

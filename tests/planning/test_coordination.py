@@ -14,7 +14,7 @@ from planning.coordination.schemes import Centralised, Decentralised, Parallel, 
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import pursuits, turns
+from planning.optimizers.optimizer import make_pursuits, make_turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, expect_plans, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
@@ -28,8 +28,8 @@ from tracking.geometry.visibility import Forest
 def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination):
     team = random_team(4, uavs=1)
     intent = policy_of_intent(team[0], team[0].own, 3)[None]
-    chases = pursuits(nominal_positions(team[0], 3), team[0].own, 1.0)
-    chases = np.concatenate([chases, turns(5.0, 3)])
+    chases = make_pursuits(nominal_positions(team[0], 3), team[0].own, 1.0)
+    chases = np.concatenate([chases, make_turns(5.0, 3)])
     view = nominal(team[0], 3)
     value = objective(view, intent, [0], 0.5)
     alone = CrossEntropy().minimise(

@@ -17,7 +17,7 @@ from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
 from sim.analysis.planner_labels import baseline_of
-from sim.evaluation.summary import results_table
+from sim.evaluation.summary import make_results_table
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
@@ -236,7 +236,7 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pi
         assert json.loads((tmp_path / name / "summary.json").read_text())["sees_truth"] is seen
         recording = load_recording(tmp_path / name / "mission.npz")
         assert recording.sees_truth is seen and recording.planner == name
-        assert (MARK in results_table(summary).title) == (MARK in titles[-1]) == seen
+        assert (MARK in make_results_table(summary).title) == (MARK in titles[-1]) == seen
     rows = [fly_trial(task_of(setting, name, 0)).row for name in ("oracle(evaluations=64)", "hover")]
     with console.capture() as capture:
         show(rows, About("tried"))

@@ -20,7 +20,7 @@ from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.options import Range
-from planning.planner_loading import load_planner, split_options, with_options
+from planning.planner_loading import add_options, load_planner, split_options
 from planning.prediction.propagation import MonteCarlo, Nominal
 from planning.rivals.dec_mcts import DecMCTS
 from planning.rivals.thompson import Thompson
@@ -115,7 +115,7 @@ def test_values_of_options_may_hold_commas(monkeypatch):
     text = "made:Made(places=[(1, 2), (3, 4)], word='a, b', path=runs/x.npz, pair=(5,))"
     options = {"places": [(1, 2), (3, 4)], "word": "a, b", "path": "runs/x.npz", "pair": (5,)}
     assert load_planner(text).options == options
-    assert split_options(with_options(text, {"more": "(6, 7)"}))[1][-2:] == ["pair=(5,)", "more=(6, 7)"]
+    assert split_options(add_options(text, {"more": "(6, 7)"}))[1][-2:] == ["pair=(5,)", "more=(6, 7)"]
 
 
 def test_random_velocities_are_spread_evenly_over_the_disc(random_team):

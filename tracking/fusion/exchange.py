@@ -12,7 +12,7 @@ from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
-from tracking.track import Track, TrackTable, tracks_of
+from tracking.track import Track, TrackTable, make_tracks
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters only if no UAV had the person in view
 # Probability from which on a detection is a sighting. If two tracks share the measurements of one person, at most one
@@ -133,7 +133,7 @@ class TrackExchange:
         self._new = set()
         histories = np.concatenate([message.times, sightings], axis=1)
         self._known = dict(zip(message.ids.tolist(), histories, strict=True))
-        return tracks_of(message.ids, means, covariances, existence, sightings)
+        return make_tracks(message.ids, means, covariances, existence, sightings)
 
     def _check(self, ids: Sequence[int], detected: Mapping[int, float]) -> None:
         """Raise ValueError for ids that the fleet cannot know, and for `detected` without probabilities."""

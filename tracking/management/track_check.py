@@ -7,7 +7,7 @@ import numpy as np
 
 from tracking.plugins.array_checks import check_array, check_numbers, check_positive_definite, check_whole_numbers
 from tracking.plugins.plugin_error import Unusable
-from tracking.track import Track, tracks_of
+from tracking.track import Track, make_tracks
 
 _PARTS = ("id", "belief", "existence")
 
@@ -40,4 +40,4 @@ def check_tracks(given: Collection[Any]) -> tuple[Track, ...]:
     if seen.shape != (count, 3):
         raise Unusable(f"sightings of tracks of shape {seen.shape}, not ({count}, 3)")
     seen[~np.isfinite(seen).all(axis=1)] = np.nan
-    return tracks_of(np.sort(numbers), means, covariances, existence, seen)
+    return make_tracks(np.sort(numbers), means, covariances, existence, seen)

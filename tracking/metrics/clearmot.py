@@ -7,7 +7,7 @@ from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import length
 
 
-def correspondence(tracks: Array, people: Array, within: float, *, over_gaps: bool = True) -> Indices:
+def find_correspondence(tracks: Array, people: Array, within: float, *, over_gaps: bool = True) -> Indices:
     """Track (K, M) that corresponds to each of M people at each of K scans, as an index into A tracks; -1 for none.
 
     tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and to
@@ -26,7 +26,7 @@ def correspondence(tracks: Array, people: Array, within: float, *, over_gaps: bo
 
 
 class Matcher:
-    """The result of `correspondence`, scan by scan; tracks may be added at each scan."""
+    """The result of `find_correspondence`, scan by scan; tracks may be added at each scan."""
 
     def __init__(self, people: int, within: float, *, over_gaps: bool = True) -> None:
         if not within > 0:
@@ -64,18 +64,18 @@ class Matcher:
         return now
 
 
-def switches(matches: Indices) -> Indices:
-    """Number of changes of track of each of M people (M,), from the result of `correspondence`.
+def count_switches(matches: Indices) -> Indices:
+    """Number of changes of track of each of M people (M,), from the result of `find_correspondence`.
 
     Scans without a track between two tracks do not count. Source: [Bernardin08], mismatches.
     """
     return np.array([np.count_nonzero(np.diff(column[column >= 0])) for column in matches.T], dtype=np.int64)
 
 
-def fragmentations(matches: Indices, present: Flags) -> Indices:
+def count_fragmentations(matches: Indices, present: Flags) -> Indices:
     """Number of interruptions of each of M people (M,): scans without a track between scans with one.
 
-    matches (K, M) as `correspondence` gives them; present (K, M): scans without the person do not count.
+    matches (K, M) as `find_correspondence` gives them; present (K, M): scans without the person do not count.
     """
     held = [(matches[present[:, m], m] >= 0).astype(np.int64) for m in range(matches.shape[1])]
     rises = [np.count_nonzero(np.diff(h, prepend=0) == 1) for h in held]

@@ -35,7 +35,7 @@ class Untried(Exception):
     """A check that is not possible; the message says why."""
 
 
-def finding(name: str, check: Callable[[], str]) -> Finding:
+def try_check(name: str, check: Callable[[], str]) -> Finding:
     """The finding of a check that returns what it saw, or raises `Unfit` or `Untried`."""
     try:
         return Finding(name, True, check())
@@ -55,7 +55,7 @@ def try_checks(subject: Subject, checks: Mapping[str, Callable[[Subject], str]])
         if found and not found[0].passed:
             found.append(Finding(name, None, f"not tried: it fails {found[0].check!r}"))
         else:
-            found.append(finding(name, partial(check, subject)))
+            found.append(try_check(name, partial(check, subject)))
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from planning.composed import Composed
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.optimizer import pursuits
+from planning.optimizers.optimizer import make_pursuits
 from planning.planner import Plan, Situation
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
@@ -66,7 +66,7 @@ class Herding(Composed):
         intents = controls[rows][None]  # (1, k, H, 2)
         starts = [intents]
         for j, i in enumerate(rows):
-            for chase in pursuits(nominal, vehicles[i], step):
+            for chase in make_pursuits(nominal, vehicles[i], step):
                 start = intents.copy()
                 start[0, j] = chase
                 starts.append(start)

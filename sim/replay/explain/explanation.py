@@ -10,7 +10,7 @@ from sim.drawing.lettering import TextGroup
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
-from sim.replay.event import UNHELD, UNMATCHED, Event, lasting
+from sim.replay.event import UNHELD, UNMATCHED, Event, find_lasting_ends
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HoldingTrack, PersonFacts
 from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
@@ -25,7 +25,7 @@ _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "
 _LEAST = 0.005  # least probability of a measurement that gets a line
 
 
-def explanation(facts: PersonFacts) -> list[TextGroup]:
+def explain_person(facts: PersonFacts) -> list[TextGroup]:
     """Sentences on one person at one scan: the person, each UAV, the tracks, events at that time, and intents."""
     groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
     if np.isnan(facts.place[0]):
@@ -47,7 +47,7 @@ def _person(facts: PersonFacts) -> list[str]:
     if not np.isnan(facts.velocity[0]):
         eighth = round(math.atan2(facts.velocity[1], facts.velocity[0]) / (math.pi / 4)) % 8
         walks = f" and walks {math.hypot(*facts.velocity):.1f} m/s to the {_COMPASS[eighth]}"
-    return [f"is at {place_text(facts.place)}{walks}", *_holding(facts), _seen(facts)]
+    return [f"is at {format_place(facts.place)}{walks}", *_holding(facts), _seen(facts)]
 
 
 def _holding(facts: PersonFacts) -> list[str]:
@@ -106,7 +106,7 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
     lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera"]
     for tree in sighting.hidden_by:
         trunk, radius = recording.trees[tree, :2], recording.trees[tree, 2]
-        lines.append(f"tree {tree} stands at {place_text(trunk)}, its canopy reaches {radius:.1f} m")
+        lines.append(f"tree {tree} stands at {format_place(trunk)}, its canopy reaches {radius:.1f} m")
     if w.whole == 0 and (small := describe_small_people(recording.setting.uavs[w.uav])):
         lines.append(f"{small} of its image")
     elif w.whole:
@@ -117,7 +117,7 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
 
 def _detection(found: PersonMeasurement) -> str:
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
-    return f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"
+    return f"{at}: {format_place(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"
 
 
 def _gates(measurement: int, a: Association, numbers: Sequence[int]) -> list[str]:
@@ -143,7 +143,7 @@ def _association(w: PersonObservation, a: Association, numbers: Sequence[int], f
         weights = a.weights()[t]
         for j in np.argsort(-weights, kind="stable"):
             if weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
-                source, place = source_text(int(w.owners[j])), place_text(a.measurements[j])
+                source, place = source_text(int(w.owners[j])), format_place(a.measurements[j])
                 gate = f"the gate of track {holder.number} too, weight {percent_text(float(weights[j]))}"
                 lines.append(f"the measurement {source} at {place} was in {gate}")
     return lines
@@ -158,7 +158,7 @@ def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     error, square = holder.error(facts.place)
     major, minor = holder.axes.tolist()
     speed = math.hypot(*holder.belief.mean[2:])
-    lines.append(f"believed at {place_text(holder.belief.mean[:2])}, {speed:.1f} m/s")
+    lines.append(f"believed at {format_place(holder.belief.mean[:2])}, {speed:.1f} m/s")
     lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
@@ -201,14 +201,14 @@ def _ahead(planned: PlannedVisibility, states: Indices) -> str:
     return "not known, as the mission ends" if (states < 0).all() else "out of view"
 
 
-def stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
+def find_stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
     """Periods of equal description of a person: beginning and end [s], state to tracks, and state in cameras.
 
     The end of the last period is infinite.
     """
     holds, views = history.hold_states[:, person].tolist(), history.view_texts(person)
     runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
-    return [(*lasting(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
+    return [(*find_lasting_ends(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
 
 
 def source_text(person: int) -> str:
@@ -216,7 +216,7 @@ def source_text(person: int) -> str:
     return f"of person {person}" if person >= 0 else "of a false alarm"
 
 
-def place_text(place: Array) -> str:
+def format_place(place: Array) -> str:
     """A position (2,) m in words."""
     return f"({place[0]:.1f}, {place[1]:.1f}) m"
 

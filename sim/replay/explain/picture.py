@@ -14,7 +14,7 @@ from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
-from sim.replay.frames.annotation import TRACK, annotate, marks_of
+from sim.replay.frames.annotation import TRACK, annotate, find_marks
 from sim.replay.frames.frame_panels import MARK
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import at_target_height
@@ -145,7 +145,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 def _words(groups: Sequence[TextGroup], shown: set[str]) -> Image:
     """Image of the words, and of a legend of the marks with the names `shown`."""
     lines, bottom = lay_out_groups(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
-    marks = marks_of(shown)
+    marks = find_marks(shown)
     rows = -(-len(marks) // 2)
     image = np.full((round(bottom) + rows * MARK + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
     for text, y, style in lines:

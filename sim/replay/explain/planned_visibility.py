@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planning.prediction.response import mean_velocities, response
-from sim.mission.tracker_setup import planned_motion
+from sim.mission.tracker_setup import make_planned_motion
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import known_forest, vehicles_at
+from sim.replay.recorded_fleet import make_known_forest, vehicles_at
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
@@ -53,7 +53,7 @@ def find_planned_visibility(
     ahead[: len(known)] = _view_states(recording, uav, views, known)
     track = None
     if belief is not None:
-        scan = replace(planned_motion(scenario, replay_tracking(recording).motion(k, uav)), dt=1 / rate, scans=1)
+        scan = replace(make_planned_motion(scenario, replay_tracking(recording).motion(k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
         track = _view_states(recording, uav, views, nominal[:, 0])
     return PlannedVisibility(float(recording.plan_times[plan]), times, path, ahead, track)
@@ -77,7 +77,7 @@ def _planned_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, A
 
 def _view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUTSIDE` for NaN."""
-    setting, trees = recording.setting, known_forest(recording)
+    setting, trees = recording.setting, make_known_forest(recording)
     camera = view_of(setting.uavs[uav], setting)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):

@@ -12,8 +12,8 @@ import numpy as np
 from sim.drawing.lettering import TextGroup
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import tracker_parameters
-from sim.replay.event import UNMATCHED, Event, ends
-from sim.replay.explain.explanation import percent_text, place_text, source_text
+from sim.replay.event import UNMATCHED, Event, find_ends
+from sim.replay.explain.explanation import format_place, percent_text, source_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
@@ -116,7 +116,7 @@ class TrackFacts:
         return TrackMeasurement(k, uav, j, int(owner), place)
 
 
-def track_story(facts: TrackFacts) -> list[TextGroup]:
+def tell_track_story(facts: TrackFacts) -> list[TextGroup]:
     """Groups of sentences about one track over the whole mission."""
     own = [event for event in facts.observer.flight.events if event.track == facts.number]
     groups = [
@@ -163,9 +163,9 @@ def _rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
 
 def _source(measured: TrackMeasurement, facts: TrackFacts) -> str:
     if measured.person < 0:
-        return f"a false alarm at {place_text(measured.place)}"
+        return f"a false alarm at {format_place(measured.place)}"
     off = math.dist(measured.place, facts.recording.people[measured.k, measured.person])
-    return f"a measurement of person {measured.person} at {place_text(measured.place)}, an error of {off:.2f} m"
+    return f"a measurement of person {measured.person} at {format_place(measured.place)}, an error of {off:.2f} m"
 
 
 def _fed(facts: TrackFacts) -> Iterator[str]:
@@ -201,7 +201,7 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     rows = facts.recording.track_ids == facts.id
     without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
     if len(without):
-        first, last = ends(times, *without[[0, -1]])
+        first, last = find_ends(times, *without[[0, -1]])
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection, _ = facts.detections[-1]

@@ -13,7 +13,7 @@ from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.marks import cross, detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
 from sim.drawing.strokes import SHIFT, disc, draw_outline, stroke, to_fixed_point
-from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
+from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, outline_hidden_ground, silhouette
 from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
 
@@ -53,7 +53,7 @@ class _View:
         self._scale = image.shape[0] / sight.camera.pixels
         self._labels = Labels(image)
         self.shown: set[str] = set()  # names of the marks that lie in the image
-        outlines = hidden_outlines(sight.camera, sight.pose, sight.forest)
+        outlines = outline_hidden_ground(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
     @contextmanager
@@ -224,6 +224,6 @@ _MARKS: dict[str, Mark] = {
 }
 
 
-def marks_of(names: Iterable[str]) -> list[tuple[str, Mark]]:
+def find_marks(names: Iterable[str]) -> list[tuple[str, Mark]]:
     """The marks with these names, each with the function that draws it in a legend at a pixel (2,)."""
     return [(name, mark) for name, mark in _MARKS.items() if name in names]

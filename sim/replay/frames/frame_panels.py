@@ -15,7 +15,7 @@ from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import recording_title
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.annotation import annotate, marks_of
+from sim.replay.frames.annotation import annotate, find_marks
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.errors import InputError
@@ -121,7 +121,7 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
     notes: the beginning of its first section; shown: the names of the marks in its legend.
     """
     lines, bottom = lay_out_groups(_sections(sight, notes), _WIDTH - 28, 44.0)
-    marks = marks_of(shown)
+    marks = find_marks(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
     write(image, f"UAV {sight.uav}", (_WIDTH - 14, 22), _TITLE, align=1.0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from sim.drawing.labels import numbered_snapshot
+from sim.drawing.labels import number_snapshot
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
@@ -102,7 +102,7 @@ class Sight:
         people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, recording.hiding_forest, numbered_snapshot(recording, k), uav, people)
+        return Sight(scenario, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
@@ -126,7 +126,7 @@ def _hiding_trees(camera: Array, points: Array, cylinders: Array, tree_of: Indic
     return hiding
 
 
-def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
+def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
     """Outlines in the image, pixels (N, 2), of the area at `TARGET_HEIGHT` that the blockers of each tree hide.
 
     A camera above does not see a point at this height if the part of a blocker above this height covers it.

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from sim.drawing.labels import numbered_snapshot, track_name
+from sim.drawing.labels import number_snapshot, track_name
 from sim.drawing.lettering import Image
-from sim.drawing.palette import DETECTION, on_dark, track_colour
+from sim.drawing.palette import DETECTION, lighten, track_colour
 from sim.drawing.tiles import draw_broken
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import broken_at
@@ -37,7 +37,7 @@ class Cameras:
         """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
-        tracks = numbered_snapshot(self._recording, k).tracks
+        tracks = number_snapshot(self._recording, k).tracks
         for i, uav in enumerate(self._uavs):
             if not self._taken[k, i]:
                 continue
@@ -86,7 +86,7 @@ class Cameras:
         points = rr.Points2D(
             marks[shown],
             radii=rr.Radius.ui_points(3),
-            colors=[on_dark(track_colour(tracks[j].id)) for j in shown],
+            colors=[lighten(track_colour(tracks[j].id)) for j in shown],
             labels=[track_name(tracks[j]) for j in shown],
             show_labels=True,
         )
@@ -100,7 +100,7 @@ class Cameras:
         pairs = np.argwhere((weights >= _SLIGHT) & ends).tolist()
         lines = rr.LineStrips2D(
             [np.array([marks[t], spots[n]]) for t, n in pairs],
-            colors=[on_dark(track_colour(numbers[t])) for t, _ in pairs],
+            colors=[lighten(track_colour(numbers[t])) for t, _ in pairs],
             radii=rr.Radius.ui_points([0.5 + 1.5 * float(weights[t, n]) for t, n in pairs]),
             labels=[f"{numbers[t]}: {weights[t, n]:.2f}" for t, n in pairs],
             show_labels=False,

@@ -11,9 +11,9 @@ import rerun as rr
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import numbered_snapshot, track_name
+from sim.drawing.labels import number_snapshot, track_name
 from sim.drawing.map_view import ellipse
-from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
+from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, lighten, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
@@ -102,7 +102,7 @@ class Scene:
 
     def log(self, k: int) -> None:
         """Log scan k: ground truth, intents and tracks."""
-        snapshot = numbered_snapshot(self._recording, k)
+        snapshot = number_snapshot(self._recording, k)
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
         self._log_people(snapshot, [HOLDS[hold] for hold in self._holds[k]])
@@ -132,7 +132,7 @@ class Scene:
         names = rr.Points3D(
             _at(snapshot.people[unheld], 2 * TARGET_HEIGHT),
             radii=0.1,
-            colors=[on_dark(palette.UNHELD_COLOURS[holds[m]]) for m in unheld],
+            colors=[lighten(palette.UNHELD_COLOURS[holds[m]]) for m in unheld],
             labels=[f"person {m} {holds[m]}" for m in unheld],
             show_labels=True,
         )
@@ -146,12 +146,12 @@ class Scene:
         self._log_name(uav, f"UAV {uav}, broken down", ALARM)
 
     def _log_name(self, uav: int, text: str, colour: Colour) -> None:
-        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[text], show_labels=True)
+        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[lighten(colour)], labels=[text], show_labels=True)
         self._stream.log(f"world/uav/{uav}/name", name)
 
     def _log_tracks(self, uav: int, tracks: Sequence[Track], *, named: bool) -> None:
         """Log 95 % ellipses of one UAV's tracks at the mid-height of people, with numbers if `named`."""
-        colours = [on_dark(track_colour(track.id)) for track in tracks]
+        colours = [lighten(track_colour(track.id)) for track in tracks]
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
             [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],

@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.drawing import palette
-from sim.drawing.palette import Colour, on_dark, pale, track_colour, uav_colour
+from sim.drawing.palette import Colour, lighten, pale, track_colour, uav_colour
 from sim.evaluation.fleet_facts import mean_ospa
 from sim.evaluation.holding import episodes
 from sim.recording.recording import Recording
@@ -62,7 +62,7 @@ def _tracks(recording: Recording) -> list[Series]:
         for gap in gaps_at(recording, k):
             gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree may differ by rounding
     return [
-        Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
+        Series(f"{kind}/track{n}", f"track {n}", lighten(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))
         for n, values in enumerate(table)
         if not np.all(np.isnan(values))
@@ -74,7 +74,7 @@ def _bytes(recording: Recording) -> list[Series]:
         Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, sent)
         for what, table in (("tracks", recording.bytes_sent), ("plans", recording.plan_bytes))
         for i, sent in enumerate(table.T.astype(float))
-        for colour in [uav_colour(i) if what == "tracks" else on_dark(uav_colour(i))]
+        for colour in [uav_colour(i) if what == "tracks" else lighten(uav_colour(i))]
     ]
 
 

@@ -16,7 +16,7 @@ from sim.analysis.distributions import bands, ecdf
 from sim.analysis.groups import Group
 from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.palette import FAINT
-from sim.drawing.plots import by_rows, new_figure, rgb
+from sim.drawing.plots import new_figure, order_by_rows, rgb
 from sim.evaluation.metric import Metric
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
 from tracking.numerics.arrays import Array
@@ -213,7 +213,7 @@ def _legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
     """Draw a legend below the panels, where it hides no data; looks: Matplotlib's options by label."""
     handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
-    figure.legend(handles=by_rows(handles, columns), loc="outside lower center", ncols=columns, frameon=False)
+    figure.legend(handles=order_by_rows(handles, columns), loc="outside lower center", ncols=columns, frameon=False)
 
 
 def _line(style: Style) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sim.analysis.answers import map_means, map_points
-from sim.analysis.cell_text import slug, with_cell
+from sim.analysis.cell_text import append_cell, slug
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.groups import Group
 from sim.analysis.metric_choice import DECISION, metric_shown
@@ -33,7 +33,7 @@ class Picture:
     png: bytes
 
 
-def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) -> list[Picture]:
+def draw_pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) -> list[Picture]:
     """Distributions of OSPA, OSPA over time, and planners compared by map; without pictures that would be empty."""
     flown = [group for group in groups if group.done]
     found: list[Picture] = []
@@ -72,7 +72,7 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
 
 def score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
     """Picture of the normalised scores of planners, cell by cell."""
-    lines = [f"{with_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
+    lines = [f"{append_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends.floor}, 100 is {ends.bound}. Lines are 95 % intervals over the maps."
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
 

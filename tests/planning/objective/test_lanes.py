@@ -7,7 +7,7 @@ import pytest
 from helpers.nominal import weighted_trace_penalty
 from scipy.spatial.transform import Rotation
 
-from planning.objective.mwtp_lanes import mark_in_view_lanes, penalties, workspace
+from planning.objective.mwtp_lanes import add_penalties, make_workspace, mark_in_view_lanes
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, belief_transition
 from tracking.filter.kalman import NearlyConstantVelocity
@@ -38,11 +38,11 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
         traces = rng.uniform(0.1, 9.0, (T, LANES))
         if case % 3 == 0:
             traces = np.ceil(traces)  # some are equal
-        work, sums = workspace(T, n), np.zeros(LANES)
+        work, sums = make_workspace(T, n), np.zeros(LANES)
         work.unseen[:], work.sensors[:, :2], work.sensors[:, 2] = 1.0, sensors, 0.0
         for uav in range(n):
             mark_in_view_lanes(work, targets, uav, fields)
-        penalties(work, targets, traces, fields, sums)
+        add_penalties(work, targets, traces, fields, sums)
         lanes = [(np.ascontiguousarray(traces[:, k]), np.ascontiguousarray(sensors[:, :, k])) for k in range(LANES)]
         expected = [weighted_trace_penalty(targets, trace, sensor, fields) for trace, sensor in lanes]
         np.testing.assert_array_equal(sums, expected)

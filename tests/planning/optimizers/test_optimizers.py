@@ -10,7 +10,7 @@ from helpers.nominal import nominal
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import pursuits
+from planning.optimizers.optimizer import make_pursuits
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import limit_speed
 from planning.planner_loading import load_planner
@@ -150,7 +150,7 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
         view, plans = nominal(situation, 2), expect_plans(situation, 2)
 
         values = objective(view, plans, [0], 0.5)
-        chases = pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
+        chases = make_pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
         best = run(GridSearch(24, 3), values, plans[None, :1])
         found = run(optimizer, values, np.concatenate([plans[None, :1], chases]), seed)
         excess.append(values(found[None])[0] / values(best[None])[0] - 1.0)

@@ -10,7 +10,7 @@ from helpers.teams import Spy, planned, refitted
 from planning.composed import Composed
 from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
-from sim.mission.tracker_setup import planned_motion, tracker_parameters
+from sim.mission.tracker_setup import make_planned_motion, tracker_parameters
 from sim.scenario.loading import load
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -34,7 +34,7 @@ def coasting(tracks, scenario, seconds):
 def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
     scenario = load("forest", settings)
-    motion = planned_motion(scenario)
+    motion = make_planned_motion(scenario)
     team = [dataclasses.replace(s, motion=motion) for s in random_team(3)]
     situation = team[0]
     means, covariances = coasting(situation.tracks, scenario, seconds)
@@ -76,14 +76,14 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).learn(seen)
     assert planner.teams[-1][0].motion.learned_in > first.motion.learned_in
     plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
-    assert planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
-    assert planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
+    assert make_planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
+    assert make_planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("motion", ["ncv", "mean-reverting"])
 def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
     scenario = load("forest", [f"tracking.motion={motion}"])
-    situation = dataclasses.replace(random_team(2, targets=1)[0], motion=planned_motion(scenario))
+    situation = dataclasses.replace(random_team(2, targets=1)[0], motion=make_planned_motion(scenario))
     points = MonteCarlo(40_000).predict(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
     for seconds in (1, 5):
         means, covariances = coasting(situation.tracks, scenario, seconds)

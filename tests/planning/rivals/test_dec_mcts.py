@@ -14,8 +14,8 @@ from planning.prediction.propagation import Nominal
 from planning.rivals.dec_mcts import DecMCTS, TreeSearch
 from planning.rivals.distribution import optimise_probabilities
 from planning.rivals.gathered_information import build_prior, gain_of, gather_information
-from planning.rivals.moves import moves
-from planning.rivals.tree import SearchTree, promising
+from planning.rivals.moves import make_moves
+from planning.rivals.tree import SearchTree, find_promising_sequences
 from tracking.filter.kalman import NearlyConstantVelocity
 
 gained = partial(information, expected=True)
@@ -23,7 +23,7 @@ gained = partial(information, expected=True)
 
 @pytest.mark.parametrize("directions", [4, 8])
 def test_places_are_those_of_all_sequences_and_merge(directions):
-    made = moves(3, directions)
+    made = make_moves(3, directions)
     ends, ways = set(), set()
     for sequence in itertools.product(range(directions + 1), repeat=3):
         place = -1
@@ -60,7 +60,7 @@ def test_distributions_cool_towards_exponentials_of_the_gains(temperature):
 
 
 def controls_of(horizon, directions):
-    each = 5.0 * moves(horizon, directions).controls
+    each = 5.0 * make_moves(horizon, directions).controls
     return np.array(list(itertools.product(each, repeat=horizon)))
 
 
@@ -136,7 +136,7 @@ def test_places_of_a_plan_follow_the_length_of_its_steps(random_team):
     other.advance(0)
     one.receive(other, 0)
     one.advance(0)
-    seen = one._team().others[0] + one._information_of(promising(one._tree, 1))[0]
+    seen = one._team().others[0] + one._information_of(find_promising_sequences(one._tree, 1))[0]
     joint = np.stack([one.decision(), other.decision()])[None]
     assert gain_of(one._prior, seen) == pytest.approx(gained(team[0], [0, 1], joint)[0], rel=1e-9)
     assert gained(team[0], [0], joint[:, :1])[0] > 0.0 < gained(team[0], [1], joint[:, 1:])[0]
@@ -154,7 +154,7 @@ def test_visits_are_discounted_and_the_most_promising_sequences_stand_first(rand
         # A node has its own first visit and those of its children.
         assert now[node] >= now[below].sum() - 1e-9
     assert now[0] == pytest.approx(now[tree.children[0]].sum(), rel=1e-9)
-    first = promising(tree, 5)
+    first = find_promising_sequences(tree, 5)
     means = tree.sums[1:301] / tree.visits[1:301]
     np.testing.assert_array_equal(first[0], tree.sequences[1 + np.argmax(means)])
     assert len(np.unique(first, axis=0)) == 5

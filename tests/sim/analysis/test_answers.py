@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
-from sim.analysis.answers import answers, holm
+from sim.analysis.answers import find_answers, holm
 from sim.analysis.distributions import spreads
 from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.intervals import maps_needed, means, medians, p_values
@@ -22,7 +22,7 @@ def flown(planner, values, name="ospa.mean_m", factors=()):
 
 
 def answer(rows, baseline, asked=MEAN, planner="greedy", cell=()):
-    found = answers(group_rows(rows, baseline), [asked], baseline)
+    found = find_answers(group_rows(rows, baseline), [asked], baseline)
     (one,) = [a for a in found if (a.planner, a.cell) == (planner, cell)]
     return one
 
@@ -32,7 +32,7 @@ def test_pairs_are_by_seed_and_what_is_better_depends_on_the_metric():
     gap = answer(rows, "sma-nbo").difference
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 1, 1, 1)
     assert gap.mean == means(np.array([[-2.0], [0.0], [4.0]]))[0]
-    one, other = (answers(group_rows(r, "sma-nbo"), [MEAN], "sma-nbo") for r in (rows, rows[::-1]))
+    one, other = (find_answers(group_rows(r, "sma-nbo"), [MEAN], "sma-nbo") for r in (rows, rows[::-1]))
     assert one == other
     for asked, expected in ((MEAN, (0, 0, 2)), (SHARE, (2, 0, 0)), (NEES, (0, 0, 0))):
         rows = flown("sma-nbo", {0: 0.1, 1: 0.2}, asked.name) + flown("greedy", {0: 0.5, 1: 0.6}, asked.name)
@@ -129,12 +129,12 @@ def test_metrics_from_outside_may_be_negative():
 def test_all_differences_are_judged_together():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
-    every = answers(group_rows(rows, "base"), [MEAN, metric_shown("recall")], "base")
+    every = find_answers(group_rows(rows, "base"), [MEAN, metric_shown("recall")], "base")
     found = [a.difference for a in every if a.difference]
     assert [gap.survives for gap in found] == holm([gap.p_value for gap in found]) == [True, True]
     worse = [r for r in rows if r.planner == "worse"]
     many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
-    crowd = [a.difference for a in answers(group_rows(many, "base"), [MEAN], "base") if a.difference]
+    crowd = [a.difference for a in find_answers(group_rows(many, "base"), [MEAN], "base") if a.difference]
     assert {gap.p_value for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
 
 
@@ -142,7 +142,7 @@ def test_differences_without_a_pair_are_no_tests_and_take_no_stars():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(6)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s}) for s in range(6)]
     asked = [MEAN, metric_shown("recall"), metric_shown("precision")]  # which no trial has
-    found = answers(group_rows(rows, "base"), asked, "base")
+    found = find_answers(group_rows(rows, "base"), asked, "base")
     assert [a.difference.survives for a in found if a.difference] == [True, False, False]
 
 

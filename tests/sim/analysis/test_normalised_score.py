@@ -8,9 +8,9 @@ from helpers.trials import failed, row
 from sim.analysis.groups import group_rows
 from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.normalised_score import ends_of, scores
+from sim.analysis.normalised_score import find_score_ends, scores
 from sim.analysis.normalised_score import score_planners as scored_study
-from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
+from sim.analysis.planner_labels import baseline_of, parse_labels, planner_labels
 from sim.study.study import ScoreScale
 from tracking.errors import InputError
 
@@ -24,7 +24,7 @@ def flown(planner, values, factors=(), name="gospa.mean_m"):
 
 
 def scored(rows, metric=GOSPA):
-    return scores(group_rows(rows, "hover"), metric, ends_of(rows, SCORED))
+    return scores(group_rows(rows, "hover"), metric, find_score_ends(rows, SCORED))
 
 
 def cell(own, floor=(8.0, 10.0, 12.0), bound=(2.0, 2.0, 2.0), factors=(), name="gospa.mean_m"):
@@ -96,12 +96,12 @@ def test_ends_are_found_where_options_follow_the_cell_and_by_their_own_labels():
         factors, planner = (("H", h),), f"sma-nbo(horizon={h})"
         rows += flown("hover", (8.0,), factors) + flown(planner, (2.0,), (*factors, VIEW))
     ends = "hover", "sma-nbo(view=unlimited), upper bound"
-    assert ends_of(rows, SCORED) == ends and baseline_of(rows, ends[1]) == ends[1]
-    given = labels_of(rows, ["best=sma-nbo(view=unlimited)"])
+    assert find_score_ends(rows, SCORED) == ends and baseline_of(rows, ends[1]) == ends[1]
+    given = parse_labels(rows, ["best=sma-nbo(view=unlimited)"])
     assert set(planner_labels(rows, given).values()) == {"hover", "best, upper bound"}
     for named in ("best", "sma-nbo(horizon=3, view=unlimited)"):
         assert baseline_of(rows, named, given) == "best, upper bound"
-    assert ends_of(rows, SCORED, given) == ("hover", "best, upper bound")
+    assert find_score_ends(rows, SCORED, given) == ("hover", "best, upper bound")
 
 
 def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
@@ -110,4 +110,4 @@ def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
     assert labels == {"hover", "sma-nbo", "sma-nbo(view=unlimited), upper bound"}
     assert {group.cell for group in group_rows(rows)} == {()}
     with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is not one of the study's planners"):
-        ends_of(rows[:6], SCORED)
+        find_score_ends(rows[:6], SCORED)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from sim.calibration.consistency import Bin, nees, nees_bins, pair_bins, tilt_bins
-from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
-from sim.calibration.scenes import tilted
+from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
+from sim.calibration.scenes import draw_tilted_attitudes
 from tracking.detection.blob_detector import find_blobs, locate_people
 from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes
 from tracking.detection.detector import Frame
@@ -26,7 +26,7 @@ IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
 
 @cache
 def fifty_frames():
-    return people_in_forests(2, 50)
+    return sample_forests(2, 50)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def errors(population, found):
 @pytest.mark.parametrize("frames", [50, pytest.param(165, marks=pytest.mark.slow)])
 def test_nees_lies_in_its_95_percent_interval_at_all_angles_and_hidden_shares(frames):
     """Of fifty frames it finds covariances that are wrong by a tenth over all, or by a third in one bin."""
-    bins = nees_bins(fifty_frames() if frames == 50 else people_in_forests(2, frames))
+    bins = nees_bins(fifty_frames() if frames == 50 else sample_forests(2, frames))
     assert bins[-1].count > 30 * frames and all(row.count > 1.5 * frames for row in bins)
     assert [row for row in bins if not row.holds] == []
 
@@ -89,7 +89,7 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
 
 @pytest.mark.parametrize("pixels", [96, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 192, 256))])
 def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
-    population = people_in_forests(3, 30, pixels)
+    population = sample_forests(3, 30, pixels)
     assert 1.8 < nees(population).mean() < 2.2
     for low, high in ((0.0, 0.5), (0.5, 1.0)):
         parts = nees([s for s in population if low < s.hidden <= high])
@@ -202,8 +202,8 @@ def test_nees_of_people_told_apart_lies_in_its_interval(pairs):
 def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():
     values = []
     for tilt in (15.0, 30.0, 45.0):
-        views = tilted(np.random.default_rng(0), tilt, 30)
-        values.append(nees([s for s in people_in_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
+        views = draw_tilted_attitudes(np.random.default_rng(0), tilt, 30)
+        values.append(nees([s for s in sample_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
     assert all(len(x) > 250 and 1.5 < x.mean() < 2.6 for x in values)
     assert Bin.of("in part", np.concatenate(values)).holds
 
@@ -226,7 +226,7 @@ def test_what_splitting_adds_is_what_the_fit_to_other_pairs_gives():
 @pytest.mark.slow
 def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     error = fit_part(11, 75)
-    parts = [find_places(s.frame, s.blob, s.forest) for s in people_in_forests(12, 20)]
+    parts = [find_places(s.frame, s.blob, s.forest) for s in sample_forests(12, 20)]
     traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART, error)] for p in parts if p is not None])
     assert len(traces) > 150
     ratios = traces[:, 0] / traces[:, 1]

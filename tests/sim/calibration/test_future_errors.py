@@ -7,7 +7,7 @@ import pytest
 
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
 from planning.planner_loading import load_planner
-from sim.calibration.future_errors import CUTOFF, FUTURE_SECONDS, fit, fly_and_fit, states
+from sim.calibration.future_errors import CUTOFF, FUTURE_SECONDS, collect_states, fit, fly_and_fit
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -32,7 +32,7 @@ def test_states_are_those_of_a_mission_taken_apart():
     """All people leave a hovering fleet's views sooner or later."""
     scenario = load("scatter", ["duration=30", "sensing.mode=ideal"])
     planner = load_planner("hover")
-    found = states(Mission(scenario, planner, 3))
+    found = collect_states(Mission(scenario, planner, 3))
     seconds = list(Mission(scenario, planner, 3).fly())[:: round(scenario.rates.sensing)]
     fleet, expected = Mission(scenario, planner, 3).team[0].vehicles, []
     for k in range(len(seconds) - FUTURE_SECONDS):

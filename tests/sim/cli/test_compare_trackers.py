@@ -3,10 +3,10 @@
 import pytest
 from helpers.trials import row
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import find_answers
 from sim.analysis.groups import group_rows
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
+from sim.analysis.planner_labels import baseline_of, parse_labels, short_labels
 from sim.study.cells import add_trackers, list_cells
 from sim.study.study import Study
 from tracking.errors import InputError
@@ -30,7 +30,7 @@ def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L"
 
 def test_differences_of_trackers_are_paired_by_map():
     baseline = baseline_of(rows(), "jpda")
-    found = answers(group_rows(rows(), baseline), [MEAN], baseline)
+    found = find_answers(group_rows(rows(), baseline), [MEAN], baseline)
     assert baseline == "greedy(tracker=jpda)"
     assert [(a.cell, a.planner) for a in found] == [
         ((("L", "3"),), "greedy(tracker=jpda)"),
@@ -58,7 +58,7 @@ def test_labels_of_planners_and_trackers_say_what_differs():
     levels = [(("H", h), ("tracker", t)) for h in "13" for t in ("jpda", MINE)]
     varied = [row(f"sma-nbo(horizon={level[0][1]})", 0, level, {"ospa.mean_m": 1.0}) for level in levels]
     assert {g.planner for g in group_rows(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}
-    given = labels_of(rows(), ["theirs=mine:Mine", "ours = greedy(tracker=jpda)"])
+    given = parse_labels(rows(), ["theirs=mine:Mine", "ours = greedy(tracker=jpda)"])
     assert {g.planner for g in group_rows(rows(), None, given)} == {"theirs", "ours"}
 
 

@@ -87,7 +87,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
 
 
 def test_a_fault_of_several_uavs_is_shown_once_and_further_kinds_are_counted(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sim.cli.run.results_table", lambda summary: "")
+    monkeypatch.setattr("sim.cli.run.make_results_table", lambda summary: "")
     blind = [
         {"time": 0.1 * k, "uav": uav, "message": "ValueError: no", "trace": ["mine.py:4, in detect: raise"]}
         for k in range(2)

@@ -10,7 +10,7 @@ from helpers.teams import Spy
 
 from sim.environments.observations import Observations
 from sim.environments.rewards import expected_gospa, trace, true_gospa
-from sim.mission.snapshot import reported_positions
+from sim.mission.snapshot import find_reported_positions
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.metrics.gospa import gospa
@@ -112,7 +112,9 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
             if rng.random() < track.existence
         ]
         undetected = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
-        squares.append(gospa(reported_positions(tracks), np.array([*there, *undetected]).reshape(-1, 2)).distance ** 2)
+        squares.append(
+            gospa(find_reported_positions(tracks), np.array([*there, *undetected]).reshape(-1, 2)).distance ** 2
+        )
     reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
     assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
     assert reward < 0

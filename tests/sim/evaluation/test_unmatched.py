@@ -10,7 +10,7 @@ from helpers.summaries import shown, summary
 from sim.evaluation.score import FAR, HELD, find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks, find_unmatched_tracks
 from sim.replay.flight import Flight
-from tracking.metrics.clearmot import correspondence
+from tracking.metrics.clearmot import find_correspondence
 from tracking.metrics.gospa import gospa
 
 YOUNG = 6  # scans in the first second of a track, both ends included
@@ -40,11 +40,11 @@ def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
     for i in range(2):
         held = find_reported_tracks(recording, i)
         stand = find_standing_tracks(held, recording.people)
-        matched = correspondence(held.means[:, :, :2], recording.people, HELD)
+        matched = find_correspondence(held.means[:, :, :2], recording.people, HELD)
         np.testing.assert_array_equal(stand >= 0, matched >= 0)
         rest = held.means[:, :, :2].copy()
         rest[(held.ids == stand[:, :, None]).any(axis=1)] = np.nan
-        near = correspondence(rest, np.where((stand >= 0)[:, :, None], np.nan, recording.people), FAR)
+        near = find_correspondence(rest, np.where((stand >= 0)[:, :, None], np.nan, recording.people), FAR)
         there = np.count_nonzero(~np.isnan(held.means[:, :, 0]), axis=1)
         np.testing.assert_array_equal(there, (stand >= 0).sum(axis=1) + (near >= 0).sum(axis=1) + counts[:, i])
     for k, i in np.ndindex(counts.shape):

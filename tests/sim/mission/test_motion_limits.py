@@ -16,7 +16,7 @@ from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.score import HELD
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import known_forest
+from sim.replay.recorded_fleet import make_known_forest
 from sim.scenario.loading import load
 from sim.sensing.cameras import view_of
 from tracking.fleet import step
@@ -43,7 +43,7 @@ class Found:
         """Track the scans of a recording anew with a motion model; tracks with the model flown must be the recorded."""
         setting = recording.setting
         anew = replace(setting, tracking=replace(setting.tracking, motion=motion))
-        forest, known = known_forest(recording), initial_tracks(setting, *recording.people[:2])
+        forest, known = make_known_forest(recording), initial_tracks(setting, *recording.people[:2])
         fleet = [Tracker(i, view_of(u, anew), forest, tracker_parameters(anew), known) for i, u in enumerate(anew.uavs)]
         for k, time in enumerate(recording.times.tolist()):
             for tracker in fleet if k else ():

@@ -13,9 +13,9 @@ from helpers.recordings import broken, record
 from sim.mission import mission
 from sim.mission.radio import RadioLinks
 from sim.replay import events
-from sim.replay.event import KINDS, when_text
+from sim.replay.event import KINDS, format_times
 from sim.replay.events import events_of
-from sim.replay.explain.explanation import stretches
+from sim.replay.explain.explanation import find_stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.replay.recorded_fleet import links_of
@@ -103,7 +103,7 @@ def test_a_loss_lasts_until_the_scan_after_it_wherever_it_is_told(last, when):
     assert flight.facts["losses"] == f"1, the longest {length:.1f} s"
     title = flight.timeline_figure().axes[0].get_title("left")
     assert title.endswith(f"lost once, longest: person 0 for {length:.1f} s from 0.4 s")
-    assert [when_text(*row[:2]) for row in stretches(flight.history, 0) if row[2] == "lost"] == [when]
+    assert [format_times(*row[:2]) for row in find_stretches(flight.history, 0) if row[2] == "lost"] == [when]
     again = [e.text for e in flight.events if e.kind == "person found"]
     assert again == ([f"person 0 found again by UAVs 0 and 1 after {length:.1f} s"] if last < 4 else [])
 

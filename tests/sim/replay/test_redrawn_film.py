@@ -177,8 +177,8 @@ def display(monkeypatch):
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         monkeypatch.setenv("DISPLAY", ":" + os.read(read, 16).decode().strip())
         try:
-            if window.refusal():
-                pytest.skip(f"Xvfb has no OpenGL: {window.refusal()}")
+            if window.explain_refusal():
+                pytest.skip(f"Xvfb has no OpenGL: {window.explain_refusal()}")
             yield
         finally:
             server.terminate()

@@ -13,7 +13,7 @@ from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import lay_out_figures
-from sim.report.figures.pictures import content, pictures
+from sim.report.figures.pictures import content, draw_pictures
 
 
 def groups(rows=None, baseline="sma-nbo"):
@@ -49,7 +49,7 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
 def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither(without_pictures):
     values = {"sma-nbo": (1.0, 1.0, 1.0), "greedy": (2.0, 1.0, 0.5)}
     rows = [row(p, s, metrics={"ospa.mean_m": v}) for p, own in values.items() for s, v in enumerate(own)]
-    found = {p.name: p.alt for p in pictures(groups(rows), "sma-nbo", [metric_shown("ospa.mean_m")])}
+    found = {p.name: p.alt for p in draw_pictures(groups(rows), "sma-nbo", [metric_shown("ospa.mean_m")])}
     assert "sma-nbo 0.0%; greedy 33.3%." in found["ecdf"] and "sma-nbo 1.00 m; greedy 1.00 m." in found["time"]
     assert "greedy: 1 of 3 maps above sma-nbo." in found["maps-ospa-mean-m"]
 
@@ -135,6 +135,8 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
 def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own(without_pictures):
     cells = [tuple(zip(("drift", "a", "b"), cell, strict=True)) for cell in product(("-1", "1"), "xy", "xy")]
     rows = [row(planner, seed, cell) for planner in ("greedy", "hover") for cell in cells for seed in range(2)]
-    drawn = [picture for picture in pictures(groups(rows, "greedy"), "greedy", ()) if picture.name.startswith("ecdf")]
+    drawn = [
+        picture for picture in draw_pictures(groups(rows, "greedy"), "greedy", ()) if picture.name.startswith("ecdf")
+    ]
     assert [picture.name for picture in drawn] == ["ecdf-drift-1", "ecdf-drift-1-2"]
     assert [picture.title.rpartition(", ")[2] for picture in drawn] == ["drift = -1", "drift = 1"]

@@ -18,8 +18,8 @@ from sim.__main__ import COMMANDS
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, maps_needed, means, p_values
 from sim.analysis.metric_choice import metric_shown
-from sim.report.report import About, duration, make_files, ranges, write
-from sim.report.sentences import verdict
+from sim.report.report import About, format_duration, format_ranges, make_files, write
+from sim.report.sentences import write_verdict
 from sim.scenario.loading import load
 from sim.terminal.commands import load_command
 from tracking.errors import InputError
@@ -223,15 +223,15 @@ def test_verdicts_follow_the_interval():
     one = "mine and base cannot be told apart: scans with OSPA under 1 m +1.0 points (95 %: -1.6 to +3.6)"
     for middle, told in ((0.1, "mine is better than base: "), (-0.1, "mine is worse than base: ")):
         gap = gap_of(spread + middle)
-        assert verdict("mine", "base", share, gap).startswith(told)
-        assert "Holm" not in verdict("mine", "base", share, gap, shown=4)
+        assert write_verdict("mine", "base", share, gap).startswith(told)
+        assert "Holm" not in write_verdict("mine", "base", share, gap, shown=4)
         lone = gap_of(spread + middle, shown=4)
-        told = verdict("mine", "base", share, lone, shown=4)
+        told = write_verdict("mine", "base", share, lone, shown=4)
         assert told.endswith("survive Holm's correction for all 4 differences.")
-    text = verdict("mine", "base", share, gap_of(spread + 0.01))
+    text = write_verdict("mine", "base", share, gap_of(spread + 0.01))
     assert text.startswith(one)
     assert text.endswith("tied 0 and lost 4. To find a difference of this size takes about 94 maps.")
-    alone = verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
+    alone = write_verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
     assert alone == "mine and base cannot be told apart: they have no map in common."
 
 
@@ -239,7 +239,7 @@ def test_verdicts_follow_the_interval():
 def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
     share = metric_shown("ospa.share_under_1m")
     for values in (np.full((maps, 1), 0.5), 0.5 + 1e-3 * np.arange(maps)[:, None]):
-        text = verdict("mine", "base", share, gap_of(values))
+        text = write_verdict("mine", "base", share, gap_of(values))
         assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
         assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart; at least six are needed." in text
 
@@ -265,8 +265,8 @@ def test_repeats_are_told_and_flown_again(without_pictures):
 def test_numbers_read_as_people_write_them():
     shown = [metric_shown("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
     assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
-    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00" and ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
-    assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
+    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00" and format_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert [format_duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")

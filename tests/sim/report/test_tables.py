@@ -11,14 +11,14 @@ import pytest
 from helpers.trials import failed, row, study
 from rich.console import Console
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import find_answers
 from sim.analysis.coverage import ERRORS, SHARES
 from sim.analysis.distributions import Spread
 from sim.analysis.groups import group_rows
 from sim.analysis.intervals import Estimate
 from sim.analysis.metric_choice import metric_shown
 from sim.report.answer_columns import Entry, make_entries
-from sim.report.formats import comma_separated, markdown
+from sim.report.formats import comma_separated, format_markdown
 from sim.report.report import About, make_files
 from sim.report.terminal import show
 from tracking.errors import InputError
@@ -35,14 +35,14 @@ def shown(rows, width, baseline="sma-nbo", metrics=()):
 
 def everywhere(rows):
     """The texts of the terminal and of Markdown."""
-    return shown(rows, 120), markdown(answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
+    return shown(rows, 120), format_markdown(find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
 
 
 @pytest.mark.parametrize("width", [80, 120])
 def test_the_terminal_shows_every_number_whole(width):
     text = shown(study(), width)
     assert max(map(len, text.splitlines())) <= width
-    for answer in answers(group_rows(study(), "sma-nbo"), [MEAN], "sma-nbo"):
+    for answer in find_answers(group_rows(study(), "sma-nbo"), [MEAN], "sma-nbo"):
         pieces = [answer.planner]
         if answer.cell is not None:
             low, high = answer.mean.low, answer.mean.high
@@ -132,7 +132,7 @@ def repeated(gap=1.0, seeds=8, repeats=3):
 def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width):
     text = shown(repeated(), width, metrics=["ospa.mean_m"])
     assert max(map(len, text.splitlines())) <= width
-    base, other = answers(group_rows(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
+    base, other = find_answers(group_rows(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
     gap = other.difference
     assert 0.5 < base.spread.between < 2 and 0.05 < base.spread.within < 0.2 and 0.05 < gap.spread.within < 0.3
     own = [f"{value:.2f}" for value in (other.spread.between, other.spread.within)]
@@ -143,16 +143,16 @@ def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width
     assert re.search(rf"^ *sma-nbo +{own} +baseline *$", table, flags=re.M)
     assert "Each map counts once, with the mean of its repeats." in text
     assert "spread" not in shown(repeated(repeats=1), width).lower()
-    assert "spread**" in markdown([base, other], "sma-nbo")
+    assert "spread**" in format_markdown([base, other], "sma-nbo")
 
 
 def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     weak = [msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"]
     rows = [*repeated(3.0), *weak]
-    found = answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
     strong, weak = (next(a.difference for a in found if a.planner == name) for name in ("greedy", "weak"))
     assert (strong.significant, strong.survives, weak.significant, weak.survives) == (True, True, False, False)
-    for text in (shown(rows, 120), markdown(found, "sma-nbo").replace("\\*", "*")):
+    for text in (shown(rows, 120), format_markdown(found, "sma-nbo").replace("\\*", "*")):
         assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
         assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
     few = shown([r for r in rows if r.seed < 6], 120)
@@ -175,7 +175,7 @@ def test_tables_say_what_intervals_of_so_many_maps_or_pairs_cover():
 
 @pytest.mark.parametrize("rows", [study(), repeated(), study(planners=("sma-nbo",))])
 def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows):
-    found = answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
     lines = list(csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo"))))
     factors = dict.fromkeys(name for row in rows for name, _ in row.factors)
     for line, answer in zip(lines, found, strict=True):

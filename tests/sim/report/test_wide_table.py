@@ -8,7 +8,7 @@ from helpers.trials import failed, row, study
 
 from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.intervals import means
-from sim.report.wide_table import main, set_side_by_side, without_start
+from sim.report.wide_table import drop_start, main, set_side_by_side
 
 SHARE = "ospa.share_under_1m"
 
@@ -100,8 +100,8 @@ def test_names_are_escaped_as_in_other_tables():
 def test_the_start_of_a_mission_can_be_left_out():
     ospa = np.array([50.0, 50.0, 0.5, 2.0, 0.5, 0.5], dtype=np.float32)
     rows = [row("a", 0, (), {SHARE: 0.5}, ospa=ospa), failed("a", 1)]
-    assert without_start(rows, 0) == rows
-    later = without_start(rows, 2)
+    assert drop_start(rows, 0) == rows
+    later = drop_start(rows, 2)
     assert later[0].metrics[SHARE] == 0.75 and later[1] is rows[1] and rows[0].metrics[SHARE] == 0.5
 
 

@@ -31,8 +31,8 @@ SET = "--set"
 @pytest.fixture
 def started():
     """Skips where there is no OpenGL."""
-    if opengl.refusal():
-        pytest.skip(opengl.refusal())
+    if opengl.explain_refusal():
+        pytest.skip(opengl.explain_refusal())
 
 
 @pytest.fixture(params=["device", "library"])
@@ -44,9 +44,9 @@ def absent(request, monkeypatch, tmp_path):
         for name in ("libEGL.so", "libEGL.so.1"):
             (tmp_path / name).touch()
         monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
-    opengl.refusal.cache_clear()
+    opengl.explain_refusal.cache_clear()
     yield
-    opengl.refusal.cache_clear()
+    opengl.explain_refusal.cache_clear()
 
 
 def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):

@@ -14,7 +14,7 @@ from helpers.teams import Spy
 from sim.drawing.labels import Labels
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
-from sim.evaluation.fleet_facts import contacts
+from sim.evaluation.fleet_facts import list_contacts
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.recorder import Recorder
@@ -85,7 +85,7 @@ def with_contacts(rows):
 
 def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
     # UAVs 0 and 1 at scans 3 and 4, and again at 6; UAV 2 and canopy 7 at scan 4.
-    found = contacts(with_contacts([(3, 0, 0, 1), (4, 0, 0, 1), (4, 2, 1, 7), (6, 0, 0, 1)]))
+    found = list_contacts(with_contacts([(3, 0, 0, 1), (4, 0, 0, 1), (4, 2, 1, 7), (6, 0, 0, 1)]))
     assert found == [
         {"time": 3 / 5, "until": 4 / 5, "uav": 0, "kind": "uav", "other": 1},
         {"time": 4 / 5, "until": 4 / 5, "uav": 2, "kind": "canopy", "other": 7},

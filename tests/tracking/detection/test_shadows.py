@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.poses import turned
 
-from sim.calibration.fit import people_in_forests
+from sim.calibration.fit import sample_forests
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.clearing import make_clearing
 from tracking.detection.detector import Frame
@@ -139,7 +139,7 @@ def test_the_number_of_places_does_not_depend_on_the_images_size(pixels):
 
 def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
     errors, spreads = [], []
-    for s in people_in_forests(3, 4):
+    for s in sample_forests(3, 4):
         found = find_places(s.frame, s.blob, s.forest)
         if found is None:
             continue

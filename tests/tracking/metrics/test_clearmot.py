@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.metrics.clearmot import correspondence, fragmentations, switches
+from tracking.metrics.clearmot import count_fragmentations, count_switches, find_correspondence
 
 
 def line(*xs):
@@ -73,9 +73,9 @@ CASES = {
 @pytest.mark.parametrize(("people", "tracks", "matches", "switched", "broken"), CASES.values(), ids=CASES)
 def test_matches_switches_and_fragmentations_are_those_counted_by_hand(people, tracks, matches, switched, broken):
     people = paths(*people)
-    found = correspondence(paths(*tracks), people, 1.0)
-    assert found.tolist() == matches and switches(found).tolist() == switched
-    assert fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
+    found = find_correspondence(paths(*tracks), people, 1.0)
+    assert found.tolist() == matches and count_switches(found).tolist() == switched
+    assert count_fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
 
 
 # People, tracks; matches and switches if correspondences outlast gaps, and if only those of the scan before go on.
@@ -118,16 +118,16 @@ GAPS = {
 @pytest.mark.parametrize(("people", "tracks", "lasting", "adjacent"), GAPS.values(), ids=GAPS)
 def test_both_rules_of_gaps_match_cases_counted_by_hand(people, tracks, lasting, adjacent):
     for over_gaps, (matches, switched) in ((True, lasting), (False, adjacent)):
-        found = correspondence(paths(*tracks), paths(*people), 1.0, over_gaps=over_gaps)
-        assert (found.tolist(), switches(found).tolist()) == (matches, switched)
-    assert np.array_equal(correspondence(paths(*tracks), paths(*people), 1.0), np.array(lasting[0]))
+        found = find_correspondence(paths(*tracks), paths(*people), 1.0, over_gaps=over_gaps)
+        assert (found.tolist(), count_switches(found).tolist()) == (matches, switched)
+    assert np.array_equal(find_correspondence(paths(*tracks), paths(*people), 1.0), np.array(lasting[0]))
 
 
 def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():
     rng = np.random.default_rng(0)
     for _ in range(200):
         tracks, people = (rng.uniform(0, 4, (1, int(rng.integers(0, 5)), 2)) for _ in range(2))
-        found = correspondence(tracks, people, 1.0)[0]
+        found = find_correspondence(tracks, people, 1.0)[0]
         gaps = np.linalg.norm(tracks[0][:, None] - people[0][None], axis=2)
         best = min(
             (-sum(g <= 1.0 for g in chosen), sum(g for g in chosen if g <= 1.0))
@@ -146,9 +146,9 @@ def test_order_does_not_matter_and_invalid_arguments_are_refused():
     for _ in range(30):
         tracks, people = np.cumsum(rng.normal(0, 0.5, (20, 7, 2)), axis=0), np.cumsum(rng.normal(0, 0.5, (20, 5, 2)), 0)
         a, b = rng.permutation(7), rng.permutation(5)
-        found, again = correspondence(tracks, people, 1.0), correspondence(tracks[:, a], people[:, b], 1.0)
+        found, again = find_correspondence(tracks, people, 1.0), find_correspondence(tracks[:, a], people[:, b], 1.0)
         assert np.array_equal(np.where(again >= 0, a[again], -1), found[:, b])
     with pytest.raises(ValueError, match="within must be positive, is 0"):
-        correspondence(np.zeros((1, 1, 2)), np.zeros((1, 1, 2)), 0.0)
+        find_correspondence(np.zeros((1, 1, 2)), np.zeros((1, 1, 2)), 0.0)
     with pytest.raises(ValueError, match=r"are \(2, 1, 2\) and \(1, 1, 2\)"):
-        correspondence(np.zeros((2, 1, 2)), np.zeros((1, 1, 2)), 1.0)
+        find_correspondence(np.zeros((2, 1, 2)), np.zeros((1, 1, 2)), 1.0)

@@ -15,7 +15,7 @@ from helpers.recordings import broken
 from sim.drawing.lettering import width
 from sim.recording.archive import save
 from sim.replay.explain import picture
-from sim.replay.explain.explanation import explanation, percent_text, stretches
+from sim.replay.explain.explanation import explain_person, find_stretches, percent_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
@@ -110,7 +110,7 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > recording.setting.uavs[i].footprint
         page = PersonFacts.of(observer, 0, 0)
-        assert draw_explanation(observer, page, explanation(page)).std() > 10
+        assert draw_explanation(observer, page, explain_person(page)).std() > 10
     assert far > 5
 
 
@@ -118,7 +118,7 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
     recording, history, _ = mission
     seen = set()
     for facts in all_facts:
-        groups = dict(explanation(facts))
+        groups = dict(explain_person(facts))
         heading = f"person {facts.person} at {recording.times[facts.k]:.1f} s"
         assert list(groups)[:4] == [heading, "UAV 0", "UAV 1", "UAV 2"] and list(groups)[-1] == "intents"
         assert len(groups["intents"]) == 3
@@ -171,7 +171,7 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
 def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission):
     recording, history, _ = mission
     for m in range(4):
-        rows = stretches(history, m)
+        rows = find_stretches(history, m)
         assert rows[0][0] == 0.0 and math.isinf(rows[-1][1])
         assert all(before[1] == after[0] for before, after in pairwise(rows))
         for begin, end, held, seen in rows:
@@ -184,13 +184,13 @@ def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission)
     recording = mission[0]
     history = History.of(broken(recording, 1, 20))
     for m in range(history.present.shape[1]):
-        rows = stretches(history, m)
+        rows = find_stretches(history, m)
         assert all(one[2:] != other[2:] for one, other in pairwise(rows))
         assert (rows[0][0], rows[-1][1]) == (history.times[0], math.inf)
     first = np.array([True, False, False, False])[:, None]
     hidden_by = np.where(first, 7, -1)[:, :, None]
     slow = made_by_hand(["x---"], ["----"], ["----"], [[3, 3, 3, 3]], looked=first, hidden_by=hidden_by)
-    assert stretches(slow, 0) == [(0.0, math.inf, "held", "hidden by tree 7 from UAV 0")]
+    assert find_stretches(slow, 0) == [(0.0, math.inf, "held", "hidden by tree 7 from UAV 0")]
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_pages_of_any_fleet_can_be_drawn(options):
     with Observer(Flight(recording)) as observer:
         for k, m in ((4, 1), (5, 3)):
             facts = PersonFacts.of(observer, k, m)
-            groups = explanation(facts)
+            groups = explain_person(facts)
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
             page = draw_explanation(observer, facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
@@ -224,7 +224,7 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
         *IDEAL, "tracking.initial_tracks=none", f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1
     )
     with Observer(Flight(recording)) as observer:
-        lines = [explanation(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
+        lines = [explain_person(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
@@ -232,7 +232,7 @@ def test_a_person_smaller_than_a_pixel_is_said_to_be_so(call, tmp_path):
     far = ("trees.density=0", "uavs=[{start=[-28,0],footprint=300}]")
     recording = recorded(*far, "tracking.initial_tracks=none", duration=0.2)
     with Observer(Flight(recording)) as observer:
-        (of_uav,) = explanation(PersonFacts.of(observer, 1, 0))[1:2]
+        (of_uav,) = explain_person(PersonFacts.of(observer, 1, 0))[1:2]
     assert "a person covers 0.049 pixels of its image" in of_uav.sentences
     save(recording, tmp_path / "mission.npz")
     code, out, err = call("explain", ".")
@@ -244,13 +244,13 @@ def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
     facts = next(a for a in all_facts if a.holders and a.holders[0].belief)
     for existence, told in ((0.51, "existence 0.5100"), (0.5, "existence 0.5000, so it is not reported")):
         doubted = replace(facts, holders=(replace(facts.holders[0], existence=existence),))
-        assert told in [line for _, lines in explanation(doubted) for line in lines]
+        assert told in [line for _, lines in explain_person(doubted) for line in lines]
 
 
 def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, all_facts):
     recording, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
-    page = draw_explanation(observer, facts, explanation(facts))
+    page = draw_explanation(observer, facts, explain_person(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
     frame, _ = annotate(image, Sight.of(recording, facts.k, first.uav), 512)
@@ -269,7 +269,7 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     written = []
     monkeypatch.setattr(picture, "write", lambda image, text, at, style, align=0.0: written.append(text))
     monkeypatch.setattr(picture, "annotate", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
-    monkeypatch.setattr(picture, "marks_of", lambda names: [(name, lambda image, at: None) for name in sorted(names)])
+    monkeypatch.setattr(picture, "find_marks", lambda names: [(name, lambda image, at: None) for name in sorted(names)])
     gone = replace(recording, track_means=recording.track_means + 1000.0)
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
         written.clear()
@@ -322,7 +322,7 @@ def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
         facts = PersonFacts.of(observer, k, m)
     assert [holder.holds for holder in facts.holders] == [(1, 2), (0,)]
     numbers = [holder.number for holder in facts.holders]
-    groups = explanation(facts)
+    groups = explain_person(facts)
     said = [f"held by UAVs 1 and 2 as track {numbers[0]}", f"held by UAV 0 as track {numbers[1]}"]
     assert [line for line in groups[0][1] if line.startswith("held")] == said
     assert [name for name, _ in groups if name.startswith("track")] == [f"track {number}" for number in numbers]
@@ -345,7 +345,7 @@ def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
         held_at = np.argwhere((tracks >= 0).any(axis=1)).tolist()
         for k, m in ((k, m) for k, m in held_at if k > 0):  # tracks known at the start have their old ids
             facts = PersonFacts.of(observer, k, m)
-            groups, fleet = dict(explanation(facts)), tracks[k, :, m]
+            groups, fleet = dict(explain_person(facts)), tracks[k, :, m]
             held = {id_: np.flatnonzero(fleet == id_) for id_ in fleet[fleet >= 0].tolist()}
             assert {f"track {numbers[id_]}" for id_ in held} == {name for name in groups if name.startswith("track")}
             kinds["several"] += len(held) > 1

@@ -12,10 +12,10 @@ from msgspec import structs
 
 from sim.evaluation.score import find_reported_tracks
 from sim.recording.archive import save
-from sim.replay.explain.explanation import explanation
+from sim.replay.explain.explanation import explain_person
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
-from sim.replay.explain.track_story import TrackFacts, track_story
+from sim.replay.explain.track_story import TrackFacts, tell_track_story
 from sim.replay.flight import Flight
 from sim.scenario.scenario import encode_scenario
 from tracking.metrics.ospa import ospa
@@ -33,7 +33,7 @@ def mission():
 
 
 def story(observer, number):
-    return dict(track_story(TrackFacts(observer, number)))
+    return dict(tell_track_story(TrackFacts(observer, number)))
 
 
 def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
@@ -65,7 +65,7 @@ def test_the_story_says_when_a_track_was_not_reported(mission):
     facts = TrackFacts(observer, recording.track_numbers[id_])
     scans, _ = recording.cells(recording.track_offsets)
     own = np.unique(scans[~recording.reported & (recording.track_ids == id_)])  # on all UAVs alike
-    (line,) = [line for line in dict(track_story(facts))["kept"] if "reported" in line]
+    (line,) = [line for line in dict(tell_track_story(facts))["kept"] if "reported" in line]
     first, last = recording.times[own[[0, -1]] + [0, 1]]
     assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
@@ -88,7 +88,7 @@ def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
     births = ((facts, *facts.births(facts.first, facts.id)) for facts in every)
     facts, (begun, *_) = next((facts, born) for facts, born in births if all(m.person < 0 for m in born))
-    groups = dict(track_story(facts))
+    groups = dict(tell_track_story(facts))
     assert list(groups)[1:] == ["born", "fed by", "kept", "deleted"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
@@ -154,7 +154,9 @@ def test_misses_of_a_false_track_are_frames_that_should_have_shown_it(mission):
         rows = [(a, a.ids.tolist().index(id_)) for a in found if id_ in a.ids]
         without = [float(a.before.visible[t]) for a, t in rows if a.after.missed[t] > 1.0 - SEEN]
         missed = sum(visible >= EXPECTED for visible in without)
-        (line,) = (n for n in dict(track_story(TrackFacts(observer, event.track)))["kept"] if n.startswith(event.when))
+        (line,) = (
+            n for n in dict(tell_track_story(TrackFacts(observer, event.track)))["kept"] if n.startswith(event.when)
+        )
         assert f"missed in {missed} that should have shown it" in line
         counted += missed < len(without)
     assert counted > 0
@@ -171,7 +173,7 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
             assert groups["note"][0].startswith("soup:Jpda is a plug-in, which is not run again")
             assert not any("a track is" in line or "its gate" in line or "no measurement" in line for line in lines)
         facts = PersonFacts.of(observer, 4, 0)
-        assert dict(explanation(facts))["note"] == groups["note"]
+        assert dict(explain_person(facts))["note"] == groups["note"]
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):

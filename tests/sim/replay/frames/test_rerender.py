@@ -245,7 +245,7 @@ def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_p
     assert (code, err) == (0, "")
     names = [f"uav1-scan000{k}-0.{2 * k}s.png" for k in (2, 3, 4)]
     assert sorted(path.name for path in (tmp_path / "run" / "frames-uav1-0.4-0.8s").iterdir()) == names
-    assert "3/3 frames" in out and names[0] in out
+    assert names[0] in out
     assert call("frames", "run/mission.npz", "--uav", "1", "--time", "0.4:0.8", "--size", "256")[0] == 0
     first, second = (tmp_path / "run" / f"frames-uav1-0.4-0.8s{suffix}" / names[0] for suffix in ("", "-2"))
     assert first.read_bytes() == second.read_bytes() and cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30

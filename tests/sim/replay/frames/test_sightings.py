@@ -9,7 +9,7 @@ from helpers import synthetic
 from helpers.poses import tilted
 
 from sim.recording.recorder import Recorder
-from sim.replay.frames.sightings import Sight, hidden_outlines, silhouette
+from sim.replay.frames.sightings import Sight, outline_hidden_ground, silhouette
 from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -33,7 +33,7 @@ def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt, occlusion):
         ground = CAMERA.ground_points(pose, uv, TARGET_HEIGHT)
         hidden = ~forest.visible(pose.position, np.column_stack([ground, np.full(len(ground), TARGET_HEIGHT)]))[0]
         depths = np.full(len(uv), -np.inf)  # in pixels, inside the nearest outline
-        for outline in (part for tree in hidden_outlines(CAMERA, pose, forest) for part in tree):
+        for outline in (part for tree in outline_hidden_ground(CAMERA, pose, forest) for part in tree):
             polygon = outline.astype(np.float32)[:, None]
             depths = np.maximum(depths, [cv2.pointPolygonTest(polygon, p.tolist(), True) for p in uv])
         clear = np.abs(depths) > 0.1
@@ -46,9 +46,9 @@ def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt, occlusion):
 def test_what_is_behind_the_camera_or_below_the_target_has_no_outline():
     upwards = Pose(np.array([0.0, 0.0, 20.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     assert silhouette(CAMERA, upwards, np.array([0.0, 0.0, 2.0, 3.0, 6.0])).shape == (0, 2)
-    assert hidden_outlines(CAMERA, upwards, Forest((Tree(0.0, 0.0),))) == [[]]
+    assert outline_hidden_ground(CAMERA, upwards, Forest((Tree(0.0, 0.0),))) == [[]]
     forest = Forest((Tree(0.0, 0.0, 2.0, 0.3, 0.8),))
-    assert hidden_outlines(CAMERA, Pose.level(0, 0, 20), forest) == [[]]
+    assert outline_hidden_ground(CAMERA, Pose.level(0, 0, 20), forest) == [[]]
 
 
 def sight(people, trees, *, visible, tracks=((),)):
