@@ -10,9 +10,8 @@ from tracking.numerics.trigonometry import cos, sin
 
 
 @compiled
-def matrix_of(quaternion: Array) -> Array:
-    """Rotation matrix (3, 3) from body to world, to the bits of the engine; quaternion xyzw (4,) of any length."""
-    x, y, z, w = quaternion
+def matrix_of(x: float, y: float, z: float, w: float) -> Array:
+    """Rotation matrix (3, 3) from body to world, to the bits of the engine, of a quaternion of any length."""
     s = 2.0 / (x * x + y * y + z * z + w * w)
     xs, ys, zs = x * s, y * s, z * s
     wx, wy, wz = w * xs, w * ys, w * zs
@@ -30,27 +29,27 @@ def matrix_of(quaternion: Array) -> Array:
 @compiled
 def settle(quaternions: Array) -> Array:
     """Quaternions (n, 4) as the engine returns those given to it, which it converts to matrices and back."""
-    out = np.empty_like(quaternions)
-    for row, quaternion in zip(out, quaternions):  # noqa: B905 - Numba has no `strict`
-        m = matrix_of(quaternion)
+    out = np.empty(quaternions.shape)
+    for i in range(len(quaternions)):
+        m = matrix_of(quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3])
         trace = m[0, 0] + m[1, 1] + m[2, 2]
         if trace > 0.0:
             root = math.sqrt(trace + 1.0)
             half = 0.5 / root
-            row[3] = root * 0.5
-            row[0] = (m[2, 1] - m[1, 2]) * half
-            row[1] = (m[0, 2] - m[2, 0]) * half
-            row[2] = (m[1, 0] - m[0, 1]) * half
+            out[i, 3] = root * 0.5
+            out[i, 0] = (m[2, 1] - m[1, 2]) * half
+            out[i, 1] = (m[0, 2] - m[2, 0]) * half
+            out[i, 2] = (m[1, 0] - m[0, 1]) * half
         else:
-            i = 1 if m[0, 0] < m[1, 1] else 0
-            i = 2 if m[i, i] < m[2, 2] else i
-            j, k = (i + 1) % 3, (i + 2) % 3
-            root = math.sqrt(m[i, i] - m[j, j] - m[k, k] + 1.0)
+            a = 1 if m[0, 0] < m[1, 1] else 0
+            a = 2 if m[a, a] < m[2, 2] else a
+            b, c = (a + 1) % 3, (a + 2) % 3
+            root = math.sqrt(m[a, a] - m[b, b] - m[c, c] + 1.0)
             half = 0.5 / root
-            row[i] = root * 0.5
-            row[3] = (m[k, j] - m[j, k]) * half
-            row[j] = (m[j, i] + m[i, j]) * half
-            row[k] = (m[k, i] + m[i, k]) * half
+            out[i, a] = root * 0.5
+            out[i, 3] = (m[c, b] - m[b, c]) * half
+            out[i, b] = (m[b, a] + m[a, b]) * half
+            out[i, c] = (m[c, a] + m[a, c]) * half
     return out
 
 
@@ -61,9 +60,9 @@ def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
     because its sine and cosine are those of the C library.
     """
-    rate = math.sqrt(np.sum(spin * spin))
+    rate = math.sqrt(spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2])
     scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    (x, y, z), w = scale * spin, cos(0.5 * rate * dt)
+    x, y, z, w = scale * spin[0], scale * spin[1], scale * spin[2], cos(0.5 * rate * dt)
     a, b, c, d = quaternion
     out = np.array(
         [
@@ -73,4 +72,7 @@ def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
             w * d - x * a - y * b - z * c,
         ]
     )
-    return out / math.sqrt(np.sum(out * out))
+    norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3])
+    for j in range(4):
+        out[j] /= norm
+    return out

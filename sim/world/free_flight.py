@@ -36,45 +36,50 @@ def glide(states: Array, commands: Array, dt: float, steps: int, top: float) -> 
     states (n, 13) as in `fly` are changed in place; commands (n, 2) m/s.
     """
     for k in range(steps):
-        moved = states.copy()
-        follow(moved, commands, dt)
+        moved = follow(states, commands, dt)
         if not _are_clear(moved, top):
             return k
-        states[:] = moved
+        for i in range(len(states)):
+            for j in range(9):
+                states[i, j] = moved[i, j]
     return steps
 
 
 @compiled
-def follow(states: Array, commands: Array, dt: float) -> None:
-    """Move UAVs by [Li22] eq. (5) for dt s, in place.
+def follow(states: Array, commands: Array, dt: float) -> Array:
+    """States (n, 13) after a step of [Li22] eq. (5) for dt s; commands (n, 2) m/s.
 
     UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine settles
-    quaternions; `states` has those that it is given.
+    quaternions; states have those that it is given.
     """
-    turned = settle(states[:, 3:7])
+    turned, moved = settle(states[:, 3:7]), states.copy()
     for i in range(len(states)):
-        east, north = commands[i]
-        states[i, 0] += east * dt
-        states[i, 1] += north * dt
+        east, north = commands[i, 0], commands[i, 1]
+        moved[i, 0] += east * dt
+        moved[i, 1] += north * dt
         yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
-        states[i, 3:5], states[i, 5], states[i, 6] = 0.0, sin(yaw / 2), cos(yaw / 2)
-        states[i, 7], states[i, 8] = east, north
+        moved[i, 3], moved[i, 4], moved[i, 5], moved[i, 6] = 0.0, 0.0, sin(yaw / 2), cos(yaw / 2)
+        moved[i, 7], moved[i, 8] = east, north
+    return moved
 
 
+# Values are assigned one by one: to assign slices makes Numba compile the text of an error message, for seconds.
 @compiled
 def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: bool, dt: float) -> Array:
     """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors; arguments as in `fly`."""
-    out, undisturbed = np.zeros((len(states), 6)), np.zeros(3)
+    out, known, undisturbed = np.zeros((len(states), 6)), states.copy(), np.zeros(3)
+    settled = settle(states[:, 3:7])
     for i in range(len(states)):
-        known = states[i].copy()
-        known[3:7] = settle(states[i : i + 1, 3:7])[0]
+        for j in range(4):
+            known[i, 3 + j] = settled[i, j]
         if calm:
-            thrusts = rotor_thrusts(known, targets[i], undisturbed)
+            thrusts = rotor_thrusts(known[i], targets[i], undisturbed)
         else:
-            thrusts, memories[i] = steady_thrusts(known, targets[i], memories[i], dt)
-            out[i, :2] = wind
-            out[i, :3] = DRAG * (out[i, :3] - known[7:10])
-        turn = matrix_of(states[i, 3:7])
+            thrusts, memory = steady_thrusts(known[i], targets[i], memories[i], dt)
+            for j in range(3):
+                memories[i, j] = memory[j]
+                out[i, j] = DRAG * ((wind[j] if j < 2 else 0.0) - known[i, 7 + j])
+        turn = matrix_of(states[i, 3], states[i, 4], states[i, 5], states[i, 6])
         for k in range(4):
             force = _turn(turn, (0.0, 0.0, thrusts[k]))
             torque = _cross(_turn(turn, (ROTORS[k, 0], ROTORS[k, 1], ROTORS[k, 2])), force)
@@ -94,16 +99,17 @@ def _move(states: Array, wrench: Array, dt: float) -> None:
     Source: Featherstone's algorithm for a body without joints, in the order of Bullet's
     `btMultiBody::computeAccelerationsArticulatedBodyAlgorithmMultiDof` and `stepPositionsMultiDof`.
     """
+    settled, linear, angular = settle(states[:, 3:7]), np.empty(3), np.empty(3)
     for i in range(len(states)):
-        turn = matrix_of(states[i, 3:7])
-        back, state = turn.T, states[i]
+        state = states[i]
+        turn = matrix_of(state[3], state[4], state[5], state[6])
+        back = matrix_of(-state[3], -state[4], -state[5], state[6])
         force = _turn(back, (wrench[i, 0], wrench[i, 1], wrench[i, 2] - GRAVITY * MASS))
         torque = _turn(back, (wrench[i, 3], wrench[i, 4], wrench[i, 5]))
         velocity = _turn(back, (state[7], state[8], state[9]))
         spin = _turn(back, (state[10], state[11], state[12]))
         turning = _cross(spin, velocity)
         gyration = _cross(spin, (INERTIA[0] * spin[0], INERTIA[1] * spin[1], INERTIA[2] * spin[2]))
-        linear, angular = np.empty(3), np.empty(3)
         for j in range(3):
             linear[j] = -((-force[j] + MASS * turning[j]) / MASS) + turning[j]
             angular[j] = -((-torque[j] + gyration[j]) / INERTIA[j])
@@ -112,7 +118,9 @@ def _move(states: Array, wrench: Array, dt: float) -> None:
             state[7 + j] += rise[j] * dt
             state[10 + j] += twist[j] * dt
             state[j] += state[7 + j] * dt
-        state[3:7] = rotate(settle(states[i : i + 1, 3:7])[0], state[10:13], dt)
+        turned = rotate(settled[i], state[10:13], dt)
+        for j in range(4):
+            state[3 + j] = turned[j]
 
 
 @compiled

@@ -193,7 +193,7 @@ class World:
         """
         bodies = self._bodies
         if self._kinematic:
-            follow(self.states, commands, self._dt)
+            self.states = follow(self.states, commands, self._dt)
             self._put_uavs(bodies)
             self.engine.performCollisionDetection()
             self._touch()
