@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.camera_lanes import CameraLanes, camera_lanes
+from planning.objective.camera_lanes import camera_lanes
 from planning.objective.cost_to_go import NO_COST_TO_GO, CostToGo, approach, future_errors
 from planning.objective.information import gain_transition
 from planning.objective.mwtp_lanes import Workspace, add_penalties, make_workspace, mark_in_view, mark_in_view_lanes
@@ -77,7 +77,7 @@ class _Others(NamedTuple):
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
     before: Array  # (H T K, 10): P before each step with this information alone, as one lane of `belief_transition`
-    costs: Array  # (H T K,) m² or nats: `measure` of the position block of this P after each step
+    costs: Array  # (H T K,) m² or nats: weighted `measure` of the position block of this P after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
     finals: Array  # (T K,) m²: trace of the position block of P after the last step
@@ -87,33 +87,64 @@ class _Others(NamedTuple):
 
 @compiled
 def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
-    result, targets = np.empty(len(own)), belief.points.shape[1]
+    result, count = np.empty(len(own)), belief.points.shape[1]
     finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
-    work = make_workspace(targets // samples, len(belief.positions))
+    work, weight = make_workspace(count // samples, len(belief.positions)), others.measure.ahead.weight
+    if len(own) == 0:
+        return result
+    flights = camera_lanes(belief, others.uavs, own)
+    in_reach = _targets_in_reach(belief, others.uavs, flights.boxes)
+    for index in range(len(finals) if beta > 0.0 or weight > 0.0 else 0):
+        _fill(finals[index], others.finals[index : index + 1])  # those out of reach stay as they are
     for first in range(0, len(own), LANES):
-        plans = own[first : first + LANES]
-        flight = camera_lanes(belief, others.uavs, plans)
-        _sum(belief, others, flight, finals, total)
+        cameras, boxes = flights.cameras[first // LANES], flights.boxes[first // LANES]
+        _sum(belief, others, cameras, possibly_visible(belief, others.uavs, boxes, in_reach), in_reach, finals, total)
         if beta > 0.0:
-            _penalise(belief, others, flight.cameras[:, -1], finals, work, sums)
+            _penalise(belief, others, cameras[:, -1], finals, work, sums)
             _add(sums, beta, total)
-        if others.measure.ahead.weight > 0.0:
-            _look_ahead(belief, others, flight.cameras[:, -1], finals, sums)
-            _add(sums, others.measure.ahead.weight / belief.step, total)
-        for lane in range(len(plans)):
+        if weight > 0.0:
+            _look_ahead(belief, others, cameras[:, -1], finals, sums)
+            _add(sums, weight / belief.step, total)
+        for lane in range(min(LANES, len(own) - first)):
             result[first + lane] = total[lane] / samples
     return result
 
 
 @compiled
-def _sum(belief: PredictedBelief, others: _Others, flight: CameraLanes, finals: Array, total: Array) -> None:
-    """Set the traces `finals` (T K, LANES) [m²] at the end of the horizon, and the `total` (LANES,) weighted costs."""
+def _targets_in_reach(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
+    """Mask (T,) of targets that may be in view in any of C groups of plans, with boxes (C, k, H, 4) m."""
+    whole, count = boxes[0].copy(), belief.points.shape[2]
+    for g in range(len(boxes)):
+        for j in range(len(uavs)):
+            for step in range(boxes.shape[2]):
+                for low in (0, 2):
+                    whole[j, step, low] = min(whole[j, step, low], boxes[g, j, step, low])
+                    whole[j, step, low + 1] = max(whole[j, step, low + 1], boxes[g, j, step, low + 1])
+    in_reach = np.zeros(belief.points.shape[1], dtype=np.bool_)
+    may = possibly_visible(belief, uavs, whole, ~in_reach)
+    for row in range(len(may)):
+        in_reach[row // count % len(in_reach)] |= may[row]
+    return in_reach
+
+
+@compiled
+def _sum(
+    belief: PredictedBelief, others: _Others, cameras: Array, near: Flags, in_reach: Flags, finals: Array, total: Array
+) -> None:
+    """Set the `total` (LANES,) of weighted costs, and the traces `finals` (T K, LANES) [m²] of targets `in_reach` (T,).
+
+    cameras (k, H, 2, LANES) m; near (H T K,): points that they may see, all of targets in reach.
+    """
     P, information, trace, free = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
-    near = possibly_visible(belief, others.uavs, flight.boxes)
     count, each = belief.points.shape[2], len(finals)  # trajectories of one target, and of all
+    gains, cutoff = others.measure.gains, others.measure.cutoff  # here, as taking them from a tuple takes time
     shared = 0.0  # costs that are the same in all lanes
     total[:] = 0.0
     for index in range(each):
+        if not in_reach[index // count]:
+            for row in range(index, len(near), each):
+                shared += others.costs[row]
+            continue
         weight, tracked = belief.weights[index // count] / count, False  # tracked: a deciding UAV has seen it
         _fill(finals[index], others.finals[index : index + 1])
         for row in range(index, len(near), each):
@@ -121,14 +152,14 @@ def _sum(belief: PredictedBelief, others: _Others, flight: CameraLanes, finals: 
                 _fill(information, others.information[row])
             seen = tracked
             for j in range(len(others.uavs) if near[row] else 0):
-                seen |= add_information(belief, others.uavs[j], flight.cameras[j, row // each], row, information, free)
+                seen |= add_information(belief, others.uavs[j], cameras[j, row // each], row, information, free)
             if not seen:
-                shared += weight * others.costs[row]
+                shared += others.costs[row]
                 continue
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            _advance(P, belief, information, others.measure, trace)
+            _advance(P, belief, information, gains, cutoff, trace)
             _add(trace, weight, total)
         for lane in range(LANES if tracked else 0):
             finals[index, lane] = P[lane] + P[4 * LANES + lane]
@@ -136,13 +167,13 @@ def _sum(belief: PredictedBelief, others: _Others, flight: CameraLanes, finals: 
 
 
 @inlined
-def _advance(P: Array, belief: PredictedBelief, information: Array, measure: Measure, costs: Array) -> None:
+def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool, cutoff: float, costs: Array) -> None:
     """`belief_transition` of P over a step, with `costs` (LANES,) by the measure."""
-    if measure.gains:
+    if gains:
         gain_transition(P, belief.transition, belief.noise, information, costs)
     else:
         belief_transition(P, belief.transition, belief.noise, information, costs)
-        cut_off(costs, measure.cutoff)
+        cut_off(costs, cutoff)
 
 
 @inlined
@@ -236,16 +267,24 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
         measure,
     )
     _add_others(belief, velocities, others)
-    P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
-    for index in range(each):
-        for k, (i, j) in enumerate(_TRIANGLE):
-            P[k * LANES : (k + 1) * LANES] = belief.covariances[index * targets // each, i, j]
-        for row in range(index, rows, each):
-            others.before[row] = P[::LANES]
-            _fill(information, others.information[row])
-            _advance(P, belief, information, measure, trace)
-            others.costs[row] = trace[0]
-        others.finals[index] = P[0] + P[4 * LANES]
+    P, information, costs = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
+    count, gains, cutoff = belief.points.shape[2], measure.gains, measure.cutoff
+    for first in range(0, each, LANES):  # the lanes are trajectories here
+        lanes = np.minimum(np.arange(first, first + LANES), each - 1)
+        for lane in range(LANES):
+            for k, (i, j) in enumerate(_TRIANGLE):
+                P[k * LANES + lane] = belief.covariances[lanes[lane] // count, i, j]
+        for before in range(0, rows, each):
+            for lane in range(LANES):
+                for k in range(10):
+                    others.before[before + lanes[lane], k] = P[k * LANES + lane]
+                for k in range(3):
+                    information[k * LANES + lane] = others.information[before + lanes[lane], k]
+            _advance(P, belief, information, gains, cutoff, costs)
+            for lane in range(LANES):
+                others.costs[before + lanes[lane]] = belief.weights[lanes[lane] // count] / count * costs[lane]
+        for lane in range(LANES):
+            others.finals[lanes[lane]] = P[lane] + P[4 * LANES + lane]
     return others
 
 
@@ -258,15 +297,16 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
         if i in others.uavs:
             continue
         flight = camera_lanes(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
-        others.ends[i, 0], others.ends[i, 1] = flight.cameras[0, -1, 0, 0], flight.cameras[0, -1, 1, 0]
+        cameras = flight.cameras[0, 0]
+        others.ends[i, 0], others.ends[i, 1] = cameras[-1, 0, 0], cameras[-1, 1, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         for t in range(len(others.seconds) if others.measure.ahead.weight > 0.0 else 0):
             free[:] = others.seconds[t]
-            approach(free, belief, others.measure.ahead, t, i, flight.cameras[0, -1])
+            approach(free, belief, others.measure.ahead, t, i, cameras[-1])
             others.seconds[t] = free[0]
-        near = possibly_visible(belief, np.array([i]), flight.boxes)
+        near = possibly_visible(belief, np.array([i]), flight.boxes[0], np.ones(len(others.seen), dtype=np.bool_))
         for row in range(len(near)):
             if near[row]:
                 _fill(information, others.information[row])
-                add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information, free)
+                add_information(belief, i, cameras[row * steps // len(near)], row, information, free)
                 others.information[row] = information[::LANES]

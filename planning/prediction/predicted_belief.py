@@ -14,7 +14,6 @@ from tracking.geometry.line_of_sight import Vector, is_blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.distances import length
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
@@ -65,25 +64,46 @@ def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: 
 
     A few metres from the target a line of sight is above the trees, so each point has few such cylinders.
     """
-    cylinders = forest.blockers
-    points = points.reshape(-1, 3)
-    farthest = np.zeros(len(cylinders))
-    for v in vehicles:
-        height = v.position[2] - TARGET_HEIGHT
-        share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
-        gap = length(points[:, :2] - v.position[:2]).max(initial=0.0) + v.max_speed * duration
-        farthest = np.maximum(farthest, share * min(viewing_range(v), gap))
-    columns, offsets = _cylinders_within(points, cylinders, cylinders[:, 2] + farthest)
-    return cylinders[columns], offsets
+    sights = np.array([(*v.position, viewing_range(v), v.max_speed * duration) for v in vehicles])
+    points, order = points.reshape(-1, 3), forest.from_west
+    reach = forest.blockers[:, 2] + _reach(forest.blockers, points, sights.reshape(-1, 5))
+    columns, offsets = _cylinders_within(points, forest.blockers, reach, order)
+    return forest.blockers[columns], offsets
 
 
 @compiled
-def _cylinders_within(points: Array, cylinders: Array, reach: Array) -> tuple[Indices, Indices]:
-    """Indices of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin."""
-    columns, offsets = [0], np.zeros(len(points) + 1, np.int64)  # the first entry only tells Numba the list's type
-    for n in range(len(points)):
+def _reach(cylinders: Array, points: Array, sights: Array) -> Array:
+    """Largest distance (B,) m from a cylinder's side at which it hides any of N points from any of n UAVs.
+
+    sights (n, 5): position, viewing range and distance flown [m].
+    """
+    reach = np.zeros(len(cylinders))
+    for v in range(len(sights)):
+        far = 0.0
+        for n in range(len(points)):
+            x, y = points[n, 0] - sights[v, 0], points[n, 1] - sights[v, 1]
+            far = max(far, x * x + y * y)
+        far = min(sights[v, 3], math.sqrt(far) + sights[v, 4])
         for b in range(len(cylinders)):
+            share = (cylinders[b, 4] - TARGET_HEIGHT) / (sights[v, 2] - TARGET_HEIGHT)
+            reach[b] = max(reach[b], min(max(share, 0.0), 1.0) * far)
+    return reach
+
+
+@compiled
+def _cylinders_within(points: Array, cylinders: Array, reach: Array, order: Indices) -> tuple[Indices, Indices]:
+    """Indices of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
+
+    order (B,): the cylinders from west to east.
+    """
+    columns, offsets = [0], np.zeros(len(points) + 1, np.int64)  # the first entry only tells Numba the list's type
+    east, widest = cylinders[order, 0], reach.max() if len(reach) else 0.0
+    for n in range(len(points)):
+        for m in range(np.searchsorted(east, points[n, 0] - widest), len(order)):
+            b = order[m]
             x, y = points[n, 0] - cylinders[b, 0], points[n, 1] - cylinders[b, 1]
+            if x < -widest:
+                break
             if x * x + y * y <= reach[b] * reach[b]:
                 columns.append(b)
         offsets[n + 1] = len(columns) - 1
@@ -91,14 +111,14 @@ def _cylinders_within(points: Array, cylinders: Array, reach: Array) -> tuple[In
 
 
 @compiled
-def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
-    """Mask (H T K,) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
+def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array, targets: Flags) -> Flags:
+    """Mask (H T K,) of points of marked `targets` (T,) that any of k UAVs may see from somewhere in its boxes.
 
-    False is certain; True is only possible, because the bound is a cheap one.
+    boxes (k, H, 4) m: x0, x1, y0, y1. False is certain; True is only possible, because the bound is a cheap one.
     """
     points, views = belief.points, belief.views
-    steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
-    may = np.zeros(steps * targets * count, dtype=np.bool_)
+    steps, count = points.shape[0], points.shape[2]
+    may = np.zeros(steps * points.shape[1] * count, dtype=np.bool_)
     for j in range(len(uavs)):
         for step in range(steps):
             x0, x1, y0, y1 = boxes[j, step]
@@ -106,9 +126,9 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
             for side in range(4):
                 a, b = wide[side, 0], wide[side, 1]
                 wide[side, 2] = wide[side, 2] + max(a * x0, a * x1) + max(b * y0, b * y1)
-            for t in range(targets):
-                for k in range(count):
-                    row = (step * targets + t) * count + k
+            for t in range(len(targets)):
+                for k in range(count if targets[t] else 0):
+                    row = (step * points.shape[1] + t) * count + k
                     may[row] |= inside(wide, points[step, t, k, 0], points[step, t, k, 1])
     return may
 

@@ -76,6 +76,11 @@ class Forest:
         return np.arange(len(self.blockers)) % max(len(self.trees), 1)
 
     @cached_property
+    def from_west(self) -> Indices:
+        """Indices (B,) of the `blockers` from west to east."""
+        return np.argsort(self.blockers[:, 0], kind="stable")
+
+    @cached_property
     def grid(self) -> Grid:
         """Grid over the `blockers`."""
         return make_grid(self.blockers)
