@@ -1,6 +1,8 @@
 """Field of view of a camera in level flight on the plane of the targets: a quadrangle that moves with its UAV."""
 
 import math
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +14,27 @@ from tracking.numerics.distances import length
 from tracking.numerics.matrices import apply
 from tracking.numerics.trigonometry import hypot, tan
 
+_MIDDLE = np.zeros((1, 2))
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 # Points of the image at which to keep a pursued target, in half edges: the middle and eight near the rim. A view from
 # the side shows a target under a canopy that hides it from above.
 IMAGE_POINTS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
+
+
+class _View(NamedTuple):
+    """What a field of view depends on. All UAVs of a fleet ask for the same ones, so each is worked out once."""
+
+    fov: float  # rad
+    height: float  # m, above the targets
+    attitude: bytes  # of the quaternion
+
+
+_KEPT = 4096  # views
+
+
+def _view_of(vehicle: Vehicle) -> _View:
+    attitude = np.asarray(vehicle.attitude, dtype=float)
+    return _View(vehicle.camera.fov, float(vehicle.position[2] - TARGET_HEIGHT), attitude.tobytes())
 
 
 def points_shown(vehicle: Vehicle, marks: Array) -> Array:
@@ -23,23 +42,31 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
 
     Note: a view all round has no image; marks are taken in an image of 90 degrees instead.
     """
-    fov, height = vehicle.camera.fov, float(vehicle.position[2] - TARGET_HEIGHT)
-    half = height * (1.0 if fov >= ALL_ROUND else tan(fov / 2))
+    return _points(_view_of(vehicle), marks.tobytes()).copy()
+
+
+@lru_cache(_KEPT)
+def _points(view: _View, given: bytes) -> Array:
+    marks, height = np.frombuffer(given).reshape(-1, 2), view.height
+    half = height * (1.0 if view.fov >= ALL_ROUND else tan(view.fov / 2))
     rays = np.column_stack([half * marks, np.full(len(marks), -height)])
-    points = apply(rotation(np.asarray(vehicle.attitude, dtype=float)), rays)
+    points = apply(rotation(np.frombuffer(view.attitude).copy()), rays)
     return np.asarray(points[:, :2] * (height / -points[:, 2:]))
 
 
 def aim_point(vehicle: Vehicle) -> Array:
     """Point (2,) m from the vehicle that the middle of the image shows."""
-    return points_shown(vehicle, np.zeros((1, 2))).ravel()
+    return points_shown(vehicle, _MIDDLE).ravel()
 
 
 def viewing_range(vehicle: Vehicle) -> float:
     """Longest planar distance at which the vehicle can see a target [m]."""
-    if vehicle.camera.fov >= ALL_ROUND:
-        return math.inf
-    return float(np.max(length(points_shown(vehicle, _CORNERS))))
+    return _range(_view_of(vehicle))
+
+
+@lru_cache(_KEPT)
+def _range(view: _View) -> float:
+    return math.inf if view.fov >= ALL_ROUND else float(np.max(length(_points(view, _CORNERS.tobytes()))))
 
 
 def view_quadrangle(vehicle: Vehicle) -> Array:
@@ -48,13 +75,17 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A pinhole
     camera sees points with |x| and |y| up to tan(fov / 2) times their depth; at constant height that is linear.
     """
-    if vehicle.camera.fov >= ALL_ROUND:
+    return _quadrangle(_view_of(vehicle)).copy()
+
+
+@lru_cache(_KEPT)
+def _quadrangle(view: _View) -> Array:
+    if view.fov >= ALL_ROUND:
         return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)
-    slope, R = tan(vehicle.camera.fov / 2), rotation(np.asarray(vehicle.attitude, dtype=float))
-    height, out = float(vehicle.position[2] - TARGET_HEIGHT), np.empty((5, 3))
+    slope, R, out = tan(view.fov / 2), rotation(np.frombuffer(view.attitude).copy()), np.empty((5, 3))
     for k, (axis, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
         normal = sign * R[:, axis] + slope * R[:, 2]
         size = hypot(normal[0], normal[1])
-        out[k] = normal[0] / size, normal[1] / size, height * normal[2] / size
-    out[4] = *aim_point(vehicle), 0.0
+        out[k] = normal[0] / size, normal[1] / size, view.height * normal[2] / size
+    out[4] = *_points(view, _MIDDLE.tobytes())[0], 0.0
     return out

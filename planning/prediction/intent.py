@@ -1,17 +1,17 @@
 """The policy of intent and the base policy that extends it ([Li22] III-B)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Plan, Situation, Vehicle
+from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
 from planning.prediction.response import Response, follow_command, response
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.track import beliefs_of
 
@@ -30,14 +30,27 @@ def base_control(situation: Situation) -> Array:
 
 def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
     """Controls (H, 2) m/s that a UAV is expected to fly: its last plan shifted, extended by the base policy."""
-    known = situation.intents.get(vehicle.id, Plan(np.zeros((0, 2)))).controls[1 : horizon + 1]
-    return np.asarray(base_policy_plans(situation, vehicle, known[None], horizon)[0])
+    return np.asarray(_intents(situation, [vehicle], horizon)[0])
 
 
 def expect_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
     """Plans (n, H, 2) m/s of all UAVs: those `decided`, by id, and the policy of intent of each other UAV."""
-    plans = [decided[v.id] if v.id in decided else policy_of_intent(situation, v, horizon) for v in situation.vehicles]
-    return np.array(plans)
+    vehicles = situation.vehicles
+    expected = [v for v in vehicles if v.id not in decided]
+    plans = dict(decided)
+    plans.update(zip((v.id for v in expected), _intents(situation, expected, horizon), strict=True))
+    return np.array([plans[v.id] for v in vehicles])
+
+
+def _intents(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> Array:
+    plans, given = np.zeros((len(vehicles), horizon, 2)), np.zeros(len(vehicles), np.int64)
+    for k, vehicle in enumerate(vehicles):
+        if plan := situation.intents.get(vehicle.id):
+            known = plan.controls[1 : horizon + 1]
+            given[k] = len(known)
+            plans[k, : len(known)] = known
+    _extend(plans, given, _pursuit(situation, vehicles, horizon), float(situation.step))
+    return plans
 
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, given: Array, horizon: int) -> Array:
@@ -45,49 +58,59 @@ def base_policy_plans(situation: Situation, vehicle: Vehicle, given: Array, hori
 
     The policy starts from the position that the UAV reaches with its lag, but chooses controls as if it had no lag.
     """
-    given_steps, (_, covariances) = given.shape[1], beliefs_of(situation.tracks)
-    traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
     plans = np.zeros((len(given), horizon, 2))
-    plans[:, :given_steps] = given
-    pursuit = _Pursuit(
-        vehicle.position[:2].astype(float),
-        aim_point(vehicle).astype(float),
-        response([vehicle], situation.step),
-        float(vehicle.max_speed),
-        places,
-        traces,
-    )
-    _extend(plans, given_steps, pursuit, float(situation.step))
+    plans[:, : given.shape[1]] = given
+    steps = np.full(len(given), given.shape[1])
+    _extend(plans, steps, _pursuit(situation, [vehicle], horizon), float(situation.step))
     return plans
 
 
 class _Pursuit(NamedTuple):
-    """A UAV and the targets that it may pursue."""
+    """UAVs and the targets that they may pursue."""
 
-    position: Array  # (2,) m
-    aim: Array  # (2,) m from the UAV: the point that the middle of its image shows
+    positions: Array  # (k, 2) m
+    aims: Array  # (k, 2) m from the UAV: the point that the middle of its image shows
     response: Response
-    max_speed: float  # m/s
+    max_speeds: Array  # (k,) m/s
     places: Array  # (H, T, 2) m: of targets after each step
     traces: Array  # (T,) m²
 
 
+def _pursuit(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> _Pursuit:
+    _, covariances = beliefs_of(situation.tracks)
+    return _Pursuit(
+        np.array([v.position[:2] for v in vehicles], dtype=float).reshape(-1, 2),
+        np.array([aim_point(v) for v in vehicles], dtype=float).reshape(-1, 2),
+        response(vehicles, situation.step),
+        np.array([v.max_speed for v in vehicles], dtype=float),
+        nominal_positions(situation, horizon),
+        covariances[:, 0, 0] + covariances[:, 1, 1],
+    )
+
+
 @compiled
-def _extend(plans: Array, given_steps: int, pursuit: _Pursuit, step: float) -> None:
-    """Extend the first `given_steps` controls of plans (N, H, 2) m/s by `base_control`; a step takes `step` s."""
-    position, aim, follows = pursuit.position, pursuit.aim, pursuit.response
+def _extend(plans: Array, given: Indices, pursuit: _Pursuit, step: float) -> None:
+    """Extend the `given` (N,) first controls of plans (N, H, 2) m/s by `base_control`; a step takes `step` s.
+
+    There is a UAV for each plan, or one for all.
+    """
+    follows = pursuit.response
     for n in range(len(plans)):
-        vx, vy = follows.velocities[0]
+        k = min(n, len(pursuit.positions) - 1)
+        vx, vy = follows.velocities[k]
         way_x = way_y = 0.0
-        for h in range(given_steps):
-            mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
-            mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
+        for h in range(given[n]):
+            mean_x, vx = follow_command(follows, k, vx, plans[n, h, 0])
+            mean_y, vy = follow_command(follows, k, vy, plans[n, h, 1])
             way_x, way_y = way_x + mean_x, way_y + mean_y
-        x, y = position[0] + step * way_x + aim[0], position[1] + step * way_y + aim[1]
-        for h in range(given_steps, plans.shape[1]):
-            plans[n, h, 0], plans[n, h, 1] = _chase(x, y, pursuit.places[h], pursuit.traces, step, pursuit.max_speed)
-            mean_x, vx = follow_command(follows, 0, vx, plans[n, h, 0])
-            mean_y, vy = follow_command(follows, 0, vy, plans[n, h, 1])
+        x = pursuit.positions[k, 0] + step * way_x + pursuit.aims[k, 0]
+        y = pursuit.positions[k, 1] + step * way_y + pursuit.aims[k, 1]
+        for h in range(given[n], plans.shape[1]):
+            plans[n, h, 0], plans[n, h, 1] = _chase(
+                x, y, pursuit.places[h], pursuit.traces, step, pursuit.max_speeds[k]
+            )
+            mean_x, vx = follow_command(follows, k, vx, plans[n, h, 0])
+            mean_y, vy = follow_command(follows, k, vy, plans[n, h, 1])
             x, y = x + step * mean_x, y + step * mean_y
 
 

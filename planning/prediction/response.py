@@ -28,13 +28,20 @@ class Response(NamedTuple):
 
 def response(vehicles: Sequence[Vehicle], step: float) -> Response:
     """Response of UAVs over a step [s]; the velocity of a UAV above its speed limit is reduced to the limit."""
-    found = Response.at_once(len(vehicles))
-    for k, vehicle in enumerate(vehicles):
-        east, north = vehicle.velocity
+    velocities = np.array([v.velocity for v in vehicles], dtype=float).reshape(-1, 2)
+    limits = np.array([(v.max_speed, v.lag) for v in vehicles], dtype=float).reshape(-1, 2)
+    return _respond(velocities, limits, float(step))
+
+
+@compiled
+def _respond(velocities: Array, limits: Array, step: float) -> Response:
+    """`response` of UAVs with velocities (k, 2) m/s, which are reduced, and limits (k, 2): speed [m/s] and lag [s]."""
+    found = Response(velocities, np.zeros(len(limits)), np.zeros(len(limits)))
+    for k in range(len(limits)):
         # `Search` relies on the limit, which a quadrotor exceeds a little in gusts and turns.
-        found.velocities[k] = vehicle.velocity * min(1.0, vehicle.max_speed / max(hypot(east, north), 1e-12))
-        if vehicle.lag > 0.0:
-            steps = step / vehicle.lag
+        velocities[k] *= min(1.0, limits[k, 0] / max(hypot(velocities[k, 0], velocities[k, 1]), 1e-12))
+        if limits[k, 1] > 0.0:
+            steps = step / limits[k, 1]
             left = exp(-steps)
             found.lacking[k], found.remaining[k] = (1.0 - left) / steps, left
     return found
