@@ -24,6 +24,7 @@ from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
+from planning.prediction.surroundings import surroundings
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -165,17 +166,21 @@ class Composed:
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """As `planning.coordination.decision.Decision.decide`."""
-        belief = self.propagator.predict(situation, self.horizon, rng)
-        samples = belief.points.shape[1] // len(situation.tracks) if situation.tracks else 1
+        # The MWTP and the learned cost-to-go count what is out of reach, and samples depend on the number of targets.
+        local = self.beta == 0.0 and self.cost_to_go == 0.0 and isinstance(self.propagator, Nominal)
+        scene, rows = surroundings(situation, uavs, self.horizon) if local else (situation, np.arange(len(controls)))
+        belief = self.propagator.predict(scene, self.horizon, rng)
+        samples = belief.points.shape[1] // len(scene.tracks) if scene.tracks else 1
         if self.existence:
-            belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
+            belief = belief._replace(weights=np.tile([t.existence for t in scene.tracks], samples).astype(float))
         starts = self._initial_plans(situation, controls, uavs)
         vehicles, step = situation.vehicles, situation.step
         ahead = cost_to_go(vehicles, float(self.cost_to_go))
         measure = Measure(self.uncertainty == "information", float(self.cutoff) or math.inf, ahead)
         own, fleet = response([vehicles[i] for i in uavs], step), response(vehicles, step)
         expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]
-        of_tracks = objective(belief, expected, uavs, self.beta, samples, measure)
+        deciding = np.searchsorted(rows, uavs).tolist()
+        of_tracks = objective(belief, expected[rows], deciding, self.beta, samples, measure)
         others = [term.objective(situation, expected, uavs) for term in self.terms]
         of_others = [one for one in others if one is not None]
 
@@ -187,7 +192,7 @@ class Composed:
             return found + reduce(np.add, (one(velocities) for one in of_others)) if of_others else found
 
         speeds = np.array([vehicles[i].max_speed for i in uavs])
-        in_reach = find_targets_in_reach(belief, uavs, speeds, own)
+        in_reach = find_targets_in_reach(belief, deciding, speeds, own)
         soon = in_reach.steps < starts.shape[2]
         in_reach = in_reach._replace(rows=in_reach.rows[soon], steps=in_reach.steps[soon], places=in_reach.places[soon])
         found = self.minimiser.minimise(value, starts, speeds, rng, in_reach)

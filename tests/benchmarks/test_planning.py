@@ -11,6 +11,7 @@ import pytest
 from helpers.timing import least
 
 from planning.planner_loading import load_planner
+from tracking.geometry.visibility import Forest
 from tracking.undetected import Intensity
 
 BOUND = 1.15  # exponent of the time of a decision, by UAVs or by targets
@@ -98,6 +99,51 @@ def test_decisions_as_teams_and_scenes_grow(random_team, judged, what, counts):
     exponent = np.polyfit(np.log(counts), np.log(times), 1)[0]
     print(f"\n{what} {counts}: {np.round(times, 1).tolist()} ms, exponent {exponent:.2f}, bound {BOUND}")
     assert not judged or exponent <= BOUND
+
+
+@pytest.mark.parametrize("people", [0.0, 1.0])
+def test_decisions_in_large_fleets(random_team, judged, people):
+    """A fleet of six with 20 targets among 75 trees, alone and as one of ten such fleets side by side.
+
+    `people` to find are expected for each UAV.
+    """
+    tiles = [(260.0 * k, 173.0 * row) for row in range(2) for k in range(5)] if judged else [(0.0, 0.0), (260.0, 0.0)]
+    fleets = [side_by_side(random_team, some, people)[:6] for some in (tiles[:1], tiles)]
+    planner = load_planner("sma-nbo-gospa" if judged else "sma-nbo-gospa(evaluations=64)")
+    planner.plan(fleets[1], np.random.default_rng(0))
+    few, many = 1e3 / 6 * least(*(deciding(planner, team) for team in fleets), rounds=10 if judged else 1)
+    print(f"\nof 6 UAVs {few:.1f} ms, of {6 * len(tiles)} {many:.1f} ms: {many / few:.2f} x")
+    assert not judged or many < 1.3 * few
+
+
+def side_by_side(random_team, tiles, people):
+    """The team of the middle fleet and of copies of it at other places (T, 2) m; forests and tracks are copied, too."""
+    tile = random_team(0, uavs=6, targets=20, trees=75, spread=60.0)
+    moves = [np.array([x - tiles[len(tiles) // 2][0], y - tiles[len(tiles) // 2][1]]) for x, y in tiles]
+    moves.sort(key=lambda move: tuple(np.abs(move)))
+    vehicles, tracks, trees = [], [], []
+    for k, move in enumerate(moves):
+        here = np.array([*move, 0.0])
+        vehicles += [replace(s.own, id=6 * k + s.own.id, position=s.own.position + here) for s in tile]
+        for t in tile[0].tracks:
+            mean = t.belief.mean + np.array([*move, 0.0, 0.0])
+            tracks.append(replace(t, id=20 * k + t.id, belief=replace(t.belief, mean=mean)))
+        trees += [replace(tree, x=tree.x + move[0], y=tree.y + move[1]) for tree in tile[0].forest.trees]
+    low, high = np.min(moves, axis=0) - (130.0, 86.5), np.max(moves, axis=0) + np.array([130.0, 86.5])
+    shape = tuple(np.ceil((high - low)[::-1] / 5.0).astype(int))
+    raster = Intensity(np.full(shape, people * len(vehicles) / np.prod(shape)), tuple(low), (5.0, 5.0))
+    forest = Forest(tuple(trees))
+    return [
+        replace(
+            tile[0],
+            own=v,
+            neighbours=tuple(w for w in vehicles if w is not v),
+            tracks=tuple(tracks),
+            forest=forest,
+            undetected=raster,
+        )
+        for v in vehicles
+    ]
 
 
 @pytest.mark.parametrize("horizon", [1, 3, 5])

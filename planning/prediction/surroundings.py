@@ -1,0 +1,54 @@
+"""Surroundings of UAVs: the part of a situation that can bear on their plans."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planning.planner import Situation
+from planning.prediction.field_of_view import viewing_range
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.distances import length
+from tracking.track import beliefs_of
+
+# m: at least this far, nothing is left out. So the worlds of up to 200 x 150 m have recordings of the same bytes.
+LEAST_RADIUS = 250.0
+_REACHES = 3.0  # two would do for targets that are where they are expected
+_DEVIATIONS = 5.0  # of targets' beliefs
+
+
+def surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Situation, Indices]:
+    """The situation with the tracks and UAVs around those in rows `uavs` of its UAVs, and the rows that are left.
+
+    A UAV's reach is the distance at which it can have something in view within the horizon. Targets out of reach, and
+    UAVs that reach none of the targets in reach, add the same to the costs of all plans, up to rounding.
+    """
+    vehicles, duration = situation.vehicles, horizon * situation.step
+    means, covariances = beliefs_of(situation.tracks)
+    spread = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
+    drift = length(means[:, 2:]) + _DEVIATIONS * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
+    centres = np.array([vehicles[i].position[:2] for i in uavs])
+    tracked = _within(means[:, :2], centres, _radius(situation, duration) + _DEVIATIONS * spread + duration * drift)
+    near = near_uavs(situation, uavs, horizon)
+    if tracked.all() and near.all():
+        return situation, np.arange(len(vehicles))
+    rows = np.flatnonzero(near)
+    others = tuple(vehicles[i] for i in rows if vehicles[i] is not situation.own)
+    tracks = tuple(situation.tracks[t] for t in np.flatnonzero(tracked))
+    return replace(situation, neighbours=others, tracks=tracks), rows
+
+
+def near_uavs(situation: Situation, uavs: Sequence[int], horizon: int) -> Flags:
+    """Mask (n,) of the UAVs in the surroundings of those in rows `uavs`."""
+    places = np.array([v.position[:2] for v in situation.vehicles])
+    return _within(places, places[list(uavs)], _radius(situation, horizon * situation.step))
+
+
+def _radius(situation: Situation, duration: float) -> float:
+    reach = max(v.max_speed * duration + viewing_range(v) for v in situation.vehicles)
+    return max(LEAST_RADIUS, _REACHES * reach)
+
+
+def _within(places: Array, centres: Array, radii: Array | float) -> Flags:
+    """Mask (N,) of places (N, 2) m that are at most radii (N,) m from any of some centres (k, 2) m."""
+    return np.asarray(np.min(length(places[:, None] - centres), axis=1, initial=np.inf) <= radii)
