@@ -13,6 +13,7 @@ from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
+from planning.prediction.surroundings import LEAST_RADIUS, near_uavs
 from tracking.geometry.line_of_sight import Grid, is_unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
@@ -65,24 +66,24 @@ def _closest(relative: Array) -> Array:
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
 _FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
+_RUN = 16  # cells in a row that are looked at together
 _ENTRIES = 4096  # sequences of places that are kept; an optimiser tries some thousand different ones
 _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # from a cell's middle, in its edges
 
 
-class _Sight(NamedTuple):
-    """What a UAV sees and how far it flies, all in m."""
+class _Sights(NamedTuple):
+    """What n UAVs see and how far they fly, all in m."""
 
-    east: float  # of its aim point, from the UAV
-    north: float
-    radius: float  # of the largest circle about the aim point that is in view
-    way: float  # flown in a step
+    aims: Array  # (n, 2): their aim points, from the UAVs
+    radii: Array  # (n,): of the largest circles about the aim points that are in view
+    ways: Array  # (n,): flown in a step
 
 
 class _Cells(NamedTuple):
     """The C cells in which there may be undetected people."""
 
     centres: Array  # (C, 2) m
-    points: Array  # (C, 4, 2) m: the middles of their quarters
+    quarters: Array  # (4, 2) m: the middles of a cell's quarters, from its centre
     people: Array  # (H, C): people left after each step; the plans of the other UAVs lower it
 
 
@@ -138,39 +139,35 @@ class Search:
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
-        raster = _raster(situation, uavs, fleet, _Cells(centres, centres[:, None] + _QUARTERS * undetected.cell, left))
+        raster = _raster(situation, uavs, fleet, _Cells(centres, _QUARTERS * undetected.cell, left))
         to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
         return partial(_costs, float(self.weight), to_come, raster, now[list(uavs)], situation.step)
 
 
 def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cells) -> _Raster:
     """Raster of the places in reach of UAVs; people whom the other UAVs detect are removed from `cells.people`."""
-    centres, points, left = cells
     vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
     shown = np.array([view_quadrangle(v) for v in vehicles])
-    sights = [_sight(view, step * v.max_speed) for view, v in zip(shown, vehicles, strict=True)]
+    sights = _sights(shown, [step * v.max_speed for v in vehicles])
     reach = [math.ceil(steps * step * vehicles[i].max_speed / _SPACING) for i in uavs]  # places in each direction
     low = np.array([vehicles[i].position[:2] - _SPACING * r for i, r in zip(uavs, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    places = list(fleet)
+    near = near_uavs(situation, uavs, steps)
+    places = [path if keep else path[:0] for path, keep in zip(fleet, near, strict=True)]
     for j, i in enumerate(uavs):
         places[i] = _square(low[j], int(side[j]), float(vehicles[i].position[2]))
     first = np.cumsum([0, *map(len, places)])
     owners = np.repeat(np.arange(len(vehicles)), np.diff(first))
     # A cell in view may begin this far beyond the range.
-    farthest = np.array([viewing_range(v) for v in vehicles]) + float(np.ptp(points[0], axis=0).max(initial=0.0))
+    farthest = np.array([viewing_range(v) for v in vehicles]) + float(np.ptp(cells.quarters, axis=0).max())
     forest = situation.forest
-    seeing = _Seeing(owners, shown, farthest)
-    views = _views(np.concatenate(places), seeing, points, forest.blockers, forest.grid)
-    for i in sorted(set(range(len(vehicles))) - set(uavs)):
-        _thin(left, views, first[i])
+    views = _views(np.concatenate(places), _Seeing(owners, shown, farthest), cells, forest.blockers, forest.grid)
+    for i in np.flatnonzero(near).tolist():
+        if i not in uavs:
+            _thin(cells.people, views, first[i])
     costs_to_go = np.zeros(first[-1])
     for i in uavs:
-        away = np.full(len(centres), np.inf)
-        for other in range(len(vehicles)):
-            if other != i:
-                away = np.minimum(away, _steps_off(fleet[other, -1], centres, sights[other]))
-        costs_to_go[first[i] : first[i + 1]] = _costs_to_go(places[i], centres, sights[i], left[-1], away)
+        costs_to_go[first[i] : first[i + 1]] = _costs_to_go(places[i], i, fleet[:, -1], cells, sights)
     visited, found = np.full((_ENTRIES, steps * len(uavs)), -1), np.empty(_ENTRIES)
     return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found)
 
@@ -181,51 +178,73 @@ def _square(low: Array, side: int, height: float) -> Array:
     return np.column_stack([low[0] + _SPACING * easts, low[1] + _SPACING * norths, np.full(side * side, height)])
 
 
-def _sight(view: Array, way: float) -> _Sight:
-    """Sight of a UAV with a field of view (5, 3) that flies `way` m in a step."""
-    return _Sight(float(view[4, 0]), float(view[4, 1]), radius_in_view(view), way)
-
-
-def _steps_off(place: Array, centres: Array, sight: _Sight) -> Array:
-    """Steps (C,) that a UAV flies from a place (2 or 3,) m until cells (C, 2) m can be in the circle about its aim."""
-    gaps = length(place[:2] + np.array([sight.east, sight.north]) - centres)
-    return np.asarray(np.maximum(gaps - sight.radius, 0.0) / sight.way)
+def _sights(views: Array, ways: Sequence[float]) -> _Sights:
+    """Sights of n UAVs with fields of view (n, 5, 3) that fly `ways` (n,) m in a step."""
+    return _Sights(views[:, 4, :2].copy(), np.array([radius_in_view(view) for view in views]), np.array(ways))
 
 
 @compiled
-def _costs_to_go(places: Array, centres: Array, sight: _Sight, people: Array, away: Array) -> Array:
-    """Steps until people can be in view, from a place (V,) or after `away` (C,) steps by others; summed over people."""
-    total, east, north = np.zeros(len(places)), places[:, 0] + sight.east, places[:, 1] + sight.north
-    radius, way = sight.radius, sight.way
-    for c in range(len(centres)):
-        for v in range(len(places)):  # the inner loop, so that several places are summed at once
-            gap = hypot(east[v] - centres[c, 0], north[v] - centres[c, 1])
-            total[v] += min(max(gap - radius, 0.0) / way, away[c]) * people[c]
+def _costs_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
+    """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; others begin at `ends` (n, 3).
+
+    Cells farther than `LEAST_RADIUS` from all places, to which another UAV is certain to be nearer, are left out.
+    """
+    aims, radii, ways = sights
+    total, east, north = np.zeros(len(places)), places[:, 0] + aims[uav, 0], places[:, 1] + aims[uav, 1]
+    west, south, most_east, most_north = east.min(), north.min(), east.max(), north.max()
+    away, radius, way, people = np.empty(_RUN), radii[uav], ways[uav], cells.people[-1]
+    for first in range(0, len(people), _RUN):
+        centres = cells.centres[first : first + _RUN]
+        x0, x1, y0, y1 = centres[:, 0].min(), centres[:, 0].max(), centres[:, 1].min(), centres[:, 1].max()
+        gap = hypot(max(west - x1, x0 - most_east, 0.0), max(south - y1, y0 - most_north, 0.0))
+        least = max(gap - radius, 0.0) / way * (1.0 - 1e-9)  # steps to any of these cells, whatever the rounding
+        away[:] = np.inf
+        for other in range(len(ends)):
+            if other == uav:
+                continue
+            x, y = ends[other, 0] + aims[other, 0], ends[other, 1] + aims[other, 1]
+            if gap > LEAST_RADIUS:
+                most = hypot(max(x - x0, x1 - x), max(y - y0, y1 - y))
+                if max(most - radii[other], 0.0) / ways[other] < least:
+                    away[:] = 0.0
+                    break
+            for c in range(len(centres)):
+                gone = hypot(x - centres[c, 0], y - centres[c, 1])
+                away[c] = min(away[c], max(gone - radii[other], 0.0) / ways[other])
+        else:
+            for c in range(len(centres)):
+                if away[c] <= least:
+                    for v in range(len(places)):
+                        total[v] += away[c] * people[first + c]
+                    continue
+                for v in range(len(places)):  # the inner loop, so that several places are summed at once
+                    gone = hypot(east[v] - centres[c, 0], north[v] - centres[c, 1])
+                    total[v] += min(max(gone - radius, 0.0) / way, away[c]) * people[first + c]
     return total
 
 
 @compiled
-def _views(places: Array, seeing: _Seeing, points: Array, blockers: Array, grid: Grid) -> _Views:
-    """Views from places (V, 3) m; cells, from south to north, are given by four points (C, 4, 2) m each."""
+def _views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid: Grid) -> _Views:
+    """Views from places (V, 3) m of cells, which are in order from south to north, by their quarters."""
     uavs, view, farthest = seeing
     starts = np.zeros(len(places) + 1, np.int64)
-    cells, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
+    found, shares = [0], [0.0]  # the first entries only tell Numba the types of the lists
     for v in range(len(places)):
         camera, far = (places[v, 0], places[v, 1], places[v, 2]), farthest[uavs[v]]
-        within = np.searchsorted(points[:, 0, 1], np.array([camera[1] - far, camera[1] + far]))
+        within = np.searchsorted(cells.centres[:, 1], np.array([camera[1] - far, camera[1] + far]))
         for c in range(within[0], within[1]):
-            if abs(points[c, 0, 0] - camera[0]) > far:
+            if abs(cells.centres[c, 0] - camera[0]) > far:
                 continue
             seen = 0
-            for k in range(points.shape[1]):
-                x, y = points[c, k, 0], points[c, k, 1]
+            for k in range(len(cells.quarters)):
+                x, y = cells.centres[c, 0] + cells.quarters[k, 0], cells.centres[c, 1] + cells.quarters[k, 1]
                 if inside(view[uavs[v]], x - camera[0], y - camera[1]):
                     seen += is_unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
             if seen:
-                cells.append(c)
-                shares.append(seen / points.shape[1])
-        starts[v + 1] = len(cells) - 1
-    return _Views(starts, np.array(cells)[1:], np.array(shares)[1:])
+                found.append(c)
+                shares.append(seen / len(cells.quarters))
+        starts[v + 1] = len(found) - 1
+    return _Views(starts, np.array(found)[1:], np.array(shares)[1:])
 
 
 def _thin(left: Array, views: _Views, first: int) -> None:

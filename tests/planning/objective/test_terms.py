@@ -9,7 +9,7 @@ from helpers.flights import fly
 from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
-from planning.objective.terms import Search, Separation, _closest, _sight, _steps_off
+from planning.objective.terms import Search, Separation, _Cells, _closest, _costs_to_go, _sights
 from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import expect_plans
@@ -94,7 +94,9 @@ def test_steps_to_an_undetected_target_are_none_only_where_it_is_in_view(random_
     attitude = Rotation.from_euler("ZY", [35, -tilt], degrees=True).as_quat()
     own = dataclasses.replace(random_team(0)[0].own, attitude=attitude)
     centres, view = NONE.centres().reshape(-1, 2), view_quadrangle(own)
-    steps = _steps_off(own.position, centres, _sight(view, 5.0))
+    ahead = [_Cells(centre[None], np.zeros((4, 2)), np.ones((1, 1))) for centre in centres]
+    alone = own.position[None].astype(float)
+    steps = np.array([_costs_to_go(alone, 0, alone, one, _sights(view[None], [5.0]))[0] for one in ahead])
     least = [np.hypot(*shortest_move(view[None], 0, *cell)) / 5.0 for cell in centres - own.position[:2]]
     most = np.linalg.norm(centres - own.position[:2] - view[4, :2], axis=1) / 5.0
     assert np.all(steps >= np.array(least) - 1e-9) and np.all(steps <= most)
