@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 
@@ -88,9 +89,14 @@ def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
 
 def copy_situation(situation: Situation) -> Situation:
     """A copy that a planner may change. Map, cameras and motion model are not copied: only planners use them."""
-    cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
-    copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion, *cameras)}
-    for track in situation.tracks:  # tracks are many, and `deepcopy` would take ten times as long
+    copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion)}
+    # Vehicles, plans and tracks are many, and `deepcopy` would take ten times as long.
+    for vehicle in situation.vehicles:
+        arrays = {name: np.copy(getattr(vehicle, name)) for name in ("position", "attitude", "velocity")}
+        copies[id(vehicle)] = replace(vehicle, **arrays)
+    for plan in situation.intents.values():
+        copies[id(plan)] = Plan(plan.controls.copy(), {j: controls.copy() for j, controls in plan.others.items()})
+    for track in situation.tracks:
         belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
         copies[id(track)] = Track(track.id, belief, track.existence, track.sighting.copy())
     return deepcopy(situation, copies)
