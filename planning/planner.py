@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -89,7 +90,7 @@ class Situation:
         """Time between two controls of a plan [s]."""
         return self.motion.dt
 
-    @property
+    @cached_property
     def vehicles(self) -> tuple[Vehicle, ...]:
         """The whole team as this UAV knows it, by ascending id."""
         return tuple(sorted((self.own, *self.neighbours), key=lambda v: v.id))

@@ -114,6 +114,7 @@ class _Raster(NamedTuple):
     # Most of the plans that an optimiser tries visit a sequence of places that other plans visited before.
     visited: Indices  # (_ENTRIES, H k): sequences of places; each has one entry, which others may take over
     found: Array  # (_ENTRIES,): sums over people detected from them
+    left: Array  # (C,): ones, a workspace of `_found`
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,10 @@ class Search:
         fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
         raster = _raster(situation, uavs, fleet, _Cells(centres, _QUARTERS * undetected.cell, left))
-        to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
-        return partial(_costs, float(self.weight), to_come, raster, now[list(uavs)], situation.step)
+        for h in range(len(left) - 2, -1, -1):
+            left[h] += left[h + 1]  # now people still to be counted from each step on
+        total = float(np.cumsum(left[0])[-1])  # a sum in the order of the cells
+        return partial(_costs, float(self.weight), total, left, raster, now[list(uavs)], situation.step)
 
 
 def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cells) -> _Raster:
@@ -152,7 +155,7 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cel
     reach = [math.ceil(steps * step * vehicles[i].max_speed / _SPACING) for i in uavs]  # places in each direction
     low = np.array([vehicles[i].position[:2] - _SPACING * r for i, r in zip(uavs, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    near = near_uavs(situation, uavs, steps)
+    near, _ = near_uavs(situation, uavs, steps)
     places = [path if keep else path[:0] for path, keep in zip(fleet, near, strict=True)]
     for j, i in enumerate(uavs):
         places[i] = _square(low[j], int(side[j]), float(vehicles[i].position[2]))
@@ -169,7 +172,7 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cel
     for i in uavs:
         costs_to_go[first[i] : first[i + 1]] = _costs_to_go(places[i], i, fleet[:, -1], cells, sights)
     visited, found = np.full((_ENTRIES, steps * len(uavs)), -1), np.empty(_ENTRIES)
-    return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found)
+    return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found, np.ones(len(cells.centres)))
 
 
 def _square(low: Array, side: int, height: float) -> Array:
@@ -185,42 +188,59 @@ def _sights(views: Array, ways: Sequence[float]) -> _Sights:
 
 @compiled
 def _costs_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
-    """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; others begin at `ends` (n, 3).
+    """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; the others are at `ends`.
 
-    Cells farther than `LEAST_RADIUS` from all places, to which another UAV is certain to be nearer, are left out.
+    ends (n, 3) m. Cells beyond `LEAST_RADIUS` to which another UAV is certain to be nearer are left out.
     """
-    aims, radii, ways = sights
-    total, east, north = np.zeros(len(places)), places[:, 0] + aims[uav, 0], places[:, 1] + aims[uav, 1]
-    west, south, most_east, most_north = east.min(), north.min(), east.max(), north.max()
-    away, radius, way, people = np.empty(_RUN), radii[uav], ways[uav], cells.people[-1]
-    for first in range(0, len(people), _RUN):
-        centres = cells.centres[first : first + _RUN]
+    total = np.zeros(len(places))
+    east, north = places[:, 0] + sights.aims[uav, 0], places[:, 1] + sights.aims[uav, 1]
+    low, high = (east.min(), north.min()), (east.max(), north.max())
+    away, radius, way, nearer = np.empty(_RUN), sights.radii[uav], sights.ways[uav], 0
+    for first in range(0, len(cells.centres), _RUN):
+        centres, people = cells.centres[first : first + _RUN], cells.people[-1, first : first + _RUN]
         x0, x1, y0, y1 = centres[:, 0].min(), centres[:, 0].max(), centres[:, 1].min(), centres[:, 1].max()
-        gap = hypot(max(west - x1, x0 - most_east, 0.0), max(south - y1, y0 - most_north, 0.0))
+        gap = hypot(max(low[0] - x1, x0 - high[0], 0.0), max(low[1] - y1, y0 - high[1], 0.0))
         least = max(gap - radius, 0.0) / way * (1.0 - 1e-9)  # steps to any of these cells, whatever the rounding
-        away[:] = np.inf
-        for other in range(len(ends)):
-            if other == uav:
-                continue
-            x, y = ends[other, 0] + aims[other, 0], ends[other, 1] + aims[other, 1]
-            if gap > LEAST_RADIUS:
-                most = hypot(max(x - x0, x1 - x), max(y - y0, y1 - y))
-                if max(most - radii[other], 0.0) / ways[other] < least:
-                    away[:] = 0.0
-                    break
-            for c in range(len(centres)):
-                gone = hypot(x - centres[c, 0], y - centres[c, 1])
-                away[c] = min(away[c], max(gone - radii[other], 0.0) / ways[other])
-        else:
-            for c in range(len(centres)):
-                if away[c] <= least:
-                    for v in range(len(places)):
-                        total[v] += away[c] * people[first + c]
-                    continue
-                for v in range(len(places)):  # the inner loop, so that several places are summed at once
-                    gone = hypot(east[v] - centres[c, 0], north[v] - centres[c, 1])
-                    total[v] += min(max(gone - radius, 0.0) / way, away[c]) * people[first + c]
+        limit = least if gap > LEAST_RADIUS else 0.0
+        certain, nearer = _steps_of_others(away, centres, (x0, x1, y0, y1), limit, (uav, nearer), ends, sights)
+        if certain:
+            continue
+        for c in range(len(centres)):
+            x, y = centres[c]
+            for v in range(len(places) if away[c] > least else 0):  # the inner loop, so that places are side by side
+                total[v] += min(max(hypot(east[v] - x, north[v] - y) - radius, 0.0) / way, away[c]) * people[c]
+            for v in range(0 if away[c] > least else len(places)):
+                total[v] += away[c] * people[c]
     return total
+
+
+@compiled
+def _steps_of_others(
+    away: Array,
+    centres: Array,
+    box: tuple[float, float, float, float],
+    limit: float,
+    rows: tuple[int, int],
+    ends: Array,
+    sights: _Sights,
+) -> tuple[bool, int]:
+    """Set the steps `away` after which others see cells in a box, or stop at one that sees all before `limit` steps.
+
+    rows: the UAV itself, and the other one to begin with. Returns whether it stopped, and at which UAV.
+    """
+    away[:] = np.inf
+    for turn in range(len(ends)):
+        other = (rows[1] + turn) % len(ends)
+        if other == rows[0]:
+            continue
+        radius, way = sights.radii[other], sights.ways[other]
+        x, y = ends[other, 0] + sights.aims[other, 0], ends[other, 1] + sights.aims[other, 1]
+        farthest = hypot(max(x - box[0], box[1] - x), max(y - box[2], box[3] - y))
+        if max(farthest - radius, 0.0) / way < limit:
+            return True, other
+        for c in range(len(centres)):
+            away[c] = min(away[c], max(hypot(x - centres[c, 0], y - centres[c, 1]) - radius, 0.0) / way)
+    return False, rows[1]
 
 
 @compiled
@@ -247,18 +267,24 @@ def _views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid:
     return _Views(starts, np.array(found)[1:], np.array(shares)[1:])
 
 
+@compiled
 def _thin(left: Array, views: _Views, first: int) -> None:
     """Remove those detected by a UAV at place first + h after step h from the people left after each step (H, C)."""
     for h in range(len(left)):
-        seen = slice(views.starts[first + h], views.starts[first + h + 1])
-        left[h:, views.cells[seen]] *= 1.0 - _DETECTION * views.shares[seen]
+        for m in range(views.starts[first + h], views.starts[first + h + 1]):
+            for later in range(h, len(left)):
+                left[later, views.cells[m]] *= 1.0 - _DETECTION * views.shares[m]
 
 
 @compiled
-def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array) -> Array:
-    """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 3) m; to_come (H, C) people."""
-    result = np.full(len(candidates), to_come[0].sum())
-    left, (H, k) = np.ones(to_come.shape[1]), (len(to_come), len(own))
+def _costs(
+    weight: float, total: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array
+) -> Array:
+    """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 3) m; to_come (H, C) people.
+
+    total: people to come from the first step on, summed over the cells.
+    """
+    result, (H, k) = np.full(len(candidates), total), (len(to_come), len(own))
     places = np.empty(H * k, np.int64)
     for n in range(len(candidates)):
         entry = 0
@@ -272,7 +298,7 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
             result[n] += raster.costs_to_go[places[(H - 1) * k + j]] / k
         if not _equal(raster.visited[entry], places):
             raster.visited[entry] = places
-            raster.found[entry] = _found(raster.views, places, to_come, left)
+            raster.found[entry] = _found(raster.views, places, to_come, raster.left)
         result[n] -= raster.found[entry]
     return weight * result
 

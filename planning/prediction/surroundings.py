@@ -24,12 +24,12 @@ def surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tup
     UAVs that reach none of the targets in reach, add the same to the costs of all plans, up to rounding.
     """
     vehicles, duration = situation.vehicles, horizon * situation.step
+    near, radius = near_uavs(situation, uavs, horizon)
     means, covariances = beliefs_of(situation.tracks)
     spread = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
     drift = length(means[:, 2:]) + _DEVIATIONS * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
     centres = np.array([vehicles[i].position[:2] for i in uavs])
-    tracked = _within(means[:, :2], centres, _radius(situation, duration) + _DEVIATIONS * spread + duration * drift)
-    near = near_uavs(situation, uavs, horizon)
+    tracked = _within(means[:, :2], centres, radius + _DEVIATIONS * spread + duration * drift)
     if tracked.all() and near.all():
         return situation, np.arange(len(vehicles))
     rows = np.flatnonzero(near)
@@ -38,15 +38,12 @@ def surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tup
     return replace(situation, neighbours=others, tracks=tracks), rows
 
 
-def near_uavs(situation: Situation, uavs: Sequence[int], horizon: int) -> Flags:
-    """Mask (n,) of the UAVs in the surroundings of those in rows `uavs`."""
-    places = np.array([v.position[:2] for v in situation.vehicles])
-    return _within(places, places[list(uavs)], _radius(situation, horizon * situation.step))
-
-
-def _radius(situation: Situation, duration: float) -> float:
-    reach = max(v.max_speed * duration + viewing_range(v) for v in situation.vehicles)
-    return max(LEAST_RADIUS, _REACHES * reach)
+def near_uavs(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Flags, float]:
+    """Mask (n,) of the UAVs in the surroundings of those in rows `uavs`, and the radius of the surroundings [m]."""
+    vehicles, duration = situation.vehicles, horizon * situation.step
+    radius = max(LEAST_RADIUS, _REACHES * max(v.max_speed * duration + viewing_range(v) for v in vehicles))
+    places = np.array([v.position[:2] for v in vehicles])
+    return _within(places, places[list(uavs)], radius), radius
 
 
 def _within(places: Array, centres: Array, radii: Array | float) -> Flags:

@@ -92,8 +92,8 @@ def copy_situation(situation: Situation) -> Situation:
     copies: dict[int, object] = {id(own): own for own in (situation.forest, situation.motion)}
     # Vehicles, plans and tracks are many, and `deepcopy` would take ten times as long.
     for vehicle in situation.vehicles:
-        arrays = {name: np.copy(getattr(vehicle, name)) for name in ("position", "attitude", "velocity")}
-        copies[id(vehicle)] = replace(vehicle, **arrays)
+        position, attitude, velocity = map(np.copy, (vehicle.position, vehicle.attitude, vehicle.velocity))
+        copies[id(vehicle)] = replace(vehicle, position=position, attitude=attitude, velocity=velocity)
     for plan in situation.intents.values():
         copies[id(plan)] = Plan(plan.controls.copy(), {j: controls.copy() for j, controls in plan.others.items()})
     for track in situation.tracks:
