@@ -42,13 +42,15 @@ def make_pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     nominal (H, T, 2) m: positions of targets after each step of `step` s.
     """
     position, spots = vehicle.position[:2], points_shown(vehicle, IMAGE_POINTS)
-    near = np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]
-    goals = [nominal[:, t] - spot for t in near for spot in spots]
-    goals += [(nominal[:, a] + nominal[:, b]) / 2 - spots[0] for a, b in combinations(near, 2)]
-    goals.append(np.tile(position, (len(nominal), 1)))
-    reached = np.tile(position, (len(goals), 1))
-    plans = np.empty((len(goals), len(nominal), 2))
-    for k, goal in enumerate(np.stack(goals, axis=1)):
+    near = nominal[:, np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]]
+    steps, count = near.shape[:2]
+    first, second = np.array(list(combinations(range(count), 2)), dtype=np.int64).reshape(-1, 2).T
+    each = (near[:, :, None] - spots).reshape(steps, -1, 2)
+    between = (near[:, first] + near[:, second]) / 2 - spots[0]
+    goals = np.concatenate([each, between, np.tile(position, (steps, 1, 1))], axis=1)
+    reached = np.tile(position, (goals.shape[1], 1))
+    plans = np.empty((goals.shape[1], steps, 2))
+    for k, goal in enumerate(goals):
         plans[:, k] = limit_speed((goal - reached) / step, vehicle.max_speed)
         reached = reached + step * plans[:, k]
     return plans

@@ -48,11 +48,13 @@ class Nominal:
         points = np.empty((horizon, len(means), len(FIVE_POINTS) if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
         points[:, :, 0, :2] = nominal_positions(situation, horizon)
-        ahead, spread = means, covariances
-        for step in range(horizon if self.expected else 0):
-            ahead, spread = situation.motion.predict_all(ahead, spread)
-            roots = cholesky_factors(np.ascontiguousarray(spread[:, :2, :2]))
-            points[step, :, :, :2] = points[step, :, :1, :2] + apply(roots[:, None], FIVE_POINTS)
+        if self.expected:
+            spreads, ahead, spread = np.empty((horizon, len(means), 2, 2)), means, covariances
+            for step in range(horizon):
+                ahead, spread = situation.motion.predict_all(ahead, spread)
+                spreads[step] = spread[:, :2, :2]
+            roots = cholesky_factors(spreads.reshape(-1, 2, 2)).reshape(*spreads.shape[:2], 1, 2, 2)
+            points[..., :2] = points[:, :, :1, :2] + apply(roots, FIVE_POINTS)
         return predict_belief(situation, points, covariances)
 
 
