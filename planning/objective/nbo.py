@@ -15,6 +15,7 @@ from planning.prediction.predicted_belief import (
     PredictedBelief,
     add_information,
     belief_transition,
+    last_traces,
     possibly_visible,
 )
 from tracking.metrics.squared_error import cut_off
@@ -159,10 +160,13 @@ def _sum(
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            _advance(P, belief, information, gains, cutoff, trace)
+            if row + each < len(near) or gains:
+                _advance(P, belief, information, gains, cutoff, trace)
+            else:
+                last_traces(P, belief.transition, belief.noise, information, trace)
+                _copy(trace, finals[index])
+                cut_off(trace, cutoff)
             _add(trace, weight, total)
-        for lane in range(LANES if tracked else 0):
-            finals[index, lane] = P[lane] + P[4 * LANES + lane]
     total += shared
 
 
@@ -180,6 +184,12 @@ def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool,
 def _add(trace: Array, weight: float, total: Array) -> None:
     for lane in range(LANES):
         total[lane] += weight * trace[lane]
+
+
+@inlined
+def _copy(lanes: Array, others: Array) -> None:
+    for lane in range(LANES):
+        others[lane] = lanes[lane]
 
 
 @inlined

@@ -187,6 +187,41 @@ def _mark_visible(point: Vector, height: float, cameras: Array, view: Array, blo
 
 
 @inlined
+def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[float, ...]:
+    """Covariance in lane k of P, as in `belief_transition`, one step later without information: its ten elements."""
+    drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
+    xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
+    yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
+    uv, vv = P[8 * LANES + k], P[9 * LANES + k]
+    xx += way * (2 * xu + way * uu) + drift
+    yy += way * (2 * yv + way * vv) + drift
+    xy += way * (xv + yu + way * uv)
+    xu, xv = left * (xu + way * uu) + both, left * (xv + way * uv)
+    yu, yv = left * (yu + way * uv), left * (yv + way * vv) + both
+    uu, uv, vv = left * left * uu + wander, left * left * uv, left * left * vv + wander
+    return xx, xy, xu, xv, yy, yu, yv, uu, uv, vv
+
+
+@inlined
+def _gain(xx: float, xy: float, yy: float, jxx: float, jxy: float, jyy: float) -> tuple[float, float, float]:
+    """S⁻¹ = (I + J P_pp)⁻¹ J (xx, xy, yy), which needs no inverse of J and is 0 without information."""
+    a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+    c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+    one = 1.0 / (a * d - b * c)
+    return (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
+
+
+@inlined
+def last_traces(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
+    """Set `traces` (LANES,) as `belief_transition` does, which is enough at the last step; P stays as it is."""
+    for k in range(LANES):
+        xx, xy, _, _, yy, _, _, _, _, _ = predicted(P, k, transition, noise)
+        sxx, sxy, syy = _gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
+        gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
+        traces[k] = (xx - gx0 * xx - gx1 * xy) + (yy - gy0 * xy - gy1 * yy)
+
+
+@inlined
 def belief_transition(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
@@ -195,23 +230,9 @@ def belief_transition(P: Array, transition: Transition, noise: Array, informatio
     traces of the position block. Without information P is only predicted.
     Source: [Li22] eq. (1), and the covariance part of the Kalman update.
     """
-    drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     for k in range(LANES):
-        xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
-        yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
-        uv, vv = P[8 * LANES + k], P[9 * LANES + k]
-        xx += way * (2 * xu + way * uu) + drift
-        yy += way * (2 * yv + way * vv) + drift
-        xy += way * (xv + yu + way * uv)
-        xu, xv = left * (xu + way * uu) + both, left * (xv + way * uv)
-        yu, yv = left * (yu + way * uv), left * (yv + way * vv) + both
-        uu, uv, vv = left * left * uu + wander, left * left * uv, left * left * vv + wander
-        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
-        # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
-        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
-        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
-        one = 1.0 / (a * d - b * c)
-        sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
+        xx, xy, xu, xv, yy, yu, yv, uu, uv, vv = predicted(P, k, transition, noise)
+        sxx, sxy, syy = _gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
         P[k], P[LANES + k], P[4 * LANES + k] = (
