@@ -44,7 +44,7 @@ def cost_to_go(vehicles: Sequence[Vehicle], weight: float) -> CostToGo:
     """Cost-to-go of the targets of these UAVs; weight one stands for the errors of the 15 s that follow a plan."""
     if weight == 0.0:
         return NO_COST_TO_GO
-    radii = np.array([radius_in_view(view_quadrangle(v)) for v in vehicles])
+    radii = radius_in_view(np.array([view_quadrangle(v) for v in vehicles]))
     return CostToGo(weight, radii, np.array([v.max_speed for v in vehicles]))
 
 

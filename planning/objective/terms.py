@@ -136,7 +136,8 @@ class Search:
         if undetected is None or not np.any(undetected.people > _FEWEST):
             return None
         cells = np.flatnonzero(undetected.people.ravel() > _FEWEST)
-        centres = undetected.centres().reshape(-1, 2)[cells]
+        south, west = np.divmod(cells, undetected.people.shape[1])
+        centres = np.array(undetected.low) + np.array(undetected.cell) * (np.column_stack([west, south]) + 0.5)
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
@@ -162,7 +163,9 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cel
     first = np.cumsum([0, *map(len, places)])
     owners = np.repeat(np.arange(len(vehicles)), np.diff(first))
     # A cell in view may begin this far beyond the range.
-    farthest = np.array([viewing_range(v) for v in vehicles]) + float(np.ptp(cells.quarters, axis=0).max())
+    farthest = np.array([viewing_range(v) if keep else 0.0 for v, keep in zip(vehicles, near, strict=True)]) + float(
+        np.ptp(cells.quarters, axis=0).max()
+    )
     forest = situation.forest
     views = _views(np.concatenate(places), _Seeing(owners, shown, farthest), cells, forest.blockers, forest.grid)
     for i in np.flatnonzero(near).tolist():
@@ -183,7 +186,7 @@ def _square(low: Array, side: int, height: float) -> Array:
 
 def _sights(views: Array, ways: Sequence[float]) -> _Sights:
     """Sights of n UAVs with fields of view (n, 5, 3) that fly `ways` (n,) m in a step."""
-    return _Sights(views[:, 4, :2].copy(), np.array([radius_in_view(view) for view in views]), np.array(ways))
+    return _Sights(views[:, 4, :2].copy(), radius_in_view(views), np.array(ways))
 
 
 @compiled
@@ -226,21 +229,25 @@ def _steps_of_others(
 ) -> tuple[bool, int]:
     """Set the steps `away` after which others see cells in a box, or stop at one that sees all before `limit` steps.
 
-    rows: the UAV itself, and the other one to begin with. Returns whether it stopped, and at which UAV.
+    rows: the UAV itself, and the other one to begin with. Returns whether it stopped, and the UAV that is nearest.
     """
     away[:] = np.inf
+    nearest, latest = rows[1], np.inf  # latest: steps after which some UAV has seen all
     for turn in range(len(ends)):
         other = (rows[1] + turn) % len(ends)
-        if other == rows[0]:
-            continue
         radius, way = sights.radii[other], sights.ways[other]
         x, y = ends[other, 0] + sights.aims[other, 0], ends[other, 1] + sights.aims[other, 1]
-        farthest = hypot(max(x - box[0], box[1] - x), max(y - box[2], box[3] - y))
-        if max(farthest - radius, 0.0) / way < limit:
+        gap = hypot(max(box[0] - x, x - box[1], 0.0), max(box[2] - y, y - box[3], 0.0))
+        if other == rows[0] or max(gap - radius, 0.0) / way * (1.0 - 1e-9) > latest:
+            continue
+        steps = max(hypot(max(x - box[0], box[1] - x), max(y - box[2], box[3] - y)) - radius, 0.0) / way
+        if steps < latest:
+            nearest, latest = other, steps
+        if steps < limit:
             return True, other
         for c in range(len(centres)):
             away[c] = min(away[c], max(hypot(x - centres[c, 0], y - centres[c, 1]) - radius, 0.0) / way)
-    return False, rows[1]
+    return False, nearest
 
 
 @compiled

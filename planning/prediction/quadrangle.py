@@ -19,11 +19,12 @@ def inside(view: Array, dx: float, dy: float) -> bool:
     return bool(near)
 
 
-def radius_in_view(view: Array) -> float:
-    """Radius [m] of the largest circle in a field of view (5, 3) about its aim point."""
-    nearest = float(np.min(view[:4, 2] - (view[:4, 0] * view[4, 0] + view[:4, 1] * view[4, 1])))
+def radius_in_view(views: Array) -> Array:
+    """Radii (...) m of the largest circles in fields of view (..., 5, 3) about their aim points."""
+    sides, aim = views[..., :4, :], views[..., 4:, :2]
+    nearest = np.min(sides[..., 2] - (sides[..., 0] * aim[..., 0] + sides[..., 1] * aim[..., 1]), axis=-1)
     # This is `nearest` up to rounding. Plans, and so the bytes of recordings, depend on the rounding.
-    return math.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2)
+    return np.asarray(np.sqrt(nearest * nearest + nearest * nearest) / math.sqrt(2))
 
 
 @compiled

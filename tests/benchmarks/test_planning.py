@@ -101,8 +101,8 @@ def test_decisions_as_teams_and_scenes_grow(random_team, judged, what, counts):
     assert not judged or exponent <= BOUND
 
 
-@pytest.mark.parametrize("people", [0.0, 1.0])
-def test_decisions_in_large_fleets(random_team, judged, people):
+@pytest.mark.parametrize(("people", "bound"), [(0.0, 1.3), (1.0, 1.4)])
+def test_decisions_in_large_fleets(random_team, judged, people, bound):
     """A fleet of six with 20 targets among 75 trees, alone and as one of ten such fleets side by side.
 
     `people` to find are expected for each UAV.
@@ -113,7 +113,7 @@ def test_decisions_in_large_fleets(random_team, judged, people):
     planner.plan(fleets[1], np.random.default_rng(0))
     few, many = 1e3 / 6 * least(*(deciding(planner, team) for team in fleets), rounds=10 if judged else 1)
     print(f"\nof 6 UAVs {few:.1f} ms, of {6 * len(tiles)} {many:.1f} ms: {many / few:.2f} x")
-    assert not judged or many < 1.3 * few
+    assert not judged or many < bound * few
 
 
 def side_by_side(random_team, tiles, people):
