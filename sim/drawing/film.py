@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from sim.drawing.labels import number_tracks
+from sim.drawing.labels import add_numbers, rename_tracks
 from sim.drawing.layout import GAP, Box, Parts, parts_in
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
@@ -77,10 +78,10 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
-        snapshot, holds = self._take(snapshot)
+        holds = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
-            self._map.draw(image[self._layout.map.slices], snapshot, holds)
+            self._map.draw(image[self._layout.map.slices], self._on_map(snapshot), holds)
         self._draw_tiles(image, snapshot, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
@@ -90,8 +91,8 @@ class Film:
 
         `frames` as in `draw`; only the last frame of each camera is used, and only if the camera is slower than scans.
         """
-        snapshot, _ = self._take(snapshot)
-        self._map.follow(snapshot)
+        self._take(snapshot)
+        self._map.follow(self._on_map(snapshot))
         if frames is not None:
             self._draw_tiles(self._empty.copy(), snapshot, frames)
 
@@ -102,18 +103,24 @@ class Film:
                 continue
             frame = None if frames is None else frames[i]
             if frames is None or frame is not None or i not in self._last:
-                draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
+                draw_tile(image[tile.slices], snapshot, i, self._numbers, camera=self._cameras[i], frame=frame)
                 if self.cycle > 1:
                     self._last[i] = image[tile.slices].copy()
             else:
                 image[tile.slices] = self._last[i]
 
-    def _take(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
-        """The snapshot with numbered tracks, and the states (M,) of people, which depend on earlier snapshots."""
+    def _on_map(self, snapshot: Snapshot) -> Snapshot:
+        """The snapshot with the numbered tracks of the first working UAV."""
+        shown, numbers = set(snapshot.working[:1]), self._numbers
+        tracks = [rename_tracks(held, numbers) if i in shown else () for i, held in enumerate(snapshot.tracks)]
+        return replace(snapshot, tracks=tracks)
+
+    def _take(self, snapshot: Snapshot) -> Indices:
+        """Number new tracks; return the states (M,) of people, which depend on earlier snapshots."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)
-        numbered = number_tracks(snapshot, self._numbers)
-        return numbered, self._holding.step(numbered)
+        add_numbers(snapshot, self._numbers)
+        return self._holding.step(snapshot)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
         big, error = TextStyle(20, bold=True), snapshot.error

@@ -1,5 +1,6 @@
 """Names in an image, placed clear of one another and of the marks."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -26,10 +27,19 @@ _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     """The snapshot with readable numbers in place of track ids; new tracks are added to `numbers`."""
+    add_numbers(snapshot, numbers)
+    return replace(snapshot, tracks=[rename_tracks(held, numbers) for held in snapshot.tracks])
+
+
+def add_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> None:
+    """Add the ids of new tracks to `numbers`, in the order of their appearance."""
     for track in (track for held in snapshot.tracks for track in held):
         numbers.setdefault(track.id, len(numbers))
-    tracks = [tuple(Track(numbers[t.id], t.belief, t.existence, t.sighting) for t in held) for held in snapshot.tracks]
-    return replace(snapshot, tracks=tracks)
+
+
+def rename_tracks(tracks: Iterable[Track], numbers: Mapping[int, int]) -> tuple[Track, ...]:
+    """Tracks with readable numbers in place of their ids."""
+    return tuple(Track(numbers[t.id], t.belief, t.existence, t.sighting) for t in tracks)
 
 
 def track_name(track: Track) -> str:
@@ -107,6 +117,8 @@ class Labels:
         boxes = _box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
         low, high = boxes.min(axis=0)[:2], boxes.max(axis=0)[2:]
         near = self._taken[((self._taken[:, :2] < high) & (self._taken[:, 2:] > low)).all(axis=1)]
+        if not len(near) and (low >= self._limits[:2]).all() and (high <= self._limits[2:]).all():
+            return False, 0.0, boxes[0]
         covered = 3.0 * self._beyond(boxes) + _overlap(boxes, near[:, None]).sum(axis=0)
         best = int((10.0 * covered.reshape(-1, len(sides)) + distances[:, None]).argmin())
         return best >= len(sides), float(covered[best]), boxes[best]

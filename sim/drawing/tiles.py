@@ -1,9 +1,11 @@
 """One camera's frame with its detections and tracks."""
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels, track_name
+from sim.drawing.labels import Labels, rename_tracks, track_name
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, detection, draw_broken_mark
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
@@ -14,8 +16,13 @@ from tracking.geometry.visibility import at_target_height
 BORDER = 4
 
 
-def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
-    """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks."""
+def draw_tile(
+    image: Image, snapshot: Snapshot, uav: int, numbers: Mapping[int, int], *, camera: Camera, frame: Image | None
+) -> None:
+    """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks.
+
+    numbers: those to show for tracks, by id.
+    """
     colour = uav_colour(uav)
     _fill(image, colour)
     view = image[BORDER:-BORDER, BORDER:-BORDER]
@@ -31,7 +38,7 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
     for uv in found:
         detection(view, uv, reach)
     labels.reserve(found, reach)
-    _draw_tracks(view, labels, snapshot, uav, camera)
+    _draw_tracks(view, labels, snapshot, uav, numbers, camera)
     _name(image, uav, colour)
 
 
@@ -62,12 +69,14 @@ def _ink_on(colour: Colour) -> Colour:
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
 
 
-def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+def _draw_tracks(
+    view: Image, labels: Labels, snapshot: Snapshot, uav: int, numbers: Mapping[int, int], camera: Camera
+) -> None:
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
     points = at_target_height(np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2))
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
     inside = np.flatnonzero(camera.sees(pose, points))
-    shown = [(tracks[t], pixels[t]) for t in inside.tolist()]
+    shown = list(zip(rename_tracks((tracks[t] for t in inside.tolist()), numbers), pixels[inside], strict=True))
     for track, at in shown:
         cross(view, at, track_colour(track.id))
     labels.reserve(pixels[inside], 6.0)

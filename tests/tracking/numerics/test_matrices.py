@@ -88,3 +88,5 @@ def test_equal_eigenvalues_keep_axes_and_forward_solutions_solve():
 
 def test_lengths_are_euclidean():
     assert distances.length(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [5.0, 0.0]
+    for vectors in (np.random.default_rng(n).normal(0, 30, (40, 30, n)) for n in (2, 3, 40)):
+        np.testing.assert_array_equal(distances.length(vectors), np.sqrt(np.sum(np.square(vectors), axis=-1)))
