@@ -147,41 +147,37 @@ def test_a_column_that_is_missing_or_doubled_is_named(tmp_path):
         list(read_scans(tmp_path / "empty.csv"))
 
 
+TABLES = {
+    "trees": (read_forest, TREE_COLUMNS),
+    "cameras": (read_cameras, CAMERA_COLUMNS),
+    "scans": (read_scans, SCAN_COLUMNS),
+}
+
+
 @pytest.mark.parametrize(
-    ("read", "columns", "row", "complaint"),
+    ("table", "row", "complaint"),
     [
-        (read_forest, TREE_COLUMNS, b"0,0,-1,3,6,0.2", ", line 2, column canopy_radius: -1 m is not allowed"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", ", line 2, column trunk_radius: -0.2 m is not allowed"),
+        ("trees", b"0,0,-1,3,6,0.2", "line 2, column canopy_radius: -1 m is not allowed"),
+        ("trees", b"0,0,1,3,6,-0.2", "line 2, column trunk_radius: -0.2 m is not allowed"),
+        ("trees", b"0,0,1,7,6,0.2", "line 2, column canopy_base: the crown begins at 7 m"),
+        ("trees", b"0,0,1,3,6," + b"1" * 200_000, "line 2: field larger than field limit"),
         (
-            read_forest,
-            TREE_COLUMNS,
-            b"0,0,1,7,6,0.2",
-            ", line 2, column canopy_base: the crown begins at 7 m",
-        ),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, ", line 2: field larger than field limit"),
-        (
-            read_forest,
-            TREE_COLUMNS,
+            "trees",
             b"0,0,1,3,6,0.2\n1,0,1,3,6,0.2\n0,0,1,3,6.0,0.2",
-            ", line 4, column x: the stem of line 2 stands at the same place",
+            "line 4, column x: the stem of line 2 stands at the same place",
         ),
-        (read_forest, TREE_COLUMNS, b"0,1_0,1,3,6,0.2", ", line 2, column y: '1_0' is not a finite number"),
-        (read_cameras, CAMERA_COLUMNS, b"0,1_0,128", ", line 2, column fov: '1_0' is not a finite number"),
-        (read_cameras, CAMERA_COLUMNS, b"0,1,1_0", ", line 2, column pixels: '1_0' is not an integer"),
-        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", ", line 2, column trunk_radius: 'é' is not a finite number"),
-        (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, ", line 2, column pixels: an integer of 5000 digits"),
-        (
-            read_scans,
-            SCAN_COLUMNS,
-            b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1",
-            ", line 2, column uav: an integer of",
-        ),
+        ("trees", b"0,1_0,1,3,6,0.2", "line 2, column y: '1_0' is not a finite number"),
+        ("cameras", b"0,1_0,128", "line 2, column fov: '1_0' is not a finite number"),
+        ("cameras", b"0,1,1_0", "line 2, column pixels: '1_0' is not an integer"),
+        ("trees", b"0,0,1,3,6,\xe9", "line 2, column trunk_radius: 'é' is not a finite number"),
+        ("cameras", b"0,1," + b"1" * 5000, "line 2, column pixels: an integer of 5000 digits"),
+        ("scans", b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1", "line 2, column uav: an integer of"),
     ],
 )
-def test_a_wrong_row_of_a_table_is_named_in_one_line(tmp_path, read, columns, row, complaint):
-    path = tmp_path / "table.csv"
+def test_a_wrong_row_of_a_table_is_named_in_one_line(tmp_path, table, row, complaint):
+    path, (read, columns) = tmp_path / "table.csv", TABLES[table]
     path.write_bytes(",".join(columns).encode() + b"\n" + row + b"\n")
-    with pytest.raises(ValueError, match=rf"table\.csv{complaint}") as raised:
+    with pytest.raises(ValueError, match=rf"table\.csv, {complaint}") as raised:
         list(getattr(found := read(path), "trees", found))
     assert "\n" not in str(raised.value)
 

@@ -222,71 +222,12 @@ def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
 
 WRONG = {
     "misspelt key": ("[study]\nplaners = ['hover']", "study.planers: unknown key; .* did you mean planners"),
-    "misspelt table": ("[study]\nplanners = ['hover']\n[factor.x]", "factor: unknown key; .* did you mean factors"),
     "no planner": ("[study]\nseeds = '0'", "mine.toml: study.planners: is missing, and has no default"),
     "empty": ("[study]\nplanners = []", "no trial"),
-    "all excluded": ("[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hover'", "no trial"),
-    "factor without level": ("[study]\nplanners = ['hover']\n[factors.x]", "no trial"),
-    "no repeat": (
-        "[study]\nplanners = ['hover']\nrepeats = 0",
-        "mine.toml: study.repeats: 0 is not allowed; expected `int` >= 1",
-    ),
-    "too many repeats": (
-        "[study]\nplanners = ['hover']\nrepeats = 10001",
-        "repeats: 10001 is not allowed; expected `int` <= 10000",
-    ),
-    "broken repeat": (
-        "[study]\nplanners = ['hover']\nrepeats = 1.5",
-        "repeats: 1.5 is not allowed; expected `int`, got `float`",
-    ),
-    "wrong type": (
-        "[study]\nplanners = ['hover']\nseeds = 3",
-        "mine.toml: study.seeds: 3 is not allowed; expected `str`, got `int`",
-    ),
-    "wrong seeds": ("[study]\nplanners = ['hover']\nseeds = '3-1'", "mine.toml: study.seeds: '3-1' is not allowed"),
-    "level that is no table": (
-        "[study]\nplanners = ['hover']\n[factors]\nx = { y = 3 }",
-        r"mine.toml: factors.x.y: 3 is not allowed; expected a table",
-    ),
-    "unknown scenario": (
-        "[study]\nplanners = ['hover']\nscenarios = ['forrest']",
-        "mine.toml: study.scenarios: 'forrest' .* forest",
-    ),
     "unknown planner": ("[study]\nplanners = ['hoover']", "mine.toml: study.planners: 'hoover' is .* mean hover"),
-    "unknown setting": (
-        "[study]\nplanners = ['hover']\n[set]\ntrees.densty = 3",
-        "mine.toml: set: trees.densty: .* density",
-    ),
-    "setting out of range": (
-        "[study]\nplanners = ['hover']\n[factors.x]\ny.trees.density = -3",
-        "mine.toml: factors.x.y: trees.density: -3",
-    ),
     "option that a planner has not": (
         "[study]\nplanners = ['greedy']\n[factors.H]\n1.planner.horizon = 1",
         "mine.toml: factors.H.1: planner: 'greedy' has no option 'horizon'",
-    ),
-    "planner as a level": (
-        "[study]\nplanners = ['hover']\n[factors.p]\nx.planner = 'hover'",
-        "p.x.planner: 'hover' is not allowed; expected {option",
-    ),
-    "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "the name of a factor"),
-    "same level twice": ("[study]\nplanners = ['hover']\n[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
-    "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
-    "empty list in exclude": (
-        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = []",
-        "mine.toml: exclude.0.planner: is empty; expected text, or a list of texts",
-    ),
-    "unknown level in exclude": (
-        "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
-        "'abd' is unknown; .* did you mean abc",
-    ),
-    "key of two factors": (
-        "[study]\nplanners = ['hover']\n[factors.a]\nx = {trees.density = 1}\n[factors.b]\ny = {trees = {density = 7}}",
-        "factors.b: trees.density is what factor 'a' sets; allowed is one factor",
-    ),
-    "unknown planner in exclude": (
-        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hoover'",
-        "mine.toml: exclude.0.planner: 'hoover' is unknown; allowed are hover; did you mean hover",
     ),
     "name that is no folder": ("[study]\nname = '../up'\nplanners = ['hover']", "name"),
     "factors without end": (
@@ -300,18 +241,6 @@ WRONG = {
         "11 cells by 100000 seeds by 1 repeats are 1100000 trials; at most 1000000 are allowed",
     ),
     "no TOML": ("[study", "mine.toml: Expected"),
-    "score without bound": (
-        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'",
-        "mine.toml: score.bound: is missing",
-    ),
-    "misspelt key of a score": (
-        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\nfloot = 3",
-        "score.floot: unknown key; .* did you mean floor",
-    ),
-    "factor of the bound's name": (
-        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
-        "factors.view: cannot be the name of a factor",
-    ),
     "table as value": ("study = 3", "expected a table"),
     "table within another": ("[study]\nplanners = []\nexclude = []", "study.exclude: is no key of .study. but a table"),
     "one table left out": (
@@ -323,29 +252,68 @@ WRONG = {
         "mine.toml: factors.o.1: planner: 'sma-nbo' cannot be made: .*'a, b'",
     ),
     "list of levels": ("[factors]\nx = [15, 45]", "mine.toml: factors.x: .15, 45. is not allowed; expected a table"),
-    "number left out": (
-        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 3",
-        "exclude.0.planner: 3 is not allowed",
-    ),
     "number for a planner": ("[study]\nplanners = [3]", "study.planners.0: 3 is not allowed; expected `str`"),
-    "unknown floor": (
-        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hoover'\nbound = 'oracle'",
-        "mine.toml: score.floor: 'hoover' is unknown",
+}
+# What is wrong behind the head of a sound study.
+HEAD = "[study]\nplanners = ['hover']\n"
+WRONG_AFTER_HEAD = {
+    "misspelt table": ("[factor.x]", "factor: unknown key; .* did you mean factors"),
+    "all excluded": ("[[exclude]]\nplanner = 'hover'", "no trial"),
+    "factor without level": ("[factors.x]", "no trial"),
+    "no repeat": ("repeats = 0", "mine.toml: study.repeats: 0 is not allowed; expected `int` >= 1"),
+    "too many repeats": ("repeats = 10001", "repeats: 10001 is not allowed; expected `int` <= 10000"),
+    "broken repeat": ("repeats = 1.5", "repeats: 1.5 is not allowed; expected `int`, got `float`"),
+    "wrong type": ("seeds = 3", "mine.toml: study.seeds: 3 is not allowed; expected `str`, got `int`"),
+    "wrong seeds": ("seeds = '3-1'", "mine.toml: study.seeds: '3-1' is not allowed"),
+    "level that is no table": (
+        "[factors]\nx = { y = 3 }",
+        r"mine.toml: factors.x.y: 3 is not allowed; expected a table",
     ),
-    "unknown bound": (
-        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracl'",
-        "mine.toml: score.bound: 'oracl' is unknown",
+    "unknown scenario": ("scenarios = ['forrest']", "mine.toml: study.scenarios: 'forrest' .* forest"),
+    "unknown setting": ("[set]\ntrees.densty = 3", "mine.toml: set: trees.densty: .* density"),
+    "setting out of range": ("[factors.x]\ny.trees.density = -3", "mine.toml: factors.x.y: trees.density: -3"),
+    "planner as a level": ("[factors.p]\nx.planner = 'hover'", "p.x.planner: 'hover' is not allowed; expected {option"),
+    "planner as a factor": ("[factors.planner]\nx = {}", "the name of a factor"),
+    "same level twice": ("[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
+    "unknown factor in exclude": ("[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
+    "empty list in exclude": (
+        "[[exclude]]\nplanner = []",
+        "mine.toml: exclude.0.planner: is empty; expected text, or a list of texts",
     ),
+    "unknown level in exclude": (
+        "[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
+        "'abd' is unknown; .* did you mean abc",
+    ),
+    "key of two factors": (
+        "[factors.a]\nx = {trees.density = 1}\n[factors.b]\ny = {trees = {density = 7}}",
+        "factors.b: trees.density is what factor 'a' sets; allowed is one factor",
+    ),
+    "unknown planner in exclude": (
+        "[[exclude]]\nplanner = 'hoover'",
+        "mine.toml: exclude.0.planner: 'hoover' is unknown; allowed are hover; did you mean hover",
+    ),
+    "score without bound": ("[score]\nfloor = 'hover'", "mine.toml: score.bound: is missing"),
+    "misspelt key of a score": (
+        "[score]\nfloor = 'hover'\nbound = 'oracle'\nfloot = 3",
+        "score.floot: unknown key; .* did you mean floor",
+    ),
+    "factor of the bound's name": (
+        "[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
+        "factors.view: cannot be the name of a factor",
+    ),
+    "number left out": ("[[exclude]]\nplanner = 3", "exclude.0.planner: 3 is not allowed"),
+    "unknown floor": ("[score]\nfloor = 'hoover'\nbound = 'oracle'", "mine.toml: score.floor: 'hoover' is unknown"),
+    "unknown bound": ("[score]\nfloor = 'hover'\nbound = 'oracl'", "mine.toml: score.bound: 'oracl' is unknown"),
     "nothing to leave out": (
-        "[study]\nplanners = ['hover']\n[[exclude]]",
+        "[[exclude]]",
         "mine.toml: exclude.0: is empty; expected one or more of planner, scenario",
     ),
     "two levels that go wrong together": (
-        "[study]\nplanners = ['hover']\n[factors.a]\nx = {area.width = 60}\n"
-        "[factors.b]\ny = {people.count = 1}\nz = {uavs = [{start = [-50, 0]}]}",
+        "[factors.a]\nx = {area.width = 60}\n[factors.b]\ny = {people.count = 1}\nz = {uavs = [{start = [-50, 0]}]}",
         "mine.toml: factors.b.z: ",
     ),
 }
+WRONG |= {name: (HEAD + content, message) for name, (content, message) in WRONG_AFTER_HEAD.items()}
 
 
 @pytest.mark.parametrize(("content", "message"), WRONG.values(), ids=WRONG)
