@@ -98,7 +98,7 @@ class _KnowingFound:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         for situation in team:
             here = self.people(situation.time)
-            gaps = length(here[:, None] - beliefs_of(situation.tracks)[0][None, :, :2])
+            gaps = length(here[:, None] - beliefs_of(situation.tracks).means[None, :, :2])
             self.found.update(person for person, _ in pairs_within(np.where(np.isnan(gaps), np.inf, gaps), FOUND))
         known = [replace(s, tracks=corrected_tracks(s, self.people, self.found)) for s in team]
         return self.planner.plan(known, rng)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ UNLIKELY = 0.5
 DETECTED_AT, EXPECTED_AT, SURE_AT, FRAME_AT = range(4)
 # Columns of `views`: the scan's frame, with no samples if association has used it, and the frame before.
 THIS_FRAME, FRAME_BEFORE = range(2)
+SIGHTED_AT = 2  # column of `sightings`: time
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +67,17 @@ def make_tracks(
     return tuple(Track(id, Gaussian(mean, covariance), r, sighting) for id, mean, covariance, r, sighting in rows)
 
 
-def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:
-    """Means (T, 4) and covariances (T, 4, 4) of tracks."""
+class Beliefs(NamedTuple):
+    """Gaussian beliefs in the states of T people."""
+
+    means: Array  # (T, 4)
+    covariances: Array  # (T, 4, 4)
+
+
+def beliefs_of(tracks: Sequence[Track]) -> Beliefs:
+    """Beliefs of tracks."""
     means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
-    return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
+    return Beliefs(means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4))
 
 
 @dataclass(eq=False)  # a frozen one takes four times as long to make

@@ -28,8 +28,10 @@ from tracking.track import (
     EXPECTED_AT,
     FRAME_AT,
     FRAME_BEFORE,
+    SIGHTED_AT,
     SURE_AT,
     THIS_FRAME,
+    Beliefs,
     Scan,
     Track,
     TrackTable,
@@ -92,7 +94,7 @@ class Tracker:
         between, lens = (self._messenger.time, scan.time), self._camera.lens(scan.pose)
         views = self._predict(scan.time, lens)
         table = self._table
-        beliefs = table.means, table.covariances
+        beliefs = Beliefs(table.means, table.covariances)
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, FRAME_AT], p.detection_probability)
         before = predict_scan(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
@@ -136,7 +138,7 @@ class Tracker:
         self.account = ScanAccount()
         if self._messenger.scans == 1:  # initial tracks are of this time
             self._first = time
-            self._table.sightings[:, 2] = time
+            self._table.sightings[:, SIGHTED_AT] = time
         # Steps are counted since the first scan, not since the last one, so that no rounding adds up.
         steps = count_steps(self.motion, time - self._first)
         elapsed, self._steps = steps - self._steps, steps
@@ -191,7 +193,7 @@ class Tracker:
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._reacquire(table)
-        detected = self._table.sightings[:, 2] >= now
+        detected = self._table.sightings[:, SIGHTED_AT] >= now
         if detected.any() and hasattr(self.motion, "learn"):
             self.motion = self.motion.learn(self._table.means[detected, 2:])
 

@@ -66,7 +66,7 @@ def collect_states(mission: Mission) -> Array:
     views = np.array([view_quadrangle(v) for v in vehicles])
     radii, speeds = np.array([radius_in_view(view) for view in views]), np.array([v.max_speed for v in vehicles])
     seconds = list(mission.fly())[:: round(mission.scenario.rates.sensing)]
-    errors = np.array([[_errors(s.people, beliefs_of(tracks)[0]) for tracks in s.tracks] for s in seconds])
+    errors = np.array([[_errors(s.people, beliefs_of(tracks).means) for tracks in s.tracks] for s in seconds])
     rows = [np.empty((0, 3))]
     for k, snapshot in enumerate(seconds[:-FUTURE_SECONDS]):
         aims = np.array([pose.position[:2] for pose in snapshot.poses]) + views[:, 4, :2]

@@ -56,6 +56,6 @@ def disagreement(held: Sequence[Sequence[Track]]) -> float:
 
     held: tracks of each UAV.
     """
-    places = [beliefs_of(tracks)[0][:, :2] for tracks in held]
+    places = [beliefs_of(tracks).means[:, :2] for tracks in held]
     gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
     return float(np.mean(gaps)) if gaps else 0.0

@@ -10,6 +10,7 @@ from tracking.fusion.message import Message, Partition, are_alike, count_novel_n
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
+from tracking.track import SIGHTED_AT
 
 
 class _History(NamedTuple):
@@ -141,7 +142,7 @@ def _take_latest(history: _History, heard: Flags) -> _History:
                     seen[i, t, 0] |= views[j, t, 0]
                     seen[i, t, 1] |= views[j, t, 1]
                     common[i, t] &= misses[j, t]
-                    for c in range(3 if sightings[j, t, 2] > places[i, t, 2] else 0):
+                    for c in range(3 if sightings[j, t, SIGHTED_AT] > places[i, t, SIGHTED_AT] else 0):
                         places[i, t, c] = sightings[j, t, c]
     return _History(last, seen, common, places)
 

@@ -12,7 +12,7 @@ from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
-from tracking.track import Track, TrackTable, make_tracks
+from tracking.track import SIGHTED_AT, Beliefs, Track, TrackTable, beliefs_of, make_tracks
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters only if no UAV had the person in view
 # Probability from which on a detection is a sighting. If two tracks share the measurements of one person, at most one
@@ -27,12 +27,12 @@ _UNSIGHTED = np.full(7, -np.inf)
 class ScanEvidence(NamedTuple):
     """What a scan that is not yet fused was compared with, as in `LocalBeliefs`."""
 
-    prior: tuple[Array, Array]
+    prior: Beliefs
     measurements: Array
     gates: Indices
 
 
-NO_EVIDENCE = ScanEvidence((np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64))
+NO_EVIDENCE = ScanEvidence(beliefs_of(()), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64))
 
 
 class Messenger:
@@ -58,8 +58,7 @@ class Messenger:
 
     def message(self, degree: int, table: TrackTable, evidence: ScanEvidence) -> Message:
         """Message for the first round about the tracks of a table; the first of them have the evidence's priors."""
-        means, _ = evidence.prior
-        detected = np.flatnonzero(table.weights[: len(means)] >= SEEN)
+        detected = np.flatnonzero(table.weights[: len(evidence.prior.means)] >= SEEN)
         local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *evidence, detected)
         averaged, novel, weights = self._rule.contribution(local)
         # A UAV leads if its number is the smallest, or if it has not heard of another leader lately.
@@ -120,7 +119,7 @@ class TrackExchange:
         history[:, :3][marks] = time
         table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
-        table.sightings[sighted], table.sightings[~sighted, 2] = history[sighted, 4:], time
+        table.sightings[sighted], table.sightings[~sighted, SIGHTED_AT] = history[sighted, 4:], time
         return self._messenger.message(degree, table, NO_EVIDENCE)
 
     def accept(self, message: Message) -> tuple[Track, ...]:

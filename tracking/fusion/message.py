@@ -16,7 +16,7 @@ from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import products
 from tracking.plugins.array_checks import check_array
 from tracking.plugins.plugin_error import Unusable
-from tracking.track import SURE_AT
+from tracking.track import SIGHTED_AT, SURE_AT, Beliefs
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
@@ -68,9 +68,9 @@ class Message:
         return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
 
     @cached_property
-    def beliefs(self) -> tuple[Array, Array]:
-        """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
-        return _beliefs(np.ascontiguousarray(self.shares), np.ascontiguousarray(self.novel))
+    def beliefs(self) -> Beliefs:
+        """Beliefs of the tracks."""
+        return Beliefs(*_find_beliefs(np.ascontiguousarray(self.shares), np.ascontiguousarray(self.novel)))
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
@@ -78,7 +78,7 @@ class Message:
 
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
-        return _latest_sightings(self.sightings, self.times, self.beliefs[0], self.time)
+        return _latest_sightings(self.sightings, self.times, self.beliefs.means, self.time)
 
     def select(self, rows: Indices) -> Message:
         """The message with only some rows of its tracks."""
@@ -97,7 +97,7 @@ class Message:
 
 
 @compiled
-def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
+def _find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
     packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
     for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
         # Mixing has left a share of each UAV's information. Division by the largest share undoes the mixing if it has
@@ -120,7 +120,7 @@ def _latest_sightings(sightings: Array, times: Array, means: Array, now: float) 
 def are_alike(messages: Sequence[Message]) -> bool:
     """True if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
     same = [
-        (m.partition.leader, m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, 2].tobytes())
+        (m.partition.leader, m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, SIGHTED_AT].tobytes())
         for m in messages
     ]
     return not same or same.count(same[0]) == len(same)

@@ -11,6 +11,7 @@ from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.array_checks import check_array, check_positive_definite
 from tracking.plugins.plugin_error import Unusable
 from tracking.plugins.registry import Registry
+from tracking.track import Beliefs
 
 FUSION_RULES = Registry(
     "network.fusion",
@@ -28,7 +29,7 @@ class LocalBeliefs(NamedTuple):
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
     weights: Array  # (T,) above 0, in averages: probability of a detection, or a small value without one
-    prior: tuple[Array, Array]  # means (K, 4) and covariances (K, 4, 4) before the scan; later rows are new tracks
+    prior: Beliefs  # of the K tracks before the scan; later rows are new tracks
     measurements: Array  # (N, 2) m
     gates: Indices  # (G, 2) pairs of a track and a measurement in its gate
     detected: Indices  # rows of the tracks that were detected

@@ -17,7 +17,7 @@ from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
 from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
-from tracking.track import DETECTED_AT
+from tracking.track import DETECTED_AT, SIGHTED_AT
 
 _SAME_ID = 1.5  # log-likelihood ratio of a common id, which partitions give more likely to one person than to two
 _UNKNOWN = 1e-5  # 1/m², density of people for which only one of two UAVs has a track
@@ -49,16 +49,16 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     tracks = np.split(rows.reshape(-1), np.cumsum([len(m.keys) for m in messages])[:-1])
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
     states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(keys))
-    times = _latest_times(tracks, [m.sightings[:, 2] for m in messages], len(keys))
+    times = _latest_times(tracks, [m.sightings[:, SIGHTED_AT] for m in messages], len(keys))
     # If UAVs have different times of a person's last sighting, only tracks with the latest time count.
-    valid = [m.sightings[:, 2] >= times[of] for m, of in zip(messages, tracks, strict=True)]
+    valid = [m.sightings[:, SIGHTED_AT] >= times[of] for m, of in zip(messages, tracks, strict=True)]
     holders = np.array([np.isin(np.arange(len(keys)), tracks[k][valid[k]]) for k in order]).T
     given = _given_ids(messages, tracks, len(keys))
     group, ends = _join(states, given, holders, is_new_id(keys[:, 1], own.scan), max_speed)
     ids = _choose_ids(keys, given, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    seen = states.sightings[:, 2]
+    seen = states.sightings[:, SIGHTED_AT]
     current = seen >= _latest_times([group], [seen], len(keys))[group]
     out = []
     for m, of, last in zip(messages, tracks, valid, strict=True):
@@ -112,7 +112,7 @@ def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array,
 
     A flag is set if the second track was seen later, and within this distance.
     """
-    places, seen = states.sightings[:, :2], states.sightings[:, 2]
+    places, seen = states.sightings[:, :2], states.sightings[:, SIGHTED_AT]
     unseen = seen[pairs.second] - seen[pairs.first]
     reach = farthest(np.maximum(unseen, 0.0), max_speed)
     gap = length(places[pairs.second] - places[pairs.first])
@@ -125,7 +125,7 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
         columns = *message.beliefs, message.latest_sightings()
-        later = ~known[rows] | (columns[2][:, 2] > states.sightings[rows, 2])
+        later = ~known[rows] | (columns[2][:, SIGHTED_AT] > states.sightings[rows, SIGHTED_AT])
         for state, column in zip(states, columns, strict=True):
             state[rows[later]] = column[later]
         known[rows] = True
@@ -151,7 +151,7 @@ def _join(
     existing groups. New tracks come last, because a UAV's new track and its lost one may both be of a person that
     another UAV tracks. A group out of sight ends if its only id has another track that was seen later, within reach.
     """
-    seen = states.sightings[:, 2]
+    seen = states.sightings[:, SIGHTED_AT]
     alike = _find_common_ids(given)
     ratios = _rate_pairs(states, alike, holders, max_speed)
     group, known = np.arange(len(given)), np.zeros(len(given), dtype=np.bool_)
@@ -196,7 +196,7 @@ def _rate_pairs(states: LatestTracks, alike: Pairs, holders: Flags, max_speed: f
     pairs = Pairs(*np.nonzero(np.triu(apart, 1)))
     ratios = np.full(apart.shape, -np.inf)
     ratios[pairs] = ratios.T[pairs] = likelihood_ratios(states, pairs, max_speed)
-    seen = states.sightings[:, 2]
+    seen = states.sightings[:, SIGHTED_AT]
     ratios[alike] += _SAME_ID * (seen[alike.first] == seen[alike.second])
     return ratios
 

@@ -10,6 +10,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
 from tracking.parameters import LossRule, TrackerParameters
+from tracking.track import SIGHTED_AT
 
 # m, largest sum of the errors of the last and the present measurement.
 _MARGIN = 1.0
@@ -21,7 +22,7 @@ def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Ind
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
-    unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
+    unseen = time - sightings[:, SIGHTED_AT]  # inf for tracks that were never detected surely
     return np.flatnonzero((unseen > p.loss.after) & (unseen < np.inf))
 
 
@@ -39,9 +40,9 @@ def turned_density(
     """
     density = np.zeros(len(z))
     for t in range(len(sightings)):
-        if not loss.after < times[0] - sightings[t, 2] < np.inf:
+        if not loss.after < times[0] - sightings[t, SIGHTED_AT] < np.inf:
             continue
-        unseen = times[1] - sightings[t, 2]
+        unseen = times[1] - sightings[t, SIGHTED_AT]
         turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * loss.max_speed * unseen
         for j in range(len(z)):
             x, y = z[j, 0] - sightings[t, 0], z[j, 1] - sightings[t, 1]

@@ -112,7 +112,7 @@ def _map(facts: PersonFacts) -> tuple[Image, bool]:
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, facts)
     tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
-    tracks = beliefs_of(view.shown_tracks(recording.snapshot(facts.k)))[0][:, :2]
+    tracks = beliefs_of(view.shown_tracks(recording.snapshot(facts.k))).means[:, :2]
     inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
     return tile, bool(inside.all(axis=1).any())
 

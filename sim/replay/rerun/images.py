@@ -81,7 +81,7 @@ class Cameras:
         return pixels if len(pixels) == len(places) else self._project(k, uav, places)
 
     def _log_tracks(self, k: int, uav: int, tracks: Sequence[Track]) -> None:
-        marks = self._project(k, uav, beliefs_of(tracks)[0])
+        marks = self._project(k, uav, beliefs_of(tracks).means)
         shown = np.flatnonzero(~np.isnan(marks[:, 0])).tolist()
         points = rr.Points2D(
             marks[shown],

@@ -161,7 +161,7 @@ class Scene:
             show_labels=False,
         )
         marks = rr.Points3D(
-            _at(beliefs_of(tracks)[0][:, :2], TARGET_HEIGHT),
+            _at(beliefs_of(tracks).means[:, :2], TARGET_HEIGHT),
             radii=0.15,
             colors=colours,
             labels=[*map(track_name, tracks)],
