@@ -21,7 +21,7 @@ LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, eva
 def test_a_study_file_is_flown_once_and_shown_by_cell(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(FILE)
     code, out, err = compare("mine.toml", *FLAGS, "--maps", "2", backend=Serial(INVENTED))
-    assert (code, err) == (0, "") and "8/8 trials" in out
+    assert (code, err) == (0, "")
     table = out[: out.index("OSPA mean")].splitlines()
     cells = [line.split()[:2] for line in table if line.split()[:1] in (["hover"], ["greedy"], ["L"])]
     assert cells == [["L", "="], ["hover", "2"], ["greedy", "2"]] * 2 + [["greedy", "2"]]
@@ -46,11 +46,11 @@ def test_a_planner_spelled_otherwise_is_not_flown_again_and_shown_as_spelled(com
 def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
     options = ["--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
     code, out, _ = compare(*options)
-    assert code == 0 and "4/4 trials" in out and "spread" not in out
+    assert code == 0 and "spread" not in out
     backend = Serial()
     code, out, _ = compare(*options, "--repeats", "2", backend=backend)
     assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
-    assert "8/8 trials" in out and "OSPA mean [m]: spread" in out
+    assert "OSPA mean [m]: spread" in out
     rows = read_rows(tmp_path / "runs" / "compare")
     assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert len({r.ospa.tobytes() for r in rows}) == 8
@@ -90,7 +90,7 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     backend = Serial({"hover": ["ValueError: no"] * 4})
     options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
     code, out, err = compare(*options, *FLAGS, backend=backend)
-    assert code == 1 and "4/4 trials" in out and "2 failed" in out
+    assert code == 1 and "2 failed" in out
     assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
     assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
     backend = Serial({"hover": [None, None, OSError("gone"), KeyboardInterrupt]})  # when the third is tried again
@@ -204,7 +204,7 @@ def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path)
     (tmp_path / "mine.toml").write_text(SCORED)
     flags = ["--duration", "1", "--set", "trees.density=3"]
     code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
-    assert (code, err) == (0, "") and "12/12 trials" in out and "view=unlimited" in out
+    assert (code, err) == (0, "") and "view=unlimited" in out
     for file in ("report.html", "table.md"):
         assert "upper bound" in (tmp_path / "runs" / "mine" / file).read_text("utf-8")
 
