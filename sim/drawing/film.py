@@ -66,7 +66,7 @@ class Film:
         header = self._empty[:_HEADER, GAP:-GAP]
         write(header, planner, (96, _HEADER / 2), TextStyle(18))
         write(header, "OSPA, mean of UAVs", (header.shape[1] - 424, _HEADER / 2), TextStyle(13, FAINT), align=1.0)
-        self._sparkline = _Sparkline(header[6:-4, -300:], scenario.duration)
+        self._sparkline = _Sparkline(header[6:-4, -300:].copy(), scenario.duration)
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
         draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
@@ -127,11 +127,11 @@ class Film:
         write(image, f"{snapshot.time:.1f} s", (72, _HEADER / 2), big, align=1.0)
         text = "-" if math.isnan(error) else f"{error:.2f} m"
         write(image, text, (image.shape[1] - 314, _HEADER / 2), big, align=1.0)
-        self._sparkline.mark_last(image[6:-4, -300:])
+        self._sparkline.draw(image[6:-4, -300:])
 
 
 class _Sparkline:
-    """The mean OSPA of the fleet so far, on a logarithmic scale, as a line that grows in an RGB image."""
+    """The mean OSPA of the fleet so far, on a logarithmic scale, as a line that grows in an RGB image of its own."""
 
     def __init__(self, image: Image, duration: float) -> None:
         self._image, self._duration = image, duration
@@ -150,8 +150,9 @@ class _Sparkline:
             stroke(self._image, np.array([self._last, now]), VERMILLION)
         self._last = now
 
-    def mark_last(self, image: Image) -> None:
-        """Mark the last value in a copy of the image."""
+    def draw(self, image: Image) -> None:
+        """Draw the line so far, with a mark at the last value."""
+        image[:] = self._image
         if self._last is not None:
             disc(image, self._last, 3.0, VERMILLION)
 
