@@ -88,7 +88,8 @@ def time_mission(scenario: Scenario) -> dict[str, float]:
 def draw(found: dict[str, list[tuple[float, dict[str, float]]]]) -> Figure:
     """One panel a curve: the stages' times on top of one another."""
     figure = Figure(figsize=(11.0, 3.2), layout="constrained")
-    for axes, (curve, rows) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
+    panels = figure.subplots(1, len(found), sharey=True, squeeze=False).ravel()
+    for axes, (curve, rows) in zip(panels, found.items(), strict=True):
         sizes = [size for size, _ in rows]
         axes.stackplot(sizes, [[times[stage] for _, times in rows] for stage in STAGES], colors=COLOURS, labels=STAGES)
         axes.set(xscale="log", xlabel=curve, xticks=sizes, xticklabels=[f"{size:g}" for size in sizes])
