@@ -32,7 +32,7 @@ REMARKS = [
     "are times in seconds",
     "few tracks or none",
 ]
-REMARKS += ["another version", "kept, not shown"]
+REMARKS += ["another version", "kept, not shown", "not used without", "left out: id", "trees.file: not used"]
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 ENVIRONMENT["PYTHONPATH"] = os.pathsep.join([str(TESTS.parent), str(TESTS)])
 
