@@ -15,16 +15,20 @@ _LEAST = 1e-100  # least probability of existing in an association; from zero no
 
 
 @elementwise
-def log_odds(existence: float) -> float:
+@compiled
+def log_odds(existence: Array, out: Array) -> None:
     """Logarithm of r / (1 - r) of each probability of existence r, kept finite."""
-    r = min(max(existence, _SUREST), 1.0 - _SUREST)
-    return log(r) - log(1.0 - r)
+    for k in range(len(existence)):
+        r = min(max(existence[k], _SUREST), 1.0 - _SUREST)
+        out[k] = log(r) - log(1.0 - r)
 
 
 @elementwise
-def from_log_odds(odds: float) -> float:
+@compiled
+def from_log_odds(odds: Array, out: Array) -> None:
     """Probability of existence r of each logarithm of r / (1 - r)."""
-    return 1.0 / (1.0 + exp(-odds))
+    for k in range(len(odds)):
+        out[k] = 1.0 / (1.0 + exp(-odds[k]))
 
 
 @compiled

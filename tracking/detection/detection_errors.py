@@ -12,6 +12,19 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp_each, power
 
 
+@compiled
+def _interpolate(x: float, places: tuple[float, ...], values: tuple[float, ...]) -> float:
+    """As `np.interp` at one x, which takes a second to compile."""
+    if x <= places[0]:
+        return values[0]
+    if x >= places[-1]:
+        return values[-1]
+    j = 0
+    while x >= places[j + 1]:
+        j += 1
+    return (values[j + 1] - values[j]) / (places[j + 1] - places[j]) * (x - places[j]) + values[j]
+
+
 class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
@@ -58,9 +71,9 @@ class WholeError(NamedTuple):
         rounding = self.rounding * self.rounding / 12
         growths = self.radial_posture, self.radial_rounding, self.tangential_posture, self.tangential_rounding
         growth = np.empty(4)
-        excess = np.interp(tangents, np.array(self.tangents), np.array(self.excess))
         out = np.empty((len(tangents), 2))
         for k in range(len(tangents)):
+            excess = _interpolate(tangents[k], self.tangents, self.excess)
             within, beyond = min(tangents[k], self.corner), max(tangents[k] / self.corner, 1.0)
             for j in range(4):
                 growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
@@ -71,7 +84,7 @@ class WholeError(NamedTuple):
             for j in range(2):
                 grain = area * power(longer, j * self.stretch)
                 pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
-                out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
+                out[k, j] = excess * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
         return out
 
 

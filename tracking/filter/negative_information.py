@@ -65,7 +65,10 @@ def negative_information_update(means: Array, covariances: Array, missed: Array)
     moved, spread = means.copy(), covariances.copy()
     G, narrowed = np.empty((4, 2)), np.empty(3)
     for t in range(len(missed)):
-        if missed[t].min() == missed[t].max():
+        alike = True
+        for k in range(missed.shape[1]):
+            alike &= missed[t, k] == missed[t, 0]
+        if alike:
             continue  # the scan shows all of the belief or none of it
         P = covariances[t]
         one = math.sqrt(P[0, 0])

@@ -103,7 +103,8 @@ def _find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
         # Mixing has left a share of each UAV's information. Division by the largest share undoes the mixing if it has
         # converged, and counts no information more than once if it has not.
         most = novel[t, INFORMATION:].max()
-        packed[t] += novel[t, :INFORMATION] / (most if most > 0.0 else 1.0)
+        for i in range(INFORMATION):  # a loop, because Numba compiles 3 s for the error of arrays of other shapes
+            packed[t, i] += novel[t, i] / (most if most > 0.0 else 1.0)
     covariances = inverses(packed[:, 4:].copy().reshape(-1, 4, 4))
     return products(covariances, packed[:, :4].copy().reshape(-1, 4, 1))[:, :, 0].copy(), covariances
 

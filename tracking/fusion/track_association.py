@@ -14,7 +14,7 @@ from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
-from tracking.numerics.compiled import elementwise
+from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
 from tracking.track import DETECTED_AT, SIGHTED_AT
@@ -102,9 +102,11 @@ def likelihood_ratios(states: LatestTracks, pairs: Pairs, max_speed: float) -> A
 
 
 @elementwise
-def _turned(reach: float) -> float:
+@compiled
+def _turned(reach: Array, out: Array) -> None:
     """Logarithm of the likelihood ratio of a person that has turned and is anywhere within reach [m]."""
-    return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
+    for k in range(len(reach)):
+        out[k] = log(_TURNED / (math.pi * reach[k] * reach[k] * _UNKNOWN))
 
 
 def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array, Flags]:

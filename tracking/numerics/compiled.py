@@ -12,12 +12,13 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tracking.numerics.arrays import Array
 
@@ -44,14 +45,20 @@ def inlined(function: Function) -> Function:
     return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
 
 
-def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
-    """Compile a function of numbers as a NumPy universal function, for arrays that broadcast.
+def elementwise(loop: Callable[..., None]) -> Callable[..., Array]:
+    """Make a function of arrays that broadcast from a `compiled` loop over flat arrays, the last one its result.
 
-    The function must not be `compiled` as well, because Numba would confuse the two on disk.
+    Numba's own universal functions take 0.03 s each to load, in every process.
     """
-    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debugging; vectorize would compile all the same
-        return cast("Callable[..., Array]", np.vectorize(function, otypes=[float]))
-    return cast("Callable[..., Array]", _compile(numba.vectorize, function))
+
+    @wraps(loop)
+    def each(*values: ArrayLike) -> Array:
+        arrays = np.broadcast_arrays(*values)
+        out = np.empty(arrays[0].shape)
+        loop(*(np.array(one, dtype=float, order="C").ravel() for one in arrays), out.reshape(-1))
+        return out
+
+    return each
 
 
 def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:

@@ -96,6 +96,17 @@ def power(x: float, y: float) -> float:
     return exp(y * log(x)) if y != 0.0 else 1.0
 
 
-# NumPy universal functions, for arrays that broadcast.
-exp_each = elementwise(lambda x: exp(x))
-power_each = elementwise(lambda x, y: power(x, y))
+@elementwise
+@compiled
+def exp_each(x: Array, out: Array) -> None:
+    """Exponentials of an array."""
+    for k in range(len(x)):
+        out[k] = exp(x[k])
+
+
+@elementwise
+@compiled
+def power_each(x: Array, y: Array, out: Array) -> None:
+    """Powers of arrays that broadcast."""
+    for k in range(len(x)):
+        out[k] = power(x[k], y[k])

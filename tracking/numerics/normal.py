@@ -41,17 +41,19 @@ _FARTHER = (
 
 
 @elementwise
-def normal_cdf_each(x: float) -> float:
+@compiled
+def normal_cdf_each(x: Array, out: Array) -> None:
     """Probability that a standard normal variable is below each x, to an absolute error of 1e-15.
 
     Source: G. West, Better approximations to cumulative normal functions, Wilmott, 2005.
     """
-    z = abs(x)
-    if z < 7.07106781186547:
-        tail = exp(-0.5 * z * z) * polynomial(_TAIL[0], z) / polynomial(_TAIL[1], z)
-    else:
-        tail = exp(-0.5 * z * z) / (z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / (z + 0.65))))) / 2.506628274631
-    return 1.0 - tail if x > 0.0 else tail
+    for k in range(len(x)):
+        z = abs(x[k])
+        if z < 7.07106781186547:
+            tail = exp(-0.5 * z * z) * polynomial(_TAIL[0], z) / polynomial(_TAIL[1], z)
+        else:
+            tail = exp(-0.5 * z * z) / (z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / (z + 0.65))))) / 2.506628274631
+        out[k] = 1.0 - tail if x[k] > 0.0 else tail
 
 
 def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:

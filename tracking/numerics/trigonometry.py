@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import polynomial
 
@@ -95,7 +96,25 @@ def hypot(x: float, y: float) -> float:
     return math.sqrt(x * x + y * y)
 
 
-# NumPy universal functions, for arrays that broadcast.
-sin_each = elementwise(lambda x: sin(x))
-cos_each = elementwise(lambda x: cos(x))
-arctan2_each = elementwise(lambda y, x: arctan2(y, x))
+@elementwise
+@compiled
+def sin_each(x: Array, out: Array) -> None:
+    """Sines of an array."""
+    for k in range(len(x)):
+        out[k] = sin(x[k])
+
+
+@elementwise
+@compiled
+def cos_each(x: Array, out: Array) -> None:
+    """Cosines of an array."""
+    for k in range(len(x)):
+        out[k] = cos(x[k])
+
+
+@elementwise
+@compiled
+def arctan2_each(y: Array, x: Array, out: Array) -> None:
+    """Directions [rad] of (x, y), arrays that broadcast."""
+    for k in range(len(x)):
+        out[k] = arctan2(y[k], x[k])
