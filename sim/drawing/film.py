@@ -104,8 +104,7 @@ class Film:
             frame = None if frames is None else frames[i]
             if frames is None or frame is not None or i not in self._last:
                 draw_tile(image[tile.slices], snapshot, i, self._numbers, camera=self._cameras[i], frame=frame)
-                if self.cycle > 1:
-                    self._last[i] = image[tile.slices].copy()
+                self._last[i] = image[tile.slices].copy()
             else:
                 image[tile.slices] = self._last[i]
 

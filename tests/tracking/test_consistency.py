@@ -35,6 +35,7 @@ from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.scenario import Scenario
 from tracking.fusion.message import INFORMATION, Message
 from tracking.metrics.nees import nees_interval
+from tracking.track import Beliefs
 
 DIMENSIONS = np.array([2, 4])  # of position and of state
 GATES = chi2.ppf(0.9999, DIMENSIONS)
@@ -178,11 +179,11 @@ def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypat
     missions = [Mission(FEW_ROUNDS["all in view, line of 5, 2 rounds"], seed) for seed in range(5)]
     assert not Outcome(missions, "hcmci").too_sure
 
-    def as_if_mixed(message: Message) -> tuple[np.ndarray, np.ndarray]:
+    def as_if_mixed(message: Message) -> Beliefs:
         packed = message.shares[:, 1 : 1 + INFORMATION] / message.shares[:, :1]
         if message.novel.shape[1] > INFORMATION:
             packed = packed + len(FIVE) * message.novel[:, :INFORMATION]
-        return moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4))
+        return Beliefs(*moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4)))
 
     mutant = cached_property(as_if_mixed)
     mutant.__set_name__(Message, "beliefs")
