@@ -1,5 +1,7 @@
 """Time of missions as they grow: `python docs/scale.py` draws docs/media/scale.png and prints the table of its page.
 
+`python docs/scale.py film` flies fifty UAVs for 10 s, with film and page in runs/fifty.
+
 Each point is a mission of 3 s of the default planner with rendered frames, flown in this process by one thread. Times
 are processor times, without start-up. A fleet grows at constant density: 1.25 ha, 3.3 people and 37.5 trees for each
 UAV, as in the default forest; the other curves change one thing about a fleet of six.
@@ -9,16 +11,20 @@ from __future__ import annotations
 
 import math
 import time
+from argparse import ArgumentParser
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
 
+import msgspec
 from matplotlib.figure import Figure
 
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
+from sim.running.results import run_mission
 from sim.scenario.environment import Area, People, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Network, Uav
@@ -101,7 +107,13 @@ def draw(found: dict[str, list[tuple[float, dict[str, float]]]]) -> Figure:
 
 
 def main() -> None:
-    """Fly all missions, print the table and draw the curves."""
+    """Fly fifty UAVs with a film; or fly all missions, print the table and draw the curves."""
+    parser = ArgumentParser(description=main.__doc__)
+    parser.add_argument("what", nargs="?", choices=["curves", "film"], default="curves")
+    if parser.parse_args().what == "film":
+        scenario = msgspec.structs.replace(make_scenario(50), duration=10.0)
+        run_mission(Trial(scenario, "sma-nbo-gospa", 0), Path("runs") / "fifty")
+        return
     warm_up()
     found: dict[str, list[tuple[float, dict[str, float]]]] = {}
     print(f"| what grows | size | {' | '.join(STAGES)} | all | real-time factor |")
