@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sim.scenario.csv_tables import Row, RowErrors, read_csv
-from sim.scenario.environment import Trees
+from sim.scenario.environment import STANDS, Trees
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError, spell
@@ -68,7 +68,7 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
 
 def find_unused_columns(trees: Trees) -> list[str]:
     """A remark on columns of the scenario's stem map that are not used; InputError as from `read_stem_map`."""
-    if trees.stem_map is None:
+    if trees.stem_map is None or trees.file in STANDS:  # who takes a packaged stand need not know its columns
         return []
     unused = read_stem_map(trees.stem_map, "trees.file", trees).unused
     return [f"trees.file: not used: column{'s' * (len(unused) > 1)} {', '.join(unused)}"] if unused else []

@@ -13,7 +13,7 @@ from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
 from sim.study.tasks import _hash_user_files
 from sim.world.recorded_people import read_trajectories
-from sim.world.stem_map import MAX_STEMS, read_stem_map
+from sim.world.stem_map import MAX_STEMS, find_unused_columns, read_stem_map
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
 from understory import run
@@ -168,6 +168,12 @@ def test_a_study_depends_on_the_contents_of_a_stem_map_and_remarks_name_keys_wit
     assert _hash_user_files(scenario, "hover") != first
     assert find_remarks(scenario) == ["trees.density: not used, as trees.file gives all trees"]
     assert msgspec.structs.replace(scenario.trees, file="").stem_map is None
+
+
+def test_packaged_stands_are_read_without_remarks():
+    for name, stems in {"park": 60, "plantation": 1575}.items():
+        assert find_unused_columns(Trees(file=name)) == []
+        assert len(forest_and_people(load(name), 0)[0].trees) == stems
 
 
 def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():
