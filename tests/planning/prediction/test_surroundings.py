@@ -64,6 +64,7 @@ def test_a_joint_plan_has_the_surroundings_of_all_its_uavs(random_team):
 
 
 def test_the_mwtp_counts_all_that_is_known(random_team, monkeypatch):
-    monkeypatch.setattr(composed, "surroundings", None)
+    monkeypatch.setattr(composed, "surroundings", lambda *given: pytest.fail("something is left out"))
     situation = far_and_wide(random_team, 0)
-    Composed(evaluations=64).decide(situation, expect_plans(situation, 5), [0], np.random.default_rng(0))
+    decided = Composed(evaluations=64).decide(situation, expect_plans(situation, 5), [0], np.random.default_rng(0))
+    assert np.isfinite(decided).all()
