@@ -24,7 +24,6 @@ from sim.analysis.normalised_score import NormalisedScore, Scored, score_planner
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import score_picture
-from sim.report.formats import format_markdown_table
 from sim.study.cells import VIEW, list_cells
 from sim.study.store import read_rows
 from sim.study.study import read_study
@@ -123,7 +122,12 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
     texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
     lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if name not in FLOORS]
-    return format_markdown_table(heads, [*means.values(), *lines])
+    return _format_table(heads, [*means.values(), *lines])
+
+
+def _format_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in (heads, ["---"] * len(heads), *rows))
 
 
 def _marked(gap: Difference, metric: Metric, survives: bool) -> str:

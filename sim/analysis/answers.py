@@ -7,7 +7,6 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell
 from sim.analysis.differences import Difference, common_values, differences, map_values, pair_differences
-from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.groups import Group, Run
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
@@ -29,7 +28,6 @@ class Answer:
     faulty: int = 0  # number of trials done with faults, such as those of a planner that raises
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
-    spread: Spread = NO_SPREAD
     difference: Difference | None = None  # None for the baseline itself
 
 
@@ -76,7 +74,6 @@ def _answer_alone(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     of_maps = map_values(values, maps)
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
-    spread = spreads(values, maps)
     return [
         Answer(
             group.cell,
@@ -90,7 +87,6 @@ def _answer_alone(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
             mean=mean.cut(metric.least, metric.most),
             median=median,
-            spread=spread[j],
         )
         for j, (metric, mean, median) in enumerate(zip(metrics, means(of_maps), medians(of_maps), strict=True))
     ]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.groups import Group, Run
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
@@ -28,7 +27,6 @@ class Difference:
     cells: int = 1  # number of cells over which each map's value is the mean
     p_value: float = 1.0  # p-value of the hypothesis that there is no difference
     survives: bool = False  # True if it survives Holm's correction for all differences shown with it
-    spread: Spread = NO_SPREAD
     needed: float = np.nan  # number of maps needed to find such a difference
 
     @property
@@ -48,16 +46,16 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     maps = np.array([seed for seed, _ in pairs], dtype=object)
     gaps = map_values(values, maps)
-    judged = zip(means(gaps), p_values(gaps), spreads(values, maps), maps_needed(gaps), strict=True)
+    judged = zip(means(gaps), p_values(gaps), maps_needed(gaps), strict=True)
     found = []
-    for j, (metric, (mean, p_value, spread, needed)) in enumerate(zip(metrics, judged, strict=True)):
+    for j, (metric, (mean, p_value, needed)) in enumerate(zip(metrics, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
         won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metric.better]
         paired_maps = below + tied + above
         counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
         widest = metric.most - metric.least  # largest possible difference
         mean = mean.cut(-widest, widest)
-        found.append(Difference(mean, *counts, p_value=p_value, spread=spread, needed=needed))
+        found.append(Difference(mean, *counts, p_value=p_value, needed=needed))
     return found
 
 

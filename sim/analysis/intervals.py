@@ -50,7 +50,7 @@ def means(values: Array) -> list[Estimate]:
 
     For 8, 10, 20 and 50 maps drawn from trials that were flown, these intervals contained the mean share of scans under
     1 m in at least 94, 93, 94 and 95 % of cases, Student's in 89, 89, 91 and 94 %, and BCa bootstraps in 80, 83, 86 and
-    90 %. `sim.analysis.coverage` has the numbers for mean errors.
+    90 %. docs/how-to/reports.md has the numbers for mean errors.
     Source: N. J. Johnson, Modified t tests and confidence intervals for asymmetrical populations, JASA, 1978; P. Hall,
     On the removal of skewness by transformation, JRSS B, 1992.
     """

@@ -85,12 +85,10 @@ def fly_study(
         reason = str(error) or "interrupted"
     if kept is None:
         fail(f"{reason}; no trial was flown, {folder} is unchanged", code=1)
-    table = f"; for a table of them: python -m sim.report.wide_table {shlex.quote(str(folder))}" if kept else ""
     if options.redo:
-        rest = f"{kept} are there; without --redo, the same command flies what is missing{table}"
+        rest = f"{kept} are there; without --redo, the same command flies what is missing"
         fail(f"{reason}; {again} of {len(listed)} trials were flown now, in {folder} {rest}", code=1)
-    rest = f"the same command flies the rest{table}"
-    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
 
 
 def _check_missions(study: Study, listed: Sequence[Task]) -> None:

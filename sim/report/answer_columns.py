@@ -18,16 +18,15 @@ class Entry(NamedTuple):
     text: str
     fields: dict[str, Value]  # columns of table.csv, in SI units; None and NaN are left empty
     of: Literal["answer", "cell", "difference"]  # "cell": empty over all cells; "difference": empty for the baseline
-    table: Literal["results", "spread", "both"] = "results"
-    wide_only: bool = False  # True if a narrow terminal leaves the column out of the table of results
+    wide_only: bool = False  # True if a narrow terminal leaves the column out
     if_empty: str = ""  # text where the entry is empty
 
 
 def make_entries(answer: Answer, baseline: str) -> list[Entry]:
     """The entries of an answer from left to right; baseline: its label."""
-    metric, spread, gap = answer.metric, answer.spread, answer.difference or NO_DIFFERENCE
+    metric, gap = answer.metric, answer.difference or NO_DIFFERENCE
     entries = [
-        Entry("planner", answer.planner, {"planner": answer.planner, "metric": metric.name}, "answer", "both"),
+        Entry("planner", answer.planner, {"planner": answer.planner, "metric": metric.name}, "answer"),
         Entry(
             "maps",
             _maps(answer),
@@ -49,23 +48,6 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             "difference",
             if_empty="baseline",
         ),
-        Entry("between maps", metric.text(spread.between), {"between_maps": spread.between}, "cell", "spread"),
-        Entry("within maps", metric.text(spread.within), {"within_maps": spread.within}, "cell", "spread"),
-        Entry(
-            f"minus {baseline}: between",
-            metric.text(gap.spread.between),
-            {"difference_between_maps": gap.spread.between},
-            "difference",
-            "spread",
-            if_empty="baseline",
-        ),
-        Entry(
-            "within",
-            metric.text(gap.spread.within),
-            {"difference_within_maps": gap.spread.within},
-            "difference",
-            "spread",
-        ),
         Entry(
             "won, tied,\nlost",
             _record(gap, metric),
@@ -81,7 +63,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "difference",
         ),
-        Entry("maps\nneeded", _maps_needed(gap), {"maps_needed": gap.needed}, "difference", "both", wide_only=True),
+        Entry("maps\nneeded", _maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.of] else e for e in entries]

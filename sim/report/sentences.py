@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from sim.analysis.answers import Answer
 from sim.analysis.cell_text import append_cell
-from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import LEVEL, POWER
 from sim.evaluation.metric import Metric
-from sim.report.tables import has_repeats
+
+ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
 
 
 def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
@@ -49,26 +49,26 @@ def _direction(metric: Metric, gap: Difference) -> str:
 
 def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     """Notes below the tables of these answers, one line each; wide: as for `make_answer_tables`."""
-    sampled = [(answer.metric, answer.maps) for answer in found]
-    gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
-    compared = [(metric, pairs) for metric, pairs in gaps if pairs]
-    repeated = has_repeats(found)
+    compared = [answer.difference.pairs for answer in found if answer.difference and answer.difference.pairs]
+    counted = [answer.maps for answer in found if answer.maps > 1]
     lines = [
         "In brackets: 95 % intervals over the maps (seeds). On a new set of as many maps, expect the mean within 1.4 "
         "times this interval.",
-        *caveats(sampled + compared),
     ]
+    if any(answer.metric.unit == "m" for answer in found) or min([*counted, *compared], default=ENOUGH) < ENOUGH:
+        few = f"Intervals over fewer than {ENOUGH} maps, and those of mean errors in metres, are right less often"
+        lines.append(f"{few} than in 95 % of cases (docs/how-to/reports.md).")
     if any(answer.maps < answer.flown for answer in found):
         lines.append("Maps: the number with a value, of all flown. Mean and median are over those with a value.")
     if compared:
         lines.append("Differences, and won, tied, lost, are over the maps on which both planners have a value.")
-    if compared and (wide or repeated):  # tables of spreads always have maps needed
+    if compared and wide:
         chance = f"{100 * POWER:.0f} %"
         lines.append(f"Maps needed: so many maps show a difference of this size with a probability of {chance}.")
     if len(compared) > 1:
-        lines.append(_correction_note([pairs for _, pairs in compared]))
-    if repeated:
-        lines.append("Each map counts once, with the mean of its repeats. Spreads are standard deviations.")
+        lines.append(_correction_note(compared))
+    if any(answer.trials + answer.failed > answer.flown for answer in found):
+        lines.append("Each map counts once, with the mean of its repeats.")
     return lines
 
 

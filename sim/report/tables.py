@@ -32,38 +32,19 @@ class Table(NamedTuple):
 
 
 def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = True) -> list[Table]:
-    """The tables of each metric: results and, if maps were repeated, spreads.
-
-    wide: False leaves out the columns of results for which a narrow terminal has no room.
-    """
+    """The table of each metric; wide: False leaves out the columns for which a narrow terminal has no room."""
+    compared = any(answer.difference for answer in found)
     listed = []
     for metric, of_metric in groupby(found, lambda answer: answer.metric):
-        own = list(of_metric)
-        listed.append(_answer_table(metric.title, "results", own, baseline, wide=wide)._replace(metric=metric))
-        if has_repeats(own):
-            listed.append(_answer_table(f"{metric.title}: spread", "spread", own, baseline))
+        rows = []
+        heads: list[str] = []
+        for answer in of_metric:
+            entries = [entry for entry in make_entries(answer, baseline) if wide or not entry.wide_only]
+            shown = [entry for entry in entries if compared or entry.of != "difference"]
+            heads = [entry.head for entry in shown]
+            rows.append(TableRow(answer.cell, [entry.text for entry in shown]))
+        listed.append(Table(metric.title, heads, rows, metric))
     return listed
-
-
-def _answer_table(title: str, kind: str, found: Sequence[Answer], baseline: str, *, wide: bool = True) -> Table:
-    compared = any(answer.difference for answer in found)
-    shown = [
-        [
-            entry
-            for entry in make_entries(answer, baseline)
-            if entry.table in (kind, "both")
-            and (compared or entry.of != "difference")
-            and (wide or not entry.wide_only)
-        ]
-        for answer in found
-    ]
-    rows = [TableRow(a.cell, [entry.text for entry in entries]) for a, entries in zip(found, shown, strict=True)]
-    return Table(title, [entry.head for entry in shown[0]], rows)
-
-
-def has_repeats(found: Sequence[Answer]) -> bool:
-    """True if some maps were flown more than once."""
-    return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
 def score_table(scored: Scored, groups: Sequence[Group]) -> Table:

@@ -6,7 +6,6 @@ import pytest
 from helpers.trials import failed, row, study
 
 from sim.analysis.answers import find_answers, holm
-from sim.analysis.distributions import spreads
 from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows, varying_factors
 from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, choose_metrics, from_outside, metric_shown
@@ -91,9 +90,6 @@ def test_a_map_counts_once_with_the_mean_of_its_repeats():
     gap = one.difference
     assert gap.mean == means(gaps)[0] and gap.p_value == p_values(gaps)[0] and [gap.needed] == maps_needed(gaps)
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 0, 1, 2)
-    repeats = np.repeat([0, 1, 2], 2)
-    assert [gap.spread] == spreads(np.array([2.0, 0, 0, 0, 1, 0])[:, None], repeats)
-    assert [base.spread] == spreads(np.array([1.0, 3, 4, 8, 0, 2])[:, None], repeats)
 
 
 def test_repeats_count_whatever_their_order_without_those_that_failed():

@@ -1,4 +1,4 @@
-"""Intervals, tests, spreads, distributions and bands are those of their definitions."""
+"""Intervals, tests, distributions and bands are those of their definitions."""
 
 from math import comb
 
@@ -8,7 +8,7 @@ from scipy import stats
 
 from sim.analysis import intervals
 from sim.analysis.answers import holm
-from sim.analysis.distributions import NO_SPREAD, bands, ecdf, share_under, spreads
+from sim.analysis.distributions import bands, ecdf, share_under
 from sim.analysis.intervals import maps_needed, means, medians, p_values
 
 
@@ -104,26 +104,6 @@ def test_holms_correction_is_that_of_its_definition_and_errs_in_5_percent():
         assert holm(given) == rejected
     families = np.random.default_rng(2).uniform(size=(4000, 5))
     assert np.mean([any(holm(row)) for row in families.tolist()]) == pytest.approx(0.05, abs=0.01)
-
-
-def test_spreads_are_those_of_the_analysis_of_variance_also_unequal_repeats():
-    # Maps of means 1, 4 and 7, each with repeats of -1, 0 and +1 about it: MS within 1, MS between 27.
-    values = np.array([[c + d] for c in (1.0, 4.0, 7.0) for d in (-1.0, 0.0, 1.0)])
-    (spread,) = spreads(values, np.repeat([0, 1, 2], 3))
-    assert (spread.between, spread.within) == pytest.approx((np.sqrt(26 / 3), 1.0))
-    (noise,) = spreads(np.array([[0.0], [2.0], [0.0], [2.0]]), np.array([0, 0, 1, 1]))
-    assert (noise.between, noise.within) == pytest.approx((0.0, np.sqrt(2.0)))  # a negative variance is none
-    assert spreads(skewed(5), np.arange(5)) == [NO_SPREAD]
-    (one,) = spreads(np.array([[1.0], [3.0], [np.nan]]), np.array([4, 4, 5]))
-    assert np.isnan(one.between) and one.within == pytest.approx(np.sqrt(2))
-    # Means 1, of two, and 5, of one, about 7/3: MS within 2, MS between 32/3, mean size 4/3.
-    (unequal,) = spreads(np.array([[0.0], [2.0], [5.0]]), np.array([0, 0, 1]))
-    assert (unequal.between, unequal.within) == pytest.approx((np.sqrt(6.5), np.sqrt(2.0)))
-    rng = np.random.default_rng(3)
-    maps = np.repeat(np.arange(9), [1, 2, 3, 1, 4, 2, 5, 1, 3])
-    found = [spreads((rng.normal(0, 2, 9)[maps] + rng.normal(0, 1, len(maps)))[:, None], maps)[0] for _ in range(2000)]
-    assert np.mean([s.between**2 for s in found]) == pytest.approx(4.0, rel=0.05)
-    assert np.mean([s.within**2 for s in found]) == pytest.approx(1.0, rel=0.03)
 
 
 @pytest.mark.parametrize("shift", [0.3, 0.6, 1.0, -0.6])

@@ -4,7 +4,6 @@ import pytest
 from helpers.studies import Serial, sql
 
 from sim.recording.archive import load
-from sim.report.wide_table import main as wide_table
 from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import StudyProgress, describe_pace
 
@@ -46,11 +45,11 @@ def test_a_planner_spelled_otherwise_is_not_flown_again_and_shown_as_spelled(com
 def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
     options = ["--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
     code, out, _ = compare(*options)
-    assert code == 0 and "spread" not in out
+    assert code == 0 and "repeats" not in out
     backend = Serial()
     code, out, _ = compare(*options, "--repeats", "2", backend=backend)
     assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
-    assert "OSPA mean [m]: spread" in out
+    assert "Each map counts once, with the mean of its repeats." in out
     rows = read_rows(tmp_path / "runs" / "compare")
     assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert len({r.ospa.tobytes() for r in rows}) == 8
@@ -96,15 +95,12 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     backend = Serial({"hover": [None, None, OSError("gone"), KeyboardInterrupt]})  # when the third is tried again
     code, _, err = compare("--planner", "hover", "--seeds", "0-2", *FLAGS, "--out", "s", backend=backend)
     assert code == 1
-    rest = "the same command flies the rest; for a table of them: python -m sim.report.wide_table s"
-    assert err == f"understory: interrupted; 2 of 3 trials are kept in s, {rest}\n"
+    assert err == "understory: interrupted; 2 of 3 trials are kept in s, the same command flies the rest\n"
     assert len(read_rows(tmp_path / "s")) == 2
-    wide_table(tmp_path / "s")
-    assert capsys.readouterr().out.startswith("| hover |\n")
     backend = Serial({"hover": [None, OSError("gone"), KeyboardInterrupt]})
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
-    rest = "in s 2 are there; without --redo, the same command flies what is missing; for a table of them:"
-    told = f"understory: interrupted; 1 of 2 trials were flown now, {rest} python -m sim.report.wide_table s\n"
+    rest = "in s 2 are there; without --redo, the same command flies what is missing"
+    told = f"understory: interrupted; 1 of 2 trials were flown now, {rest}\n"
     assert compare(*options, backend=backend)[::2] == (1, told)
 
 
@@ -119,8 +115,8 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
 
     monkeypatch.setattr(Store, "add", added)
     code, _, err = compare(*options, backend=Serial(INVENTED))
-    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest; for a table of them: python -m"
-    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end} sim.report.wide_table 'full[x]'\n")
+    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest"
+    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}\n")
     monkeypatch.setattr(Store, "add", add)
 
     def failing(*arguments):
@@ -205,8 +201,7 @@ def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path)
     flags = ["--duration", "1", "--set", "trees.density=3"]
     code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
     assert (code, err) == (0, "") and "view=unlimited" in out
-    for file in ("report.html", "table.md"):
-        assert "upper bound" in (tmp_path / "runs" / "mine" / file).read_text("utf-8")
+    assert "upper bound" in (tmp_path / "runs" / "mine" / "report.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def test_every_command_has_help_without_types_of_python(call, command):
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
 
 
-@pytest.mark.parametrize("module", ["sim.calibration", "sim.calibration.future_errors", "sim.report.wide_table"])
+@pytest.mark.parametrize("module", ["sim.calibration", "sim.calibration.future_errors"])
 @pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
 def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, call, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [module, "--help"])
