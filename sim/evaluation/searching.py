@@ -30,7 +30,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
 
 
 def _in_the_open(people: Array, trees: Array) -> Flags:
-    """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6) as recorded."""
+    """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6 or 7) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)
     if len(rows) and len(trees):

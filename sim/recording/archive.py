@@ -138,7 +138,10 @@ def _check_form(array: NDArray[Any], field: Field, sizes: dict[str, int]) -> Non
 def _size(symbol: str, found: int, sizes: Mapping[str, int]) -> int:
     if symbol == "K*n+1":
         return sizes["K"] * sizes["n"] + 1
-    return int(symbol) if symbol.isdigit() else sizes.get(symbol, found)
+    if symbol[0].isdigit():  # one number, or several as in 6|7
+        allowed = [int(number) for number in symbol.split("|")]
+        return found if found in allowed else allowed[0]
+    return sizes.get(symbol, found)
 
 
 def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says

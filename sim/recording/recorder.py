@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -76,7 +75,7 @@ class Recorder:
             seed=seed,
             repeat=self._repeat,
             interrupted=interrupted,
-            trees=np.array([astuple(tree) for tree in forest.trees], dtype=float).reshape(-1, 6),
+            trees=forest.table,
             **dense,
             measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
             measurements=_join((scan.measurements for scan, _ in self._scans), 2),

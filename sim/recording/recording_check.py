@@ -51,7 +51,9 @@ def _texts(r: Recording) -> Iterator[Finding]:
 
 
 def _world(r: Recording) -> Iterator[Finding]:
-    yield "trees", not _is_finite(r.trees) or bool(np.any(r.trees[:, [2, 5]] < 0)), "have a radius below 0 or no place"
+    places, density = r.trees[:, :6], r.trees[:, 6:]
+    yield "trees", not _is_finite(places) or bool(np.any(places[:, [2, 5]] < 0)), "have a radius below 0 or no place"
+    yield "trees", not np.all(density >= 0), "have a leaf area density below 0 or none"
     yield "trees", bool(np.any(r.trees[:, 3] > r.trees[:, 4])), "have a canopy that ends below its base"
     absent = np.isnan(r.people[..., 0])
     partly = bool(np.any(absent != np.isnan(r.people[..., 1])))

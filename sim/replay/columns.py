@@ -160,8 +160,9 @@ def _plans(r: Recording) -> Columns:
 
 
 def _trees(r: Recording) -> Columns:
-    parts = ("x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m")
-    return {"tree": np.arange(len(r.trees)), **dict(zip(parts, r.trees.T, strict=True))}
+    parts = ["x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m"]
+    parts += ["leaf_area_density_m2_per_m3"]  # recorded if any canopy is porous; infinite for those that are opaque
+    return {"tree": np.arange(len(r.trees)), **dict(zip(parts, r.trees.T, strict=False))}
 
 
 def _xy(prefix: str, unit: str, values: Column) -> Columns:

@@ -1,6 +1,7 @@
 """A recording in the formats of other tools: scans, tracks and truth as text, without rounding of numbers."""
 
 import csv
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
+from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, TREE_LEAVES
 from sim.sensing.cameras import view_of
 from sim.world.recorded_people import COLUMNS as PEOPLE_COLUMNS
 from tracking.errors import check_known
@@ -44,7 +45,8 @@ def _write_csv(recording: Recording, folder: Path) -> None:
     cameras = [view_of(uav, recording.setting) for uav in recording.setting.uavs]
     lenses = ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras))
     _write_table(folder / "cameras.csv", CAMERA_COLUMNS, lenses)
-    _write_table(folder / "trees.csv", TREE_COLUMNS, recording.trees.tolist())
+    trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
+    _write_table(folder / "trees.csv", (*TREE_COLUMNS, TREE_LEAVES)[: recording.trees.shape[1]], trees)
 
 
 def _write_stonesoup(recording: Recording, folder: Path) -> None:

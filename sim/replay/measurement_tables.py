@@ -25,6 +25,7 @@ POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz
 SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
 CAMERA_COLUMNS = ("uav", "fov", "pixels")
 TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
+TREE_LEAVES = "leaf_area_density"  # one more column, if any canopy is porous; empty for those that are opaque
 
 _LONGEST_GAP = 20.0  # s between scans: a person then walks out of most views
 

@@ -27,6 +27,7 @@ TRAJECTORIES = {path.stem: path for path in sorted((ASSETS / "trajectories").glo
 STANDS = {path.stem: path for path in sorted((ASSETS / "stands").glob("*.csv"))}
 
 
+MOST_LEAVES = 5.0  # m²/m³; three metres of such a crown hide all but a thousandth
 Height = Annotated[float, Meta(ge=2, le=40)]  # m, of a tree
 
 
@@ -53,6 +54,8 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     height: tuple[Height, Height] | None = None
     crown_ratio: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.5  # share of `height` that the crown takes
     overlap: bool = False  # true if crowns may overlap; trunks are then 1 m apart
+    # m²/m³, leaf area in the volume of a crown, which then is random clusters of leaves; by default crowns are opaque
+    leaf_area_density: Annotated[float, Meta(ge=0, le=MOST_LEAVES)] | None = None
     # CSV file of a stem map that replaces the random trees, relative to the scenario file, or the name of a packaged
     # one: `"park"`, `"plantation"`
     file: str = ""
@@ -63,6 +66,11 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     def tallest(self) -> float:
         """Upper bound [m] of the heights of random trees."""
         return self.canopy_top if self.height is None else self.height[1]
+
+    @property
+    def leaf_area(self) -> float:
+        """Leaf area density [m²/m³], infinite if crowns are opaque."""
+        return math.inf if self.leaf_area_density is None else self.leaf_area_density
 
     @property
     def stem_map(self) -> Path | None:

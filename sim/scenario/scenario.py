@@ -185,6 +185,7 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 # Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
 _LATER = (
     ("trees", ("per_hectare", "largest_radius", "height", "crown_ratio", "overlap", "file", "origin")),
+    ("trees", ("leaf_area_density",)),
     ("people", ("walks", "group", "stay", *FILE_KEYS)),
 )
 

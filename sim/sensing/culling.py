@@ -44,7 +44,7 @@ def find_in_frustum(centres: Array, radii: Array, position: Array, rotation: Arr
 
 @compiled
 def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (T,) of trees whose canopy hides their trunk from a camera at position (3,) m; trees (T, 6) as in `Tree`."""
+    """Mask (T,) of trees whose canopy hides their trunk from a camera at position (3,) m; trees (T, 7) as in `Tree`."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
         x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
@@ -54,7 +54,7 @@ def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
 
 @compiled
 def find_hidden_people(people: Array, trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (M,) of people at (M, 2) m that a single tree of (T, 6) fully hides from a camera at position (3,) m."""
+    """Mask (M,) of people at (M, 2) m that a single tree of (T, 7) fully hides from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):
         body = _Cylinder(people[i, 0], people[i, 1], _PERSON[0], _PERSON[1])

@@ -122,7 +122,8 @@ class Renderer:
         self._world = world
         self._style = world.style
         self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
-        self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 6)
+        self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 7)
+        self._trees[np.isfinite(self._trees[:, 6]), 2] = 0.0  # a porous canopy hides nobody for certain
         self._radii = np.array([look.radius for look in world.looks])
         self._people = len([look for look in world.looks if look.kind == "person"])
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)

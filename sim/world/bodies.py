@@ -3,7 +3,7 @@
 import colorsys
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from sim.installation import ASSETS
 from sim.scenario.scenario import Scenario
 from sim.world.appearance import AppearanceSample
 from sim.world.engine import Engine, pybullet
+from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
 from tracking.geometry.visibility import TARGET_HEIGHT, Tree
 from tracking.numerics.arrays import Array
@@ -22,6 +23,7 @@ AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
 _PERSON_RADIUS = 0.25  # m, of the solid body
 _WHITE = (1.0, 1.0, 1.0)
 _MESHES = {"uav": "quadrotor"}  # where a mesh has another name than its kind
+_FOLIAGE = np.array([70.0, 96.0, 46.0]) / 255  # mean colour of the texture of closed crowns
 _GOLDEN = (math.sqrt(5.0) - 1) / 2
 
 
@@ -37,13 +39,19 @@ class Look:
     radius: float  # m, of a sphere around the body's centre that encloses it
     scale: tuple[float, float, float]  # of the mesh of this kind
     place: tuple[float, float, float]  # m, where a tree stands; people are away and UAVs at their starts at first
+    leaves: Leaves | None = None  # of a porous canopy, in place of the mesh
+
+    @property
+    def shape(self) -> object:
+        """What bodies with the same visual shape have in common."""
+        return self.leaves or (self.kind, self.scale)
 
 
 @dataclass(frozen=True)
 class Body(Look):
     """A body in the engine."""
 
-    id: int
+    id: int = field(kw_only=True)
 
 
 def list_looks(scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSample) -> tuple[Look, ...]:
@@ -51,8 +59,10 @@ def list_looks(scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSam
     looks = []
     for k, t in enumerate(trees):
         size, height = t.canopy_radius, t.canopy_top - t.canopy_base
-        tint, sphere = _multiply(_foliage(k), style.canopies[k]), hypot(1.01 * size, height / 2)
-        looks.append(Look("canopy", tint, sphere, (size, size, height), (t.x, t.y, t.canopy_base)))
+        leaves = Leaves(style.seed, k, t) if math.isfinite(t.leaf_area_density) else None
+        wider = leaves.reach if leaves else 0.01 * size
+        tint, sphere = _multiply(_foliage(k), style.canopies[k]), hypot(size + wider, height / 2 + wider)
+        looks.append(Look("canopy", tint, sphere, (size, size, height), (t.x, t.y, t.canopy_base), leaves))
     for t in trees:
         size, height = t.trunk_radius, t.canopy_base
         looks.append(Look("trunk", _WHITE, hypot(1.01 * size, height / 2), (size, size, height), (t.x, t.y, 0.0)))
@@ -70,13 +80,37 @@ def empty_people_by_id(looks: Sequence[Look]) -> NDArray[np.int32]:
 
 def add_mesh(engine: Engine, look: Look) -> int:
     """Id of a new visual shape in the engine."""
+    if look.leaves:
+        return _add_leaves(engine, look.leaves)
     path = str(ASSETS / "meshes" / f"{_MESHES.get(look.kind, look.kind)}.obj")
     return int(engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=look.scale))
 
 
+def _add_leaves(engine: Engine, leaves: Leaves) -> int:
+    """Id of the visual shape of leaves; without any, that of one cluster of no size."""
+    corners = leaves.draw()
+    corners = corners if len(corners) else np.zeros((1, 4, 3))
+    # Normals along an axis keep their bits (see `assets.mesh`): that nearest to the cluster's own, seen from above.
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
+    normals = np.where(normals[:, 2:] < 0, -normals, normals)
+    axes = np.argmax(np.abs(normals), axis=1)
+    normals = np.sign(normals) * np.eye(3)[axes]
+    # The engine draws triangles only where they turn anticlockwise, and clusters show from both sides.
+    both = np.array([0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2])
+    return int(
+        engine.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=corners.reshape(-1, 3).tolist(),
+            indices=(4 * np.arange(len(corners))[:, None] + both).ravel().tolist(),
+            normals=np.repeat(normals, 4, axis=0).tolist(),
+        )
+    )
+
+
 def paint(engine: Engine, id: int, look: Look, alpha: float = 1.0) -> None:
     """Give a body its colour; alpha: 0 if it is hidden."""
-    engine.changeVisualShape(id, -1, rgbaColor=(*look.tint, alpha))
+    red, green, blue = look.tint if look.leaves is None else _multiply(look.tint, _FOLIAGE)
+    engine.changeVisualShape(id, -1, rgbaColor=(red, green, blue, alpha))
 
 
 class Bodies:
@@ -89,7 +123,7 @@ class Bodies:
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
         self.engine.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         ground = self._add_ground()
-        self._shapes: dict[tuple[str, tuple[float, float, float]], tuple[int, int]] = {}
+        self._shapes: dict[object, tuple[int, int]] = {}
         self.all = tuple(self._add(look) for look in looks)
         self.people, self.uavs = ([body for body in self.all if body.kind == kind] for kind in ("person", "uav"))
         self.names = {ground: ("ground", 0)}  # kind, and index among its kind, of each body
@@ -120,11 +154,10 @@ class Bodies:
             id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), look.place, flags=flags)
             self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         else:
-            key = look.kind, look.scale
-            if key not in self._shapes:
+            if look.shape not in self._shapes:
                 size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if look.kind == "person" else look.scale[1:]
-                self._shapes[key] = self._cylinder(*size), add_mesh(self.engine, look)
-            id_ = int(self.engine.createMultiBody(0.0, *self._shapes[key], look.place))
+                self._shapes[look.shape] = self._cylinder(*size), add_mesh(self.engine, look)
+            id_ = int(self.engine.createMultiBody(0.0, *self._shapes[look.shape], look.place))
         paint(self.engine, id_, look)
         return Body(**vars(look), id=id_)
 

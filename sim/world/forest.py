@@ -50,8 +50,8 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
     centres = _place(room, sizes.trunk_radii, area, rng, keep_clear)
     if len(centres) < count:
         raise _too_dense(trees, area, f"this seed asks for {count}, and only {len(centres)}")
-    rows = np.column_stack([centres, *sizes]).tolist()
-    return Forest(tuple(Tree(*row) for row in rows))
+    density = np.full(count, trees.leaf_area)
+    return Forest(tuple(Tree(*row) for row in np.column_stack([centres, *sizes, density]).tolist()))
 
 
 def _draw_sizes(trees: Trees, count: int, rng: np.random.Generator) -> Sizes:

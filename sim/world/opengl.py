@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from sim.world.engine import explain_failure, pybullet, silence_c_code
 from tracking.errors import InputError
-from tracking.geometry.visibility import Tree
+from tracking.geometry.visibility import Forest, Tree
 
 MOST_PIXELS = 768  # along each edge; the height of the plug-in's window
 _PLUGIN = "_eglRendererPlugin"
@@ -29,10 +29,12 @@ _open: set[int] = set()
 def connect(pixels: int, trees: Sequence[Tree]) -> int:
     """A client with the OpenGL renderer, for images of up to `pixels` along an edge and trees of equal size.
 
-    InputError if the images are too large, the trees differ in size or the renderer cannot start.
+    InputError if the images are too large, trees are porous or differ in size, or the renderer cannot start.
     """
     if pixels > MOST_PIXELS:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
+    if Forest(tuple(trees)).is_porous:
+        raise InputError("sensing.renderer: 'egl' draws opaque trees only (trees.leaf_area_density); allowed is tiny")
     sizes = len({replace(tree, x=0.0, y=0.0) for tree in trees})
     if sizes > 1:
         limit = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius, trees.height or trees.file)"

@@ -19,7 +19,7 @@ class ShownBodies:
         """Begin without bodies; people and UAVs, the last of them, are `moving`, and `cameras` take turns."""
         self.client, self._engine, self._looks, self._cameras = client, Engine(client), looks, cameras
         self._first = len(looks) - moving  # of those that move
-        self._meshes: dict[tuple[str, tuple[float, float, float]], int] = {}
+        self._meshes: dict[object, int] = {}
         self._ids = np.full(len(looks), -1)  # -1 for a body that is not there
         self._shown = np.zeros(len(looks), dtype=np.bool_)
         self._seen, self._frames = np.zeros(len(looks), dtype=np.int64), 0  # frame that last showed each body
@@ -42,10 +42,9 @@ class ShownBodies:
 
     def _add(self, k: int) -> None:
         look = self._looks[k]
-        key = look.kind, look.scale
-        if key not in self._meshes:
-            self._meshes[key] = add_mesh(self._engine, look)
-        self._ids[k] = self._engine.createMultiBody(0.0, -1, self._meshes[key], look.place)
+        if look.shape not in self._meshes:
+            self._meshes[look.shape] = add_mesh(self._engine, look)
+        self._ids[k] = self._engine.createMultiBody(0.0, -1, self._meshes[look.shape], look.place)
         self.people_by_id[self._ids[k]] = k - self._first if look.kind == "person" else -1
 
     def _remove(self, bodies: NDArray[np.int64]) -> None:

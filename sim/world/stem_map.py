@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sim.scenario.csv_tables import Row, RowErrors, read_csv
-from sim.scenario.environment import STANDS, Trees
+from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError, spell
@@ -16,13 +16,14 @@ from tracking.numerics.arrays import Array
 
 MAX_STEMS = 100_000
 _SIZES = ("crown_radius", "crown_base", "height", "trunk_radius", "dbh")
-_COLUMNS = ("x", "y", *_SIZES)
+_COLUMNS = ("x", "y", *_SIZES, "leaf_area_density")
 # Other names of the columns, such as those of `trees.csv` by `export --to csv`.
 _ALIASES = {
     **{column.upper(): column for column in _COLUMNS},
     **{"canopy_radius": "crown_radius", "canopy_base": "crown_base", "canopy_top": "height"},
 }
-_LARGEST = 200.0  # m, of any size
+# Unit, how many of it make a metre, and the most that is allowed, of what is not in m.
+_UNITS = {"dbh": ("cm", 100.0, 20_000.0), "leaf_area_density": ("m²/m³", 1.0, MOST_LEAVES)}
 _SAME_PLACE = 0.01  # m, distance below which two rows are the same stem
 
 
@@ -44,8 +45,9 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
     """Read a stem map with the columns x and y [m], and maybe others for sizes; `missing` gives sizes that are missing.
 
     Sizes are crown_radius, crown_base, height and trunk_radius, of at least `least` m; or dbh, the diameter at breast
-    height [cm], in place of trunk_radius. `missing.origin` is subtracted from positions. InputError begins with `field`
-    and names file, line and column of a wrong entry, also that of a second stem at the same place.
+    height [cm], in place of trunk_radius; leaf_area_density [m²/m³] makes a crown porous. `missing.origin` is
+    subtracted from positions. InputError begins with `field` and names file, line and column of a wrong entry, also
+    that of a second stem at the same place.
     """
     rows: list[Row] = []
     trees: list[Tree] = []
@@ -87,15 +89,15 @@ def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
             column, f"the crown begins at {base:g} m and ends at {top:g} m; missing sizes are the scenario's"
         )
     x, y = row.number("x") - missing.origin[0], row.number("y") - missing.origin[1]
-    return Tree(x, y, radius, base, top, trunk)
+    density = _read_size(row, "leaf_area_density", 0.0)
+    return Tree(x, y, radius, base, top, trunk, missing.leaf_area if density is None else density)
 
 
 def _read_size(row: Row, name: str, least: float) -> float | None:
-    """A size, in m or for dbh in cm; None if it is missing."""
-    size, unit = row.optional_number(name), 100.0 if name == "dbh" else 1.0
-    if size is not None and not least * unit <= size <= _LARGEST * unit:
-        allowed = f"expected {least * unit:g} to {_LARGEST * unit:g}"
-        raise row.error(name, f"{spell(size)} {'cm' if name == 'dbh' else 'm'} is not allowed; {allowed}")
+    """A size, with the units of `_UNITS`; None if it is missing."""
+    size, (unit, factor, most) = row.optional_number(name), _UNITS.get(name, ("m", 1.0, 200.0))
+    if size is not None and not least * factor <= size <= most:
+        raise row.error(name, f"{spell(size)} {unit} is not allowed; expected {least * factor:g} to {most:g}")
     return size
 
 

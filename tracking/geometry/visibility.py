@@ -1,7 +1,7 @@
 """Visibility of people among trees: the map of trees, lines of sight, and probabilities of detection."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -29,7 +29,7 @@ Occlusion = Literal["line_of_sight", "disc"]
 
 @dataclass(frozen=True)
 class Tree:
-    """A trunk from the ground to the canopy's base and a canopy, both vertical cylinders [m]."""
+    """A trunk from the ground to the canopy's base and a canopy, both vertical cylinders [m]; trunks are opaque."""
 
     x: float
     y: float
@@ -37,6 +37,7 @@ class Tree:
     canopy_base: float = 3.0
     canopy_top: float = 6.0
     trunk_radius: float = 0.2
+    leaf_area_density: float = math.inf  # m²/m³, leaf area in the canopy's volume; infinite if the canopy is opaque
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,17 @@ class Forest:
 
     trees: tuple[Tree, ...]
     occlusion: Occlusion = "line_of_sight"
+
+    @property
+    def is_porous(self) -> bool:
+        """True if any canopy is porous."""
+        return any(math.isfinite(tree.leaf_area_density) for tree in self.trees)
+
+    @property
+    def table(self) -> Array:
+        """The fields of each `Tree` (T, 7), or (T, 6) if all are opaque."""
+        rows = np.array([astuple(tree) for tree in self.trees], dtype=float).reshape(-1, 7)
+        return rows if self.is_porous else rows[:, :6]
 
     @cached_property
     def cylinders(self) -> Array:

@@ -20,6 +20,7 @@ from sim.recording.fault_text import encode_faults
 from sim.recording.recorder import Recorder
 from sim.recording.recording import Recording
 from sim.replay.export import export
+from sim.replay.measurement_tables import read_forest
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan
@@ -33,6 +34,23 @@ def test_a_recording_survives_the_disk_bit_for_bit(tmp_path, options):
     assert os.listdir(tmp_path) == ["mission.npz"]
     turned = {"people": npy(np.asfortranarray(recording.people))}  # Fortran's order of axes
     assert_same(load(rewritten(tmp_path / "mission.npz", tmp_path / "turned.npz", **turned)), recording)
+
+
+def test_leaves_of_porous_trees_survive_the_disk_and_an_export(tmp_path):
+    recording = record()
+    assert recording.trees.shape[1] == 6
+    porous = np.column_stack([recording.trees, np.where(np.arange(len(recording.trees)) % 2, math.inf, 0.4)])
+    recording = dataclasses.replace(recording, trees=porous)
+    save(recording, tmp_path / "mission.npz")
+    found = load(tmp_path / "mission.npz")
+    assert_same(found, recording)
+    assert np.array_equal(found.forest.table, porous)
+    export(found, "csv", tmp_path / "tables")
+    assert read_forest(tmp_path / "tables" / "trees.csv").trees == found.forest.trees
+    for wrong in (np.nan, -0.1):
+        save(dataclasses.replace(recording, trees=np.where(porous == 0.4, wrong, porous)), tmp_path / "wrong.npz")
+        with pytest.raises(ValueError, match="have a leaf area density below 0 or none"):
+            load(tmp_path / "wrong.npz")
 
 
 def test_large_recordings_are_compressed_and_hashed_as_if_they_were_not(tmp_path, monkeypatch):

@@ -50,10 +50,10 @@ def test_same_world_and_pose_give_the_same_bytes():
     assert images[0] == images[1]
 
 
-@pytest.mark.parametrize("mixed", [False, True])
-def test_hiding_what_is_out_of_view_changes_no_pixel(monkeypatch, mixed):
+@pytest.mark.parametrize("trees", [None, MIXED, msgspec.structs.replace(MIXED, leaf_area_density=1.0)])
+def test_hiding_what_is_out_of_view_changes_no_pixel(monkeypatch, trees):
     rng = np.random.default_rng(0)
-    forest = grow(MIXED, Area(60.0, 60.0), rng) if mixed else random_forest(rng, 40, 5.0)
+    forest = grow(trees, Area(60.0, 60.0), rng) if trees else random_forest(rng, 40, 5.0)
     with World(Scenario(), forest, 12) as world:
         place_at_random(rng, world, 12, around=np.zeros(2), half=20.0)
         places = [[*rng.uniform(-20, 20, 2), rng.uniform(8, 22)] for _ in range(60)]

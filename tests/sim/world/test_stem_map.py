@@ -1,5 +1,6 @@
 """Stem maps: files as inventories and spreadsheets have them, and missions among their trees."""
 
+import math
 import re
 
 import msgspec
@@ -61,6 +62,16 @@ def test_columns_may_be_separated_by_spaces_and_have_any_order_and_the_names_of_
     exported = "x,y,canopy_radius,canopy_base,canopy_top,trunk_radius\n1,2,5,3,6,0.2\n"
     assert read_stem_map(stems(exported), "trees.file", MISSING).trees == (Tree(1.0, 2.0),)
     assert read_stem_map(stems("x,y\n"), "trees.file", MISSING).trees == ()
+
+
+def test_crowns_have_the_leaves_of_their_row_or_else_of_the_scenario(stems):
+    text = "x,y,leaf_area_density\n0,0,0.75\n9,0,\n18,0,0\n"
+    for given, missing in ((None, math.inf), (0.3, 0.3)):
+        setting = Trees(file=str(stems(text)), leaf_area_density=given)
+        found = read_stem_map(stems(text), "trees.file", setting)
+        assert [tree.leaf_area_density for tree in found.trees] == [0.75, missing, 0.0] and not found.unused
+    with pytest.raises(InputError, match="line 2, column leaf_area_density: 6 m²/m³ is not allowed; expected 0 to 5"):
+        read_stem_map(stems("x,y,leaf_area_density\n0,0,6\n"), "trees.file", Trees())
 
 
 def test_projected_coordinates_are_those_from_the_origin(stems):

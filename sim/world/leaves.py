@@ -1,0 +1,60 @@
+"""Leaves of porous crowns: clusters at random places and in random directions, which an image shows one by one."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.scenario.random_streams import stream
+from tracking.geometry.visibility import Tree
+from tracking.numerics.arrays import Array
+from tracking.numerics.poisson import draw_poisson
+from tracking.numerics.trigonometry import cos_each, sin_each
+
+EDGE = 0.8  # m, of a cluster: a flat square, as opaque as a closed crown
+_MOST = 20_000.0  # clusters of a crown, which the engine takes; in a crown that would have more, they are larger
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """The leaves of one porous tree of a map, which the map's seed decides."""
+
+    seed: int
+    index: int  # of the tree
+    tree: Tree
+
+    @property
+    def volume(self) -> float:
+        """Volume of the crown [m³]."""
+        t = self.tree
+        return math.pi * t.canopy_radius * t.canopy_radius * (t.canopy_top - t.canopy_base)
+
+    @property
+    def edge(self) -> float:
+        """Edge of a cluster [m]."""
+        return max(EDGE, math.sqrt(self.tree.leaf_area_density * self.volume / _MOST))
+
+    @property
+    def reach(self) -> float:
+        """Largest distance [m] from the centre of a cluster, which is inside the crown, to its corners."""
+        return self.edge * math.sqrt(0.5)
+
+    def draw(self) -> Array:
+        """Corners (N, 4, 3) m of all clusters about the foot of the crown's axis; N is Poisson.
+
+        Centres are uniform in the crown, and directions on the sphere. So a ray through s m of the crown is free with
+        probability exp(-s density / 2), because a square shows half its area from a random direction in the mean.
+        """
+        rng, t = stream(self.seed, "leaves", self.index), self.tree
+        count = draw_poisson(rng, t.leaf_area_density * self.volume / (self.edge * self.edge))
+        share, height, up = rng.random(count), rng.random(count), rng.uniform(-1.0, 1.0, count)
+        turns = rng.uniform(-math.pi, math.pi, (3, count))
+        (c, cos_tilt, cos_spin), (s, sin_tilt, sin_spin) = cos_each(turns), sin_each(turns)
+        radius, level = t.canopy_radius * np.sqrt(share), np.sqrt(1.0 - up * up)
+        centres = np.column_stack([radius * c, radius * s, (t.canopy_top - t.canopy_base) * height])
+        # Two axes across the direction (level cos_tilt, level sin_tilt, up), turned by the spin about it.
+        one = np.column_stack([-sin_tilt, cos_tilt, np.zeros(count)])
+        two = np.column_stack([-up * cos_tilt, -up * sin_tilt, level])
+        a = (one * cos_spin[:, None] + two * sin_spin[:, None]) * (self.edge / 2)
+        b = (two * cos_spin[:, None] - one * sin_spin[:, None]) * (self.edge / 2)
+        return np.asarray(np.stack([centres + a + b, centres - a + b, centres - a - b, centres + a - b], axis=1))
