@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
-from time import perf_counter
 
 import numpy as np
 
@@ -16,13 +15,21 @@ from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
-from tracking.plugins.findings import Finding, Unfit, Untried, describe_time, find_change, try_check
-from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.plugins.findings import (
+    Finding,
+    Unfit,
+    Untried,
+    describe_time,
+    find_change,
+    judge_plugin,
+    require,
+    time_calls,
+    try_checks,
+)
 
 Maker = Callable[[], Planner]
 TEAM, OTHER = flying_team(), flying_team(1)
 _SEED = 5  # with which stateful planners are reset
-_DECISIONS = 5  # number of decisions that are timed
 _ROUNDING = 1e-9  # m/s; smaller differences of plans count as rounding
 
 
@@ -43,26 +50,14 @@ def check_planner(planner: str | Maker) -> list[Finding]:
         return made
 
     make()
-    findings: list[Finding] = []
-    for name, check in CHECKS.items():
-        failed = {one.check for one in findings if one.passed is False}
-        if "plans" in failed:
-            findings.append(Finding(name, None, "not tried: it does not plan"))
-        elif "same seed, same plan" in failed and check in _COMPARISONS:
-            findings.append(Finding(name, None, "not tried: its plans do not repeat anyway"))
-        else:
-            findings.append(try_check(name, partial(check, make)))
-    return findings
+    return try_checks(make, CHECKS, dict.fromkeys(("memory", "pickling", "decentralised"), "same seed, same plan"))
 
 
 def _call(planner: Planner, team: list[Situation]) -> list[Plan]:
     """A planner's plans for a team, always with the same random numbers; `Unfit` if they cannot be used."""
-    try:
-        with plugin_call(planner, "plan"):
-            plans = check_count(planner.plan(team, np.random.default_rng(0)), len(team))
-            return [copy_plan(plan) for plan in plans]
-    except PluginError as error:
-        raise Unfit(error.with_place) from error
+    with judge_plugin(planner, "plan"):
+        plans = check_count(planner.plan(team, np.random.default_rng(0)), len(team))
+        return [copy_plan(plan) for plan in plans]
 
 
 def _plan(planner: Planner, team: Sequence[Situation]) -> list[Plan]:
@@ -80,8 +75,7 @@ def _difference(one: Plan, other: Plan) -> float:
 def _compare(before: Sequence[Plan], after: Sequence[Plan], when: str) -> None:
     """Raise `Unfit` if plans differ."""
     gap = max(map(_difference, before, after))
-    if gap > 0.0:
-        raise Unfit(f"{when}, plans differ by {spell(gap, 3)} m/s")
+    require(gap == 0.0, f"{when}, plans differ by {spell(gap, 3)} m/s")
 
 
 def _check_plans(make: Maker) -> str:
@@ -92,25 +86,24 @@ def _check_plans(make: Maker) -> str:
 def _check_speed(make: Maker) -> str:
     for s, plan in zip(TEAM, _plan(make(), TEAM), strict=True):
         fastest = float(np.linalg.norm(plan.controls, axis=1).max())
-        if fastest > s.own.max_speed * (1 + 1e-6):
-            limit = f"{s.own.max_speed:g} m/s is what it can"
-            raise Unfit(f"the plan of UAV {s.own.id} reaches {spell(fastest, 3)} m/s; {limit}")
+        told = f"the plan of UAV {s.own.id} reaches {spell(fastest, 3)} m/s; {s.own.max_speed:g} m/s is what it can"
+        require(fastest <= s.own.max_speed * (1 + 1e-6), told)
     return f"top speeds of {', '.join(f'{s.own.max_speed:g}' for s in TEAM)} m/s are kept"
 
 
 def _check_inputs(make: Maker) -> str:
     team = deepcopy(TEAM)
     _call(make(), team)
-    if changed := find_change(TEAM, team, "team"):
-        raise Unfit(changed)
+    changed = find_change(TEAM, team, "team")
+    require(not changed, changed)
     return "the situations are as they were"
 
 
 def _check_repetition(make: Maker) -> str:
     before = pickle.dumps((random.getstate(), np.random.get_state()))  # noqa: NPY002 - planners must not use these
     plans = _plan(make(), TEAM)
-    if pickle.dumps((random.getstate(), np.random.get_state())) != before:  # noqa: NPY002
-        raise Unfit("it uses global random numbers; only those of `rng` repeat")
+    after = pickle.dumps((random.getstate(), np.random.get_state()))  # noqa: NPY002
+    require(after == before, "it uses global random numbers; only those of `rng` repeat")
     _compare(plans, _plan(make(), TEAM), "of another instance")
     return "equal bit for bit, on another instance"
 
@@ -130,24 +123,17 @@ def _check_memory(make: Maker) -> str:
 
 def _check_pickling(make: Maker) -> str:
     planner = make()
-    _plan(planner, TEAM)
-    try:
-        with plugin_call():
-            copied = pickle.loads(pickle.dumps(planner))
-    except PluginError as error:
-        _check_pickled_class(type(planner))
-        raise Unfit(str(error)) from error
-    _compare(_plan(planner, TEAM), _plan(copied, TEAM), "of a pickled copy")
-    return "a copy plans the same"
-
-
-def _check_pickled_class(kind: type) -> None:
-    """Raise `Untried` if pickle does not find a class by its name, so that no object of it can be pickled."""
+    kind = type(planner)
     try:
         pickle.dumps(kind)
     except (pickle.PicklingError, AttributeError) as error:
         where = "a function" if "<locals>" in kind.__qualname__ else kind.__module__
         raise Untried(f"its class is defined in {where}, where pickle does not find it") from error
+    _plan(planner, TEAM)
+    with judge_plugin():
+        copied = pickle.loads(pickle.dumps(planner))
+    _compare(_plan(planner, TEAM), _plan(copied, TEAM), "of a pickled copy")
+    return "a copy plans the same"
 
 
 def _check_claim(make: Maker) -> str:
@@ -170,8 +156,8 @@ def _check_claim(make: Maker) -> str:
                 raise Untried(f"without contact it does not plan: {error}") from error
             for o, before, after in plans:
                 gap = _difference(before, after)
-                if o.own.id not in changed and gap > _ROUNDING:
-                    raise Unfit(f"{when} changes the plan of UAV {o.own.id} by {spell(gap, 3)} m/s")
+                told = f"{when} changes the plan of UAV {o.own.id} by {spell(gap, 3)} m/s"
+                require(o.own.id in changed or gap <= _ROUNDING, told)
     return "what a UAV knows reaches others through its plan alone"
 
 
@@ -188,16 +174,12 @@ def _check_situation(team: Sequence[Situation], make: Maker) -> str:
 
 
 def _check_time(make: Maker) -> str:
-    planner, took = make(), []
-    for team in [deepcopy(TEAM) for _ in range(1 + _DECISIONS)]:
-        start = perf_counter()
-        _call(planner, team)
-        took.append(perf_counter() - start)
+    planner = make()
+    took = time_calls(partial(_call, planner, deepcopy(TEAM)) for _ in range(6))
     scene = f"{len(TEAM)} UAVs, {len(TEAM[0].tracks)} tracks, {len(TEAM[0].forest.trees)} trees"
-    return describe_time(took[1:], f"a decision of {scene}", TEAM[0].step, "a step of its plan")
+    return describe_time(took, f"a decision of {scene}", TEAM[0].step, "a step of its plan")
 
 
-_COMPARISONS = (_check_memory, _check_pickling, _check_claim)
 CHECKS: dict[str, Callable[[Maker], str]] = {
     "plans": _check_plans,
     "speed limit": _check_speed,

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, partial
 from statistics import mean
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,18 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
-from tracking.plugins.findings import Finding, Unfit, Untried, check_nees, describe_time, try_checks
-from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.plugins.findings import (
+    Finding,
+    Unfit,
+    Untried,
+    check_nees,
+    describe_time,
+    find_change,
+    judge_plugin,
+    require,
+    time_calls,
+    try_checks,
+)
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
 PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
@@ -33,26 +42,16 @@ _ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 _UAV = Uav(start=(74.0, 49.0))
 _ALTITUDE = 25.0  # m
 _ORDINARY, _EMPTY = "ordinary", "no person in view"
-_FRAMES = 5  # number of timed frames
 
 
 @dataclass(frozen=True, eq=False)
 class StagedFrame:
-    """A frame, the renderer's output for it, and the positions of the people (M, 2) m."""
+    """A frame, the renderer's output for it, the positions of the people (M, 2) m, and how many the frame shows."""
 
     frame: Frame
     rendered: Rendered
     people: Array
-
-    @property
-    def shown(self) -> int:
-        """Number of people that the frame shows."""
-        people = self.rendered.people
-        return len(np.unique(people[people >= 0]))
-
-    def count_found(self, found: Detections) -> int:
-        """Number of people that are found."""
-        return int(np.sum(self.match(found) >= 0))
+    shown: int
 
     def match(self, found: Detections) -> Indices:
         """Index (M,) of each person's detection, -1 for none."""
@@ -79,7 +78,8 @@ def stage_frames() -> dict[str, StagedFrame]:
             world.place_people(people, np.linspace(0.0, 5.0, len(people)))
             camera = Camera(math.radians(60), pixels)
             rendered = renderer.render(camera, pose)
-            found[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered, people)
+            shown = len(np.unique(rendered.people[rendered.people >= 0]))
+            found[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered, people, shown)
         return found
 
 
@@ -91,59 +91,51 @@ def check_detector(detector: str) -> list[Finding]:
     return try_checks(_Subject(partial(DETECTORS.make, detector, FOREST)), _CHECKS)
 
 
+@dataclass
 class _Subject:
-    """A detector under test: how it is made, and what a new instance finds in each staged frame."""
+    """A detector under test: how it is made, and what a new instance found in each staged frame."""
 
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self.make = make
-        self.found: dict[str, Detections] = {}
-        self.failed: dict[str, Unfit] = {}  # by frame, if it finds nothing usable
-        for name in stage_frames():
-            try:
-                self.found[name] = _detect(make(), name)
-            except Unfit as error:
-                self.failed[name] = error
+    make: Callable[[], Any]
+    found: dict[str, Detections] = field(default_factory=dict)
 
 
 def _detect(made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
     """What a detector finds in the staged frame of that name; `Unfit` if that cannot be used."""
     staged = stage_frames()[name]
-    try:
-        with plugin_call(made, "detect"):
-            frame = deepcopy(staged.frame)
-            if isinstance(made, MaskDetector):
-                return made.detect(frame, staged.rendered.people)
-            return check_detections(made.detect(frame))
-    except PluginError as error:
-        raise Unfit(error.with_place) from error
+    with judge_plugin(made, "detect"):
+        frame = deepcopy(staged.frame)
+        if isinstance(made, MaskDetector):
+            return made.detect(frame, staged.rendered.people)
+        return check_detections(made.detect(frame))
 
 
 def _check_detections(subject: _Subject) -> str:
-    for name, error in subject.failed.items():
-        raise error if name == _ORDINARY else Unfit(f"{name}: {error}")
+    for name in stage_frames():
+        try:
+            subject.found[name] = _detect(subject.make(), name)
+        except Unfit as error:
+            raise error if name == _ORDINARY else Unfit(f"{name}: {error}") from error
     return f"usable in {len(subject.found)} frames"
 
 
 def _check_people(subject: _Subject) -> str:
     staged, found = stage_frames()[_ORDINARY], subject.found[_ORDINARY]
-    hits = staged.count_found(found)
+    hits = int(np.sum(staged.match(found) >= 0))
     wrong = len(found.ground) - hits
     seen = f"{hits} of {staged.shown} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
-    if 2 * hits < staged.shown or wrong > staged.shown:
-        raise Unfit(seen)
+    require(2 * hits >= staged.shown >= wrong, seen)
     return seen
 
 
 def _check_other_views(subject: _Subject) -> str:
-    views = [name for name in stage_frames() if name not in (_ORDINARY, _EMPTY)]
-    staged = [(name, stage_frames()[name]) for name in views]
-    return ", ".join(f"{name} {view.count_found(subject.found[name])} of {view.shown}" for name, view in staged)
+    views = [view for view in stage_frames().items() if view[0] not in (_ORDINARY, _EMPTY)]
+    hits = [(name, np.sum(view.match(subject.found[name]) >= 0), view.shown) for name, view in views]
+    return ", ".join(f"{name} {count} of {shown}" for name, count, shown in hits)
 
 
 def _check_empty(subject: _Subject) -> str:
     wrong = len(subject.found[_EMPTY].ground)
-    if wrong > len(PEOPLE):
-        raise Unfit(f"{wrong} detections where no person is")
+    require(wrong <= len(PEOPLE), f"{wrong} detections where no person is")
     return f"{wrong} detections"
 
 
@@ -162,26 +154,18 @@ def _check_covariances(subject: _Subject) -> str:
 
 def _check_repeatable(subject: _Subject) -> str:
     first, again = subject.found[_ORDINARY], subject.make()
-    if not _are_equal(first, _detect(again, _ORDINARY)):
-        raise Unfit("another instance finds otherwise in the same frame")
+    changed = find_change(first, _detect(again, _ORDINARY), "detections")
+    require(not changed, "another instance finds otherwise in the same frame")
     _detect(again, "tilted camera")
-    if not _are_equal(first, _detect(again, _ORDINARY)):
-        raise Unfit("after another frame it finds otherwise in the first")
+    changed = find_change(first, _detect(again, _ORDINARY), "detections")
+    require(not changed, "after another frame it finds otherwise in the first")
     return "equal bit for bit, on another instance and after another frame"
 
 
-def _are_equal(one: Detections, other: Detections) -> bool:
-    names = ("pixels", "ground", "covariances")
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
-
-
 def _check_time(subject: _Subject) -> str:
-    made, took = subject.make(), []
-    for _ in range(_FRAMES + 1):  # the first may prepare something
-        start = perf_counter()
-        _detect(made, _ORDINARY)
-        took.append(perf_counter() - start)
-    return describe_time(took[1:], "a frame of 128 x 128 pixels")
+    made = subject.make()
+    took = time_calls(partial(_detect, made, _ORDINARY) for _ in range(6))
+    return describe_time(took, "a frame of 128 x 128 pixels")
 
 
 _CHECKS: dict[str, Callable[[_Subject], str]] = {

@@ -271,7 +271,7 @@ def test_classes_of_scripts_lambdas_and_partials_are_checked_as_any(make, monkey
 def test_without_plans_nothing_else_is_tried():
     findings = check_planner(kind("Mute", plan=lambda self, team, rng: None))
     assert [f.passed for f in findings] == [False] + [None] * (len(CHECKS) - 1)
-    assert {f.seen for f in findings[1:]} == {"not tried: it does not plan"}
+    assert {f.seen for f in findings[1:]} == {"not tried: it fails 'plans'"}
 
 
 def test_without_repetition_nothing_is_compared():

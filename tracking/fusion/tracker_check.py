@@ -20,11 +20,12 @@ from tracking.numerics.distances import length, squared_distance
 from tracking.parameters import TrackerParameters
 from tracking.plugins.findings import (
     Finding,
-    Unfit,
     Untried,
     check_nees,
     describe_time,
     find_change,
+    judge_plugin,
+    require,
     try_checks,
 )
 from tracking.track import Scan, Track, beliefs_of
@@ -44,7 +45,7 @@ def check_tracker(tracker: str) -> list[Finding]:
 
     tracker: a name or an import string. InputError if there is no such tracker, or it cannot be made.
     """
-    return try_checks(_Subject(tracker), _CHECKS)
+    return try_checks(_Flight(tracker), _CHECKS)
 
 
 def _positions(k: int) -> Array:
@@ -90,6 +91,7 @@ class _Flight:
     """The script, flown by a tracker on each of two linked UAVs; initial (M, 4): states of known people."""
 
     def __init__(self, name: str, initial: Array = _KNOWN) -> None:
+        self.name = name
         self.members = [_Watched(name, uav, initial) for uav in range(2)]
         self.begun = [member.tracks for member in self.members]
         self.tracks: list[list[tuple[Track, ...]]] = []  # after each scan, by scan and UAV
@@ -115,66 +117,49 @@ class _Flight:
         gaps = length(means[:, None, :2] - _positions(_SCANS - 1))
         held, false = int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
         seen = f"{held} of 4 people have a track at the end; {false} false tracks"
-        if false > len(_KNOWN):
-            raise Unfit(seen)
+        require(false <= len(_KNOWN), seen)
         return held, seen
 
     def check_agreement(self) -> None:
         """Raise `Unfit` if the UAVs differ in ids or beliefs."""
         for k, (one, other) in enumerate(self.tracks):
             ids = [[track.id for track in tracks] for tracks in (one, other)]
-            if ids[0] != ids[1]:
-                raise Unfit(f"at {_STEP * k:.1f} s UAV 0 has ids {ids[0]}, UAV 1, which hears it, {ids[1]}")
+            now = f"at {_STEP * k:.1f} s"
+            require(ids[0] == ids[1], f"{now} UAV 0 has ids {ids[0]}, UAV 1, which hears it, {ids[1]}")
             pairs = zip(("means", "covariances"), beliefs_of(one), beliefs_of(other), strict=True)
             for what, own, heard in pairs:
-                if (gap := np.abs(own - heard).max(initial=0.0)) > _SAME:
-                    raise Unfit(
-                        f"at {_STEP * k:.1f} s {what} of two UAVs that hear one another differ by {spell(gap, 2)}"
-                    )
+                gap = np.abs(own - heard).max(initial=0.0)
+                require(gap <= _SAME, f"{now} {what} of two UAVs that hear one another differ by {spell(gap, 2)}")
 
 
-class _Subject:
-    """A tracker under test, with its first flight."""
-
-    def __init__(self, name: str) -> None:
-        self.name, self.flight = name, _Flight(name)
-
-
-def _check_scans(subject: _Subject) -> str:
-    if subject.flight.error:
-        raise Unfit(subject.flight.error)
+def _check_scans(flight: _Flight) -> str:
+    require(not flight.error, flight.error)
     return f"{_SCANS} of two UAVs: detections, misses, clutter, a look elsewhere, no frame"
 
 
-def _check_known(subject: _Subject) -> str:
-    ids = [track.id for track in subject.flight.begun[0]]
-    if ids != [0, 1, 2]:
-        raise Unfit(f"of initial tracks 0, 1, 2 it has {ids}")
+def _check_known(flight: _Flight) -> str:
+    ids = [track.id for track in flight.begun[0]]
+    require(ids == [0, 1, 2], f"of initial tracks 0, 1, 2 it has {ids}")
     return "initial tracks are held before the first scan"
 
 
-def _check_people(subject: _Subject) -> str:
-    held, seen = subject.flight.check_people()
-    if 2 * held < len(_KNOWN):
-        raise Unfit(seen)
+def _check_people(flight: _Flight) -> str:
+    held, seen = flight.check_people()
+    require(2 * held >= len(_KNOWN), seen)
     return f"{seen}; one was unknown at the start"
 
 
-def _check_unknown_start(subject: _Subject) -> str:
-    try:
-        flight = _Flight(subject.name, _KNOWN[:0])
-    except InputError as error:
-        raise Unfit(str(error)) from None
-    if flight.error:
-        raise Unfit(flight.error)
-    flight.check_agreement()
-    _, seen = flight.check_people()
-    return seen
+def _check_unknown_start(flight: _Flight) -> str:
+    with judge_plugin():
+        other = _Flight(flight.name, _KNOWN[:0])
+    _check_scans(other)
+    other.check_agreement()
+    return other.check_people()[1]
 
 
-def _check_covariances(subject: _Subject) -> str:
+def _check_covariances(flight: _Flight) -> str:
     squares: list[float] = []
-    for k, (tracks, _) in enumerate(subject.flight.tracks):
+    for k, (tracks, _) in enumerate(flight.tracks):
         means, covariances = beliefs_of(tracks)
         errors = means[:, None, :2] - _positions(k)
         nearest = length(errors).argmin(axis=1)
@@ -186,29 +171,24 @@ def _check_covariances(subject: _Subject) -> str:
     return check_nees(mean(squares))
 
 
-def _check_agreement(subject: _Subject) -> str:
-    subject.flight.check_agreement()
+def _check_agreement(flight: _Flight) -> str:
+    flight.check_agreement()
     return "two UAVs that hear one another have the same ids and beliefs"
 
 
-def _check_repeatable(subject: _Subject) -> str:
-    if find_change(subject.flight.tracks, _Flight(subject.name).tracks, "tracks"):
-        raise Unfit("other instances have other tracks after the same scans")
+def _check_repeatable(flight: _Flight) -> str:
+    changed = find_change(flight.tracks, _Flight(flight.name).tracks, "tracks")
+    require(not changed, "other instances have other tracks after the same scans")
     return "equal bit for bit, on other instances"
 
 
-def _check_inputs(subject: _Subject) -> str:
-    for member in subject.flight.members:
-        if member.changed:
-            raise Unfit(member.changed)
+def _check_inputs(flight: _Flight) -> str:
+    for member in flight.members:
+        require(not member.changed, member.changed)
     return "arguments, scans and messages are as they were"
 
 
-def _check_time(subject: _Subject) -> str:
-    return describe_time(subject.flight.seconds[1:], "a scan of 4 people")
-
-
-_CHECKS: dict[str, Callable[[_Subject], str]] = {
+_CHECKS: dict[str, Callable[[_Flight], str]] = {
     "scans": _check_scans,
     "known tracks": _check_known,
     "people": _check_people,
@@ -217,5 +197,5 @@ _CHECKS: dict[str, Callable[[_Subject], str]] = {
     "neighbours agree": _check_agreement,
     "same scans, same tracks": _check_repeatable,
     "inputs untouched": _check_inputs,
-    "time": _check_time,
+    "time": lambda flight: describe_time(flight.seconds[1:], "a scan of 4 people"),
 }

@@ -1,14 +1,16 @@
 """Findings of checks that a plug-in keeps its contract."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
-from functools import partial
 from statistics import median
+from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
 
 from tracking.errors import spell
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 Subject = TypeVar("Subject")
 _NEES = 0.2, 20.0  # least and largest mean NEES of two-dimensional errors, for which 2 is consistent
@@ -35,28 +37,52 @@ class Untried(Exception):
     """A check that is not possible; the message says why."""
 
 
-def try_check(name: str, check: Callable[[], str]) -> Finding:
-    """The finding of a check that returns what it saw, or raises `Unfit` or `Untried`."""
+def require(fits: object, told: str) -> None:
+    """Raise `Unfit`, which tells what the plug-in does, unless it fits."""
+    if not fits:
+        raise Unfit(told)
+
+
+@contextmanager
+def judge_plugin(plugin: object = None, method: str = "") -> Iterator[None]:
+    """Raise `Unfit` for any exception of a plug-in in the block; arguments as in `plugin_call`."""
     try:
-        return Finding(name, True, check())
-    except Unfit as error:
-        return Finding(name, False, str(error))
-    except Untried as error:
-        return Finding(name, None, f"not tried: {error}")
+        with plugin_call(plugin, method):
+            yield
+    except PluginError as error:
+        raise Unfit(error.with_place) from error
 
 
-def try_checks(subject: Subject, checks: Mapping[str, Callable[[Subject], str]]) -> list[Finding]:
-    """Findings of checks by name; each returns what it saw, or raises `Unfit` or `Untried`.
+def try_checks(
+    subject: Subject, checks: Mapping[str, Callable[[Subject], str]], needs: Mapping[str, str] = {}
+) -> list[Finding]:
+    """Findings of checks by name; each check returns what it saw, or raises `Unfit` or `Untried`.
 
-    If the first one fails, the plug-in does not work at all, and the others are not tried.
+    If the first one fails, the plug-in does not work at all, and the others are not tried. needs: the check, if there
+    is one, without which another one tells nothing.
     """
     found: list[Finding] = []
     for name, check in checks.items():
-        if found and not found[0].passed:
-            found.append(Finding(name, None, f"not tried: it fails {found[0].check!r}"))
-        else:
-            found.append(try_check(name, partial(check, subject)))
+        missed = [one.check for one in found if one.passed is False and one.check in (found[0].check, needs.get(name))]
+        try:
+            if missed:
+                raise Untried(f"it fails {missed[0]!r}")
+            found.append(Finding(name, True, check(subject)))
+        except Unfit as error:
+            found.append(Finding(name, False, str(error)))
+        except Untried as error:
+            found.append(Finding(name, None, f"not tried: {error}"))
     return found
+
+
+def time_calls(calls: Iterable[Callable[[], object]]) -> list[float]:
+    """Time [s] that each call takes except the first, which may prepare something."""
+    seconds = []
+    for call in calls:
+        start = perf_counter()
+        call()
+        seconds.append(perf_counter() - start)
+    return seconds[1:]
 
 
 def check_nees(nees: float) -> str:
