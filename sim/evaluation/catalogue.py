@@ -75,13 +75,13 @@ def _over_uavs(value: Callable[[Score], float]) -> Of:
     return lambda outcome: mean([value(score) for score in outcome.flown])
 
 
-def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
+def _nees(label: str, errors: Callable[[Score], Array]) -> Metric:
     """Mean over the UAVs of each UAV's mean NEES."""
 
     def of(outcome: Outcome) -> float | None:
         return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
 
-    return Metric(label, of, better="neither", key=key)
+    return Metric(label, of, better="neither")
 
 
 def _left_out(outcome: Outcome) -> float | None:
@@ -113,11 +113,7 @@ def _disagreement(outcome: Outcome) -> float | None:
 
 
 def _sent(
-    label: str,
-    sent: Callable[[Recording], Indices | None],
-    reduced: Callable[[Indices], np.generic],
-    unit: str,
-    key: str,
+    label: str, sent: Callable[[Recording], Indices | None], reduced: Callable[[Indices], np.generic], unit: str
 ) -> Metric:
     """Metric of the bytes that UAVs sent; None if no UAV could send."""
 
@@ -125,7 +121,7 @@ def _sent(
         found = sent(outcome.recording)
         return None if found is None else reduced(found).item()
 
-    return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit], key=f"network.{key}")
+    return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
 
 
 def _plan_rounds(outcome: Outcome) -> float | None:
@@ -149,8 +145,8 @@ def _real_time_factor(outcome: Outcome) -> float | None:
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 
-def _share(label: str, of: Of, key: str = "") -> Metric:
-    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
+def _share(label: str, of: Of) -> Metric:
+    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0)
 
 
 def _seconds(stage: str) -> Metric:
@@ -170,25 +166,21 @@ METRICS = {
         **_unmatched("false"),
         **_unmatched("duplicate"),
         "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
-        "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
-        "fragmentations": Metric(
-            "fragmentations", _over_uavs(lambda s: s.fragmentations), key="identity.fragmentations"
-        ),
+        "identity.switches": Metric("identity switches", _over_uavs(lambda s: s.switches)),
+        "identity.fragmentations": Metric("fragmentations", _over_uavs(lambda s: s.fragmentations)),
         "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
         "time_to_find_s": Metric("time to find a person", lambda o: mean(times_to_find(o.recording, o.scores)), "s"),
-        "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
-        "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
+        "nees.position.mean": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
+        "nees.state.mean": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
         "nees.left_out_share": Metric("tracks left out of NEES", _left_out, "%", scale=100.0, digits=1, most=1.0),
-        "recall": _share("detection recall", _recall, "detection.recall"),
-        "precision": _share("detection precision", _precision, "detection.precision"),
-        "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),
-        "bytes_per_scan_mean": _sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB", "bytes_per_scan_mean"),
-        "bytes_per_scan_max": _sent(
-            "sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB", "bytes_per_scan_max"
-        ),
-        "bytes_total": _sent("sent by all UAVs", count_bytes_sent, np.sum, "MB", "bytes_total"),
-        "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
-        "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
+        "detection.recall": _share("detection recall", _recall),
+        "detection.precision": _share("detection precision", _precision),
+        "network.disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4),
+        "network.bytes_per_scan_mean": _sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
+        "network.bytes_per_scan_max": _sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
+        "network.bytes_total": _sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
+        "network.plans.bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB"),
+        "network.plans.rounds": Metric("rounds of plans", _plan_rounds, digits=0),
         "faults": Metric(
             "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
         ),

@@ -5,30 +5,16 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from threadpoolctl import threadpool_info
-
 
 @cache
 def machine() -> dict[str, str]:
-    """The processor, and NumPy's BLAS with its chosen kernels; recordings depend on neither."""
-    return {"processor": _processor(), "blas": _blas()}
-
-
-def _processor() -> str:
+    """The processor, on which times depend and recordings do not."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:  # not Linux
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def _blas() -> str:
-    every = [library for library in threadpool_info() if library["user_api"] == "blas"]
-    # SciPy and OpenCV may each bring their own BLAS.
-    found = [library for library in every if "numpy" in library["filepath"]] or every
-    names = {f"{b['internal_api']} {b.get('version') or ''} {b.get('architecture') or ''}".strip() for b in found}
-    return " and ".join(sorted(names)) or "unknown"
+    return {"processor": names[0] if names else platform.processor() or platform.machine()}
 
 
 def versions() -> dict[str, str]:

@@ -60,8 +60,7 @@ class Metric:
     digits: int = 2
     least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
     most: float = math.inf
-    name: str = ""  # column in rows; the import string of a plug-in metric
-    key: str = ""  # dotted key in summary.json; empty: the name
+    name: str = ""  # column in studies and dotted key in summary.json; the import string of a plug-in metric
     in_summary: bool = True  # False if another entry of summary.json tells it, such as the list of faults
 
     def __call__(self, outcome: Outcome) -> float | None:

@@ -23,8 +23,8 @@ from tracking.numerics.arrays import Array
 
 _TABLE_METRICS = (
     ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),
-    ("gospa.mean_m", "share_held", "identity_switches", "nees.position", "nees.left_out_share"),
-    ("recall", "precision"),
+    ("gospa.mean_m", "share_held", "identity.switches", "nees.position.mean", "nees.left_out_share"),
+    ("detection.recall", "detection.precision"),
 )
 
 
@@ -36,7 +36,7 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     """
     recording = outcome.recording
     values = evaluate(outcome, asked)
-    own = {known.key or known.name: values[known.name] for known in METRICS.values() if known.in_summary}
+    own = {name: values[name] for name, known in METRICS.items() if known.in_summary}
     numbers = _nest({**_parts(outcome), **own})
     return {
         "planner": recording.planner,
@@ -121,7 +121,7 @@ def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _value(summary: Mapping[str, Any], known: Metric) -> float | None:
     found: Any = summary
-    for name in (known.key or known.name).split("."):
+    for name in known.name.split("."):
         found = found[name]
     return None if found is None else float(found)
 

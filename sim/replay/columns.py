@@ -1,4 +1,4 @@
-"""Arrays and tables of a recording, with units in their names."""
+"""Tables of a recording, with units in the names of columns."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,47 +14,6 @@ from sim.replay.history import STATES, History
 Column = NDArray[Any]
 Columns = dict[str, Column]
 TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "losses", "events")
-
-
-def arrays(r: Recording) -> dict[str, NDArray[Any]]:
-    """Read-only arrays of a recording by names with units; docs/how-to/notebooks.md lists them with shapes."""
-    measured, tracked = r.cells(r.measurement_offsets), r.cells(r.track_offsets)
-    found: dict[str, NDArray[Any]] = {
-        "time_s": r.times,
-        "person_m": r.people,
-        "person_heading_rad": r.headings,
-        "uav_m": r.poses[..., :3],
-        "uav_quaternion_xyzw": r.poses[..., 3:],
-        "uav_works": r.working,
-        "camera_m": r.cameras[..., :3],
-        "camera_quaternion_xyzw": r.cameras[..., 3:],
-        "command_m_per_s": r.commands,
-        "decision_time_s": r.plan_times,
-        "plan_m_per_s": r.plans,
-        "ospa_m": r.ospa,
-        "visible_px": r.visible,
-        "detected": r.matched,
-        "sent_bytes": r.bytes_sent,
-        "sent_plans_bytes": r.plan_bytes,
-        "tree_m": r.trees,
-        "measurement_scan": measured[0],
-        "measurement_uav": measured[1],
-        "measurement_m": r.measurements,
-        "measurement_covariance_m2": r.measurement_covariances,
-        "measurement_px": r.pixels,
-        "track_scan": tracked[0],
-        "track_uav": tracked[1],
-        "track_number": r.numbers_of(r.track_ids),
-        "track_m": r.track_means[:, :2],
-        "track_m_per_s": r.track_means[:, 2:],
-        "track_covariance": r.track_covariances,
-        "track_existence": r.track_existence,
-        "track_sighting": r.track_sightings,
-    }
-    views = {name: array.view() for name, array in found.items()}
-    for view in views.values():
-        view.flags.writeable = False
-    return views
 
 
 def columns(name: str, recording: Recording, history: History) -> Columns:

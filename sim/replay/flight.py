@@ -1,10 +1,7 @@
-"""A recorded mission with its history, events, arrays and tables with units, figures and facts."""
+"""A recorded mission with its history, events, tables with units, and figures."""
 
-import base64
-import html
 import io
 import sys
-from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,26 +13,25 @@ from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, map_extent
-from sim.drawing.plots import draw_mean, new_figure, ospa_figure
+from sim.drawing.plots import ospa_figure
 from sim.evaluation.catalogue import METRICS
-from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import planner_title
 from sim.recording.archive import find_recording, save
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
-from sim.replay.columns import TABLES, arrays, columns, event_columns
+from sim.replay.columns import TABLES, columns, event_columns
 from sim.replay.event import Event, find_ends
 from sim.replay.events import events_of
 from sim.replay.frames.frame_panels import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 from sim.replay.timeline import timeline_figure
+from sim.scenario.random_streams import format_seed
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
 
 _MAP = 900  # pixels, width of the map
-_CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 
 
 def load(run: str | Path) -> "Flight":
@@ -50,11 +46,6 @@ class Flight:
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         self.scenario: Scenario = recording.setting
-
-    @cached_property
-    def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Read-only arrays by names with units; docs/how-to/notebooks.md lists their shapes."""
-        return arrays(self.recording)
 
     @cached_property
     def history(self) -> History:
@@ -110,9 +101,8 @@ class Flight:
         with Rerenderer(self.recording) as again:
             return _picture(draw(again, k, uav, size=640))
 
-    @cached_property
-    def facts(self) -> dict[str, str]:
-        """The results of the mission in the form of the summary."""
+    def __repr__(self) -> str:
+        """The results of the mission in one line."""
         r = self.recording
         lost = [loss for loss in self.history.losses if loss.found]
         spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
@@ -120,43 +110,17 @@ class Flight:
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
         if unfound := len(self.history.losses) - len(lost):
             losses += f", and {unfound} of people not found before"
-        ended = " (interrupted)" if r.interrupted else ""
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
-        return {
-            "planner": planner_title(r.planner, r.sees_truth),
-            "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
-            "repeat": str(r.repeat),
-            "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
-            "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
-            "OSPA": f"mean {mean}, {share} under 1 m",
-            "people held": held,
-            "losses": losses,
-            "faults": str(len(r.all_faults)),
-            "contacts": str(len(list_contacts(r))),
-        }
-
-    def __repr__(self) -> str:
-        facts = self.facts
-        shown = ("duration", "fleet", "OSPA", "people held", "losses")
-        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in shown)
-        again = "" if facts["repeat"] == "0" else f", repeat {facts['repeat']}"
-        return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
-
-    def _repr_html_(self) -> str:
-        """The facts and OSPA over time, for notebooks."""
-        rows = "".join(
-            f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
-            for name, value in self.facts.items()
-        )
-        with new_figure(4.6, 2.2, letters=9) as figure:
-            draw_mean(figure.add_subplot(), self.recording.times, self.recording.ospa, width=1.2)
-        curve = base64.b64encode(_png(figure)).decode("ascii")
-        return (
-            '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">'
-            f'<table style="margin:0">{rows}</table>'
-            f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
-        )
+        parts = [
+            f"{planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
+            f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{' (interrupted)' * r.interrupted}",
+            f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
+            f"OSPA mean {mean}, {share} under 1 m",
+            f"people held {held}",
+            f"losses {losses}",
+        ]
+        return f"<Flight: {'; '.join(parts)}>"
 
 
 def _picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:

@@ -72,7 +72,7 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
     ospa: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, dtype=np.float32))
     times: Array = field(default_factory=lambda: np.zeros(0))  # (T,) s
     recording: str = ""  # SHA-256 of the recording's file, equal on all machines; empty if the trial failed
-    machine: str = ""  # processor and BLAS of the machine that flew the trial
+    machine: str = ""  # processor of the machine that flew the trial
 
 
 def list_tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:

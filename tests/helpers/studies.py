@@ -15,7 +15,15 @@ from sim.study.study import Study
 from sim.study.tasks import Task, get_release, list_tasks
 from sim.study.trial_flight import TrialResult, fly_trial, make_failure
 
-NUMBERS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", "recall", "wall_s", "seconds.planning", "faults")
+NUMBERS = (
+    "ospa.mean_m",
+    "ospa.median_m",
+    "ospa.share_under_1m",
+    "detection.recall",
+    "wall_s",
+    "seconds.planning",
+    "faults",
+)
 SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
 
 
@@ -37,7 +45,7 @@ def invented(task):
     return msgspec.structs.replace(
         row,
         status="done",
-        metrics={**values, "precision": math.nan},
+        metrics={**values, "detection.precision": math.nan},
         ospa=rng.uniform(size=6).astype(np.float32),
         times=np.arange(6) / 5,
     )

@@ -13,7 +13,7 @@ from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from tracking.errors import InputError
 
-MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
+MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position.mean")
 
 
 def flown(planner, values, name="ospa.mean_m", factors=()):
@@ -123,9 +123,11 @@ def test_metrics_from_outside_may_be_negative():
 
 
 def test_all_differences_are_judged_together():
-    rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
-    rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
-    every = find_answers(group_rows(rows, "base"), [MEAN, metric_shown("recall")], "base")
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "detection.recall": 0.5}) for s in range(8)]
+    rows += [
+        row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "detection.recall": 0.4 + 0.001 * s}) for s in range(8)
+    ]
+    every = find_answers(group_rows(rows, "base"), [MEAN, metric_shown("detection.recall")], "base")
     found = [a.difference for a in every if a.difference]
     assert [gap.survives for gap in found] == holm([gap.p_value for gap in found]) == [True, True]
     worse = [r for r in rows if r.planner == "worse"]
@@ -137,7 +139,7 @@ def test_all_differences_are_judged_together():
 def test_differences_without_a_pair_are_no_tests_and_take_no_stars():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(6)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s}) for s in range(6)]
-    asked = [MEAN, metric_shown("recall"), metric_shown("precision")]  # which no trial has
+    asked = [MEAN, metric_shown("detection.recall"), metric_shown("detection.precision")]  # which no trial has
     found = find_answers(group_rows(rows, "base"), asked, "base")
     assert [a.difference.survives for a in found if a.difference] == [True, False, False]
 
@@ -208,7 +210,7 @@ def test_wrong_names_and_trials_that_are_there_twice_are_refused():
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
         choose_metrics(study(), ["ospa.mean"])
     with pytest.raises(InputError, match=r"--metric: 'ospa.maen_m' .* did you mean ospa.mean_m\?"):
-        from_outside(["recall", "ospa.maen_m"])
+        from_outside(["detection.recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
     with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings or"):

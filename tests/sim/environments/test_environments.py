@@ -182,7 +182,7 @@ def test_a_teams_reward_and_infos_are_means_over_the_uavs_that_work():
         assert reward == pytest.approx(np.mean([rewards[agent] for agent in working]))
         assert info == pytest.approx({name: np.mean([infos[agent][name] for agent in working]) for name in info})
     assert truncated and working == ["uav_0", "uav_2"] and set(info) == {"time", "ospa", "gospa"}
-    errors = each.flight().arrays["ospa_m"][-1, :, 0]
+    errors = each.flight().recording.ospa[-1, :, 0]
     assert errors[0] != errors[2] and [infos[agent]["ospa"] for agent in working] == errors[[0, 2]].tolist()
 
 

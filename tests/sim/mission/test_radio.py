@@ -126,9 +126,9 @@ def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
     assert disagreement(held[:1]) == disagreement([]) == disagreement([[], []]) == 0.0
     mission, snapshots = fly_ideal("network.loss=0.9", seed=1, duration=3)
     row = fly_trial(task_of(mission.scenario, "hover", 1)).row
-    assert row.metrics["disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
+    assert row.metrics["network.disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
     whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
-    assert whole.metrics["disagreement_m"] < 1e-9
+    assert whole.metrics["network.disagreement_m"] < 1e-9
 
 
 def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():

@@ -158,8 +158,8 @@ def test_of_equal_maps_none_is_called_best_or_worst_and_equal_planners_are_equal
 
 
 def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
-    given = [row("a", seed, metrics={"nees.position": 1.0 + seed}) for seed in range(3)]
-    text = make_files(given, About("x", metrics=("nees.position",)))["report.html"].decode()
+    given = [row("a", seed, metrics={"nees.position.mean": 1.0 + seed}) for seed in range(3)]
+    text = make_files(given, About("x", metrics=("nees.position.mean",)))["report.html"].decode()
     assert "Least and greatest maps</h2>" in text and "a, seed 0: least, 1.00" in text and "best" not in text.lower()
 
 
@@ -183,8 +183,8 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
 
 def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, without_pictures):
     few = [row("sma-nbo", 0), row("greedy", 0)]
-    larger, smaller = (About("x", metrics=names) for names in (("ospa.mean_m", "recall"), ("ospa.mean_m",)))
-    few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for r in few]
+    larger, smaller = (About("x", metrics=names) for names in (("ospa.mean_m", "detection.recall"), ("ospa.mean_m",)))
+    few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "detection.recall": 0.5}) for r in few]
     write(few, tmp_path, larger)
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
     assert (tmp_path / "figures" / "maps-recall.svg").exists()
@@ -198,7 +198,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, witho
     [
         [row("sma-nbo", 0, metrics={"ospa.mean_m": 0.0})],
         [failed("sma-nbo", 0), failed("greedy", 0)],
-        [msgspec.structs.replace(r, metrics={"nees.position": float("nan")}) for r in study(seeds=2)],
+        [msgspec.structs.replace(r, metrics={"nees.position.mean": float("nan")}) for r in study(seeds=2)],
         study(planners=("sma-nbo",), densities=("15", "45", "75")),
     ],
     ids=["one trial", "all failed", "all undefined", "one planner"],

@@ -89,7 +89,9 @@ def test_a_row_holds_what_the_mission_came_to():
     assert row.metrics["ospa.share_under_1m"] == np.mean(distance < 1) and row.metrics["faults"] == 0
     assert row.metrics["planning_s_per_decision"] == row.metrics["seconds.planning"] / 2
     assert 0 < row.metrics["planning_cpu_s_per_decision"] < row.metrics["planning_s_per_decision"] + 0.01
-    assert row.metrics["precision"] != row.metrics["precision"]  # NaN: ideal sensing has no detections
+    assert (
+        row.metrics["detection.precision"] != row.metrics["detection.precision"]
+    )  # NaN: ideal sensing has no detections
     assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
 
 

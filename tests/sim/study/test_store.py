@@ -60,9 +60,9 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     for path in (str(folder), folder / NAME, str(folder / NAME)):
         assert read_dataframe(path).equals(table)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
-    mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
-    expected = [r.metrics["recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
-    assert len(expected) == 3 and mean == pytest.approx(np.mean(expected)) and table["precision"].isna().all()
+    mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["detection.recall"].mean()["5"]
+    expected = [r.metrics["detection.recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
+    assert len(expected) == 3 and mean == pytest.approx(np.mean(expected)) and table["detection.precision"].isna().all()
 
 
 def test_versions_of_one_trial_are_read_in_the_order_in_which_they_were_written(tmp_path):
