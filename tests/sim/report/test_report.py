@@ -187,7 +187,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, witho
     few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "detection.recall": 0.5}) for r in few]
     write(few, tmp_path, larger)
     (tmp_path / "figures" / "mine.png").write_bytes(b"")
-    assert (tmp_path / "figures" / "maps-recall.svg").exists()
+    assert (tmp_path / "figures" / "maps-detection-recall.svg").exists()
     write(few, tmp_path, smaller)
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
     assert found == {*make_files(few, smaller), "figures/mine.png"}

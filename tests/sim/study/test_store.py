@@ -55,7 +55,7 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     means = dict(sql(folder, f"SELECT t.planner, avg(m.value) FROM {joined} WHERE {place} GROUP BY t.planner"))
     expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
-    assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'precision'") == [(None,)]
+    assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'detection.precision'") == [(None,)]
     table = read_dataframe(folder)
     for path in (str(folder), folder / NAME, str(folder / NAME)):
         assert read_dataframe(path).equals(table)
