@@ -142,7 +142,7 @@ class _TruePaths:
 def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
     """The belief with a cylinder about each point marked in `rows` (H T K,), so that no camera sees the point."""
     places = belief.points.reshape(-1, 3)[rows]
-    cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0], (len(places), 1))])
+    cylinders = np.column_stack([places[:, :2], np.tile([1.0, 0.0, TARGET_HEIGHT + 1.0, np.inf], (len(places), 1))])
     blockers = np.insert(belief.blockers, belief.offsets[1:][rows], cylinders, axis=0)
     return belief._replace(blockers=blockers, offsets=belief.offsets + np.concatenate([[0], np.cumsum(rows)]))
 

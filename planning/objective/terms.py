@@ -14,8 +14,8 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, near_uavs
-from tracking.geometry.line_of_sight import Grid, is_unobstructed
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
@@ -262,12 +262,12 @@ def _views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid:
         for c in range(within[0], within[1]):
             if abs(cells.centres[c, 0] - camera[0]) > far:
                 continue
-            seen = 0
+            seen = 0.0
             for k in range(len(cells.quarters)):
                 x, y = cells.centres[c, 0] + cells.quarters[k, 0], cells.centres[c, 1] + cells.quarters[k, 1]
                 if inside(view[uavs[v]], x - camera[0], y - camera[1]):
-                    seen += is_unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
-            if seen:
+                    seen += detectable_share(free_share(camera, (x, y, TARGET_HEIGHT), blockers, grid))
+            if seen > 0.0:
                 found.append(c)
                 shares.append(seen / len(cells.quarters))
         starts[v + 1] = len(found) - 1

@@ -10,10 +10,11 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
-from tracking.geometry.line_of_sight import Vector, is_blocked
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, detectable_share
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.exponential import exp
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
@@ -32,7 +33,7 @@ class PredictedBelief(NamedTuple):
     positions: Array  # (n, 3) m: UAVs now
     views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
-    blockers: Array  # (B, 5): cylinders near each of the points, one after another
+    blockers: Array  # (B, 6): cylinders near each of the points, one after another
     offsets: Indices  # (H T K + 1,): index of each point's first cylinder
     weights: Array  # (T,): weight of each target in the objective
 
@@ -92,7 +93,7 @@ def _reach(cylinders: Array, points: Array, sights: Array) -> Array:
 
 @compiled
 def _cylinders_within(points: Array, cylinders: Array, reach: Array, order: Indices) -> tuple[Indices, Indices]:
-    """Indices of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
+    """Indices of the cylinders (B, 6) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
 
     order (B,): the cylinders from west to east.
     """
@@ -139,6 +140,8 @@ def add_information(
 ) -> bool:
     """Add to `information` (3 LANES,) the R⁻¹ (xx, xy, yy) of a point in lanes where `cameras` (2, LANES) m see it.
 
+    Under porous trees it is weighted with the probability of detection. The trace after this expected information is
+    a lower bound of the expected trace (Jensen's inequality).
     row: index of the (step, target, trajectory) triple; free (LANES,) is overwritten. True if any camera sees it.
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
@@ -148,7 +151,7 @@ def add_information(
     p = points[row // (targets * count), row // count % targets, row % count]
     x, y = p[0], p[1]
     blockers = belief.blockers[offsets[row] : offsets[row + 1]]
-    if not _mark_visible((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
+    if not _find_visible_shares((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
         return False
     for lane in range(LANES):
         # R⁻¹ of `NoiseModel.covariance` in closed form, with the eigenvalues of R along and across the line of sight.
@@ -165,24 +168,34 @@ def add_information(
 
 
 @inlined
-def _mark_visible(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
-    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
+def _find_visible_shares(
+    point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array
+) -> bool:
+    """Set `free` (LANES,) to the detectable share of a point for cameras (2, LANES) m at a height; True if any sees it.
 
-    view (5, 3): field of view of the cameras; blockers (B, 5): cylinders that may hide the point.
+    view (5, 3): field of view of the cameras; blockers (B, 6): cylinders that may hide the point.
     """
     x, y = point[0], point[1]
     east, north = cameras[0], cameras[1]
-    some = 0
+    some, porous = 0, False
     for lane in range(LANES):
         near = inside(view, x - east[lane], y - north[lane])
         free[lane] = 1.0 if near else 0.0
         some += near
     for k in range(len(blockers) if some else 0):
         cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
-        for lane in range(LANES):
+        opaque = blockers[k, 5] == math.inf
+        porous |= not opaque
+        for lane in range(LANES if opaque else 0):
             if free[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
                 free[lane] = 0.0
                 some -= 1
+        for lane in range(0 if opaque else LANES):
+            camera = east[lane], north[lane], height
+            if free[lane] > 0.0 and is_blocked(camera, point, cylinder):
+                free[lane] *= exp(-blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
+    for lane in range(LANES if porous else 0):
+        free[lane] = detectable_share(free[lane])
     return some > 0
 
 

@@ -12,8 +12,8 @@ from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
-from tracking.geometry.line_of_sight import Grid, is_unobstructed
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.poisson import draw_poisson
@@ -79,11 +79,9 @@ class Thompson:
         places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
         view = view_quadrangle(own)
         flight = _Flight(start, reach, situation.step)
-        found = _errors_in_view(places, flight, view, world, forest.blockers, forest.grid)
+        found = _errors_in_view(places, flight, view, world, self.cutoff, forest.blockers, forest.grid)
         # If no place shows an error, the first one is taken: the UAV's own position.
-        return np.asarray(
-            places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _count_steps_to_each(places, start, reach))]
-        )
+        return np.asarray(places[np.argmax(found.sum(axis=1) / _count_steps_to_each(places, start, reach))])
 
 
 def draw_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
@@ -133,9 +131,9 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
 
 @compiled
 def _errors_in_view(
-    places: Array, flight: _Flight, view: Array, world: DrawnWorld, blockers: Array, grid: Grid
+    places: Array, flight: _Flight, view: Array, world: DrawnWorld, most: float, blockers: Array, grid: Grid
 ) -> Array:
-    """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 for people out of view."""
+    """Errors (N, M) up to `most` m of people that places (N, 2) m are expected to show on arrival; 0 out of view."""
     found = np.zeros((len(places), len(world.states)))
     steps = _count_steps_to_each(places, flight.start, flight.reach)
     for n in range(len(places)):
@@ -145,7 +143,7 @@ def _errors_in_view(
             x, y = state[0] + time * state[2], state[1] + time * state[3]
             if inside(view, x - places[n, 0], y - places[n, 1]):
                 camera = places[n, 0], places[n, 1], flight.start[2]
-                if is_unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
-                    dx, dy = error[0] + time * error[2], error[1] + time * error[3]
-                    found[n, m] = math.sqrt(dx * dx + dy * dy)
+                dx, dy = error[0] + time * error[2], error[1] + time * error[3]
+                free = free_share(camera, (x, y, TARGET_HEIGHT), blockers, grid)
+                found[n, m] = detectable_share(free) * min(math.sqrt(dx * dx + dy * dy), most)
     return found

@@ -12,7 +12,7 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, at_target_height
+from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -25,6 +25,7 @@ class SensorSetup:
     forest: Forest
     cameras: list[Camera]  # one per UAV
     clock: Stopwatch
+    rng: np.random.Generator  # of what the mode draws at random
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,8 @@ class SensorMode(Protocol):
 class LineOfSightMode:
     """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden.
 
-    The error of each measurement is a sample of the UAV's noise model.
+    Those whom porous trees hide in part are detected with the probability of `detectable_share`. The error of each
+    measurement is a sample of the UAV's noise model.
     """
 
     setup: SensorSetup
@@ -62,7 +64,9 @@ class LineOfSightMode:
         with self.setup.clock.measure("detection"):
             points, present = at_target_height(np.nan_to_num(people)), ~np.isnan(people[:, 0])
             camera, forest = self.setup.cameras[uav], self.setup.forest
-            seen = present & camera.sees(pose, points) & forest.visible(pose.position, points)[0]
+            shown = detectable_shares(forest.free_shares(pose.position, points)[0])
+            least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
+            seen = present & camera.sees(pose, points) & (shown > least)
 
         def matched(kept: Flags) -> Flags:
             found: Flags = seen.copy()

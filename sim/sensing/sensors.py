@@ -87,7 +87,7 @@ class Sensors:
         self._clutter = Clutter(scenario.sensing, rng)
         self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
-        setup = SensorSetup(scenario, world, forest, self.cameras, clock)
+        setup = SensorSetup(scenario, world, forest, self.cameras, clock, rng.spawn(1)[0])
         self._name = scenario.sensing.mode
         self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
 

@@ -1,4 +1,4 @@
-"""Line of sight between two points: tests of segments against vertical cylinders, found by a raster."""
+"""Line of sight between two points: the share of it that vertical cylinders leave free, found by a raster."""
 
 import math
 from typing import NamedTuple
@@ -7,6 +7,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.exponential import exp
 
 PIECE = 4.0  # m, horizontal length of a piece of a segment; a steep line of sight rises above the trees within it
 _CELL = 2.0  # m, edge of a cell, or more if there would be more than about _CELLS cells
@@ -32,11 +33,11 @@ class Grid(NamedTuple):
 
 
 def make_grid(cylinders: Array) -> Grid:
-    """Grid over cylinders (B, 5): x, y, radius, bottom, top [m]."""
+    """Grid over cylinders (B, 5 or more): x, y, radius, bottom, top [m]."""
     every = np.arange(len(cylinders))
     if len(cylinders) == 0:
         return Grid((math.inf,) * 3, (-math.inf,) * 3, _CELL, 1, 1, np.zeros(3, np.int64), every)
-    x, y, radii, bottoms, tops = cylinders.T
+    x, y, radii, bottoms, tops = cylinders[:, :5].T
     low = float(np.min(x - radii)) - _MARGIN, float(np.min(y - radii)) - _MARGIN, float(np.min(bottoms)) - _MARGIN
     high = float(np.max(x + radii)) + _MARGIN, float(np.max(y + radii)) + _MARGIN, float(np.max(tops)) + _MARGIN
     width, height = high[0] - low[0], high[1] - low[1]
@@ -93,15 +94,40 @@ def is_blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
 
 
 @inlined
-def is_unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
-    """Test if the segment from origin (3,) to point (3,) misses all cylinders (B, 5)."""
+def length_inside(origin: Vector, point: Vector, cylinder: Vector, start: float, end: float) -> float:
+    """Length [m] inside a solid cylinder (5,) of the part from `start` to `end` of a segment that touches it.
+
+    The segment goes from origin (3,), at 0, to point (3,), at 1.
+    """
+    dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+    ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
+    length = dx * dx + dy * dy
+    if length > 0.0:
+        across, along = ox * dy - oy * dx, ox * dx + oy * dy
+        half = math.sqrt(max(cylinder[2] * cylinder[2] * length - across * across, 0.0))
+        start, end = max(start, (-along - half) / length), min(end, (half - along) / length)
+    if dz != 0.0:
+        a, b = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
+        start, end = max(start, min(a, b)), min(end, max(a, b))
+    return max(end - start, 0.0) * math.sqrt(length + dz * dz)
+
+
+@inlined
+def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> float:
+    """Probability that nothing in cylinders (B, 6) is on the segment from origin (3,) to point (3,).
+
+    The last column is the extinction [1/m]. It is infinite for opaque cylinders, which leave nothing free. Porous ones
+    leave exp(-extinction s) of a path of s m, the law of Beer and Lambert.
+    Source: [Monsi53], for leaves in random places.
+    """
     start, end = _clip(origin, point, grid.low, grid.high)
     if start > end:
-        return True
+        return 1.0
     dx, dy = point[0] - origin[0], point[1] - origin[1]
     length = (end - start) * math.sqrt(dx * dx + dy * dy)
     every = not length <= PIECE * len(cylinders)  # more pieces than cylinders, or not a number
     pieces = 1 if every else int(length / PIECE) + 1
+    depth = 0.0  # extinction times length, of each cylinder piece by piece
     for k in range(pieces):
         s = start + (end - start) * (k + 0.5) / pieces
         cell = grid.rows * grid.columns if every else _find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
@@ -109,8 +135,11 @@ def is_unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid)
             row = grid.members[m]
             cylinder = cylinders[row, 0], cylinders[row, 1], cylinders[row, 2], cylinders[row, 3], cylinders[row, 4]
             if is_blocked(origin, point, cylinder):
-                return False
-    return True
+                if cylinders[row, 5] == math.inf:
+                    return 0.0
+                low, high = start + (end - start) * k / pieces, start + (end - start) * (k + 1) / pieces
+                depth += cylinders[row, 5] * length_inside(origin, point, cylinder, low, high)
+    return exp(-depth) if depth > 0.0 else 1.0
 
 
 @compiled

@@ -133,7 +133,7 @@ def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[li
     """
     found: list[list[Array]] = [[] for _ in forest.trees]
     for tree, cylinder in zip(forest.tree_of_blockers.tolist(), forest.blockers, strict=True):
-        x, y, radius, bottom, top = cylinder.tolist()
+        x, y, radius, bottom, top = cylinder[:5].tolist()
         if top < TARGET_HEIGHT:
             continue
         outline = silhouette(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))

@@ -6,12 +6,13 @@ import itertools
 import numpy as np
 import pytest
 from helpers.nominal import GAINS, information, nominal
+from helpers.porous import make_porous
 
 from planning.objective.nbo import objective
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
 
 WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.75, scans=5)
 
@@ -29,8 +30,9 @@ def plain(situation, controls):
                 place = v.position[:2] + situation.step * flown[: step + 1].sum(axis=0)
                 camera = np.array([*place, v.position[2]])
                 seen = v.camera.sees(Pose(camera, v.attitude), point)[0]
-                if seen and situation.forest.visible(camera, point)[0, 0]:
-                    rows.append((step, v.noise.covariance(place, point[:2])))
+                share = seen * detectable_shares(situation.forest.free_shares(camera, point))[0, 0]
+                if share > 0.0:
+                    rows.append((step, v.noise.covariance(place, point[:2]) / share))
         C, R = np.zeros((2 * len(rows), 2 * len(rows))), np.eye(2 * len(rows))
         for a, (one, noise) in enumerate(rows):
             R[2 * a : 2 * a + 2, 2 * a : 2 * a + 2] = noise
@@ -42,11 +44,16 @@ def plain(situation, controls):
     return total
 
 
-def test_the_information_is_that_of_all_positions_and_measurements_at_once(random_team):
+@pytest.mark.parametrize("porous", [False, True])
+def test_the_information_is_that_of_all_positions_and_measurements_at_once(random_team, porous):
+    """Under porous trees each measurement counts with its probability."""
     seen = 0
     for seed in range(25):
         situation = random_team(seed, spread=12.0 + seed)[0]
         situation = dataclasses.replace(situation, motion=WALKING if seed % 2 else situation.motion)
+        if porous:
+            forest = make_porous(situation.forest, np.random.default_rng(seed))
+            situation = dataclasses.replace(situation, forest=forest)
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
         expected = plain(situation, controls)
         found = information(situation, range(3), controls[None])[0]

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from helpers.flights import fly
+from helpers.porous import make_porous
 from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +16,7 @@ from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import expect_plans
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.response import camera_paths
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
 from tracking.undetected import Intensity
 
 NONE = Intensity(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
@@ -33,8 +34,8 @@ def found(situation, uav, place):
     camera = np.array([*place, vehicle.position[2]])
     view = view_quadrangle(vehicle)
     shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
-    free = situation.forest.visible(camera[None], points.reshape(-1, 3)).reshape(600, 4)
-    return 0.99 * (shown & free).mean(axis=1)
+    free = situation.forest.free_shares(camera[None], points.reshape(-1, 3)).reshape(600, 4)
+    return 0.99 * (shown * detectable_shares(free)).mean(axis=1)
 
 
 def transcribed(situation, controls, uavs, candidate):
@@ -70,6 +71,8 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
     for seed in range(2):
         people = np.where(rng.random((20, 30)) < 0.15, rng.random((20, 30)), 0.0)
         situation = unaware(random_team(seed, trees=75)[0], people)
+        if seed:
+            situation = dataclasses.replace(situation, forest=make_porous(situation.forest, rng))
         controls = expect_plans(situation, 3)
         candidates = rng.uniform(-3.5, 3.5, (3, len(uavs), 3, 2))
         costs = Search(7.0).objective(situation, controls, uavs)(candidates)

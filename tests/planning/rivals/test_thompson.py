@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.porous import make_porous
 from helpers.teams import refitted
 from scipy.stats import chisquare, norm, skellam
 
@@ -12,7 +13,7 @@ from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
 from planning.rivals.thompson import DrawnWorld, Thompson, _places, draw_world
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
 from tracking.undetected import Intensity
 
 
@@ -74,8 +75,9 @@ def plain_goal(planner, situation, world):
         for state, error in zip(world.states, world.errors, strict=True):
             point = np.array([*state[:2] + steps * state[2:], TARGET_HEIGHT])
             camera = np.array([*place, own.position[2]])
-            if own.camera.sees(Pose(camera, own.attitude), point)[0] and situation.forest.visible(camera, point)[0, 0]:
-                total += min(np.hypot(*(error[:2] + steps * error[2:])), planner.cutoff)
+            if own.camera.sees(Pose(camera, own.attitude), point)[0]:
+                share = detectable_shares(situation.forest.free_shares(camera, point))[0, 0]
+                total += share * min(np.hypot(*(error[:2] + steps * error[2:])), planner.cutoff)
         rates.append(total / steps)
     return places[int(np.argmax(rates))], max(rates)
 
@@ -86,6 +88,9 @@ def test_the_goal_is_the_place_of_most_error_per_step_by_plain_enumeration(rando
         situation = dataclasses.replace(
             random_team(seed, trees=120, spread=30.0)[0], undetected=sprinkled(np.full((20, 30), 0.005))
         )
+        if seed % 2:
+            forest = make_porous(situation.forest, np.random.default_rng(seed))
+            situation = dataclasses.replace(situation, forest=forest)
         world = draw_world(situation, np.random.default_rng(seed))
         place, rate = plain_goal(planner, situation, world)
         np.testing.assert_allclose(planner.goal(situation, world), place, rtol=1e-12)

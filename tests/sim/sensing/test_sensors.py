@@ -23,7 +23,7 @@ from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, detectable_shares
 
 OPEN = Forest(())
 ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]
@@ -68,6 +68,20 @@ def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
         assert (look.image, look.scan.uav, look.scan.time, len(look.pixels)) == (None, 0, 0.4, 0)
         counts += [np.sum(inside & free), np.sum(inside & ~free), np.sum(~inside)]
     assert counts.min() > 50
+
+
+def test_ideal_sensing_detects_people_under_porous_trees_as_often_as_enough_of_them_shows():
+    rng = np.random.default_rng(0)
+    setting = scenario("ideal", uavs=(Uav(start=(0.0, 0.0), footprint=22.0, alpha=1e-14),))
+    trees = [Tree(*rng.uniform(-12, 12, 2), canopy_radius=3.0, leaf_area_density=d) for d in rng.uniform(0, 1.5, 8)]
+    forest, pose, people = Forest(tuple(trees)), Pose.level(0.0, 0.0, 20.0), rng.uniform(-10, 10, (200, 2))
+    with World(setting, forest, 200) as world:
+        subject = sensors(setting, world, forest)
+        found = np.mean([subject.look(0, 0.0, pose, people).matched for _ in range(400)], axis=0)
+    points = np.column_stack([people, np.full(200, TARGET_HEIGHT)])
+    expected = detectable_shares(forest.free_shares(pose.position, points)[0])
+    assert np.all(np.abs(found - expected) <= 4.5 * np.sqrt(expected * (1 - expected) / 400))
+    assert np.sum((expected > 0.1) & (expected < 0.9)) > 50
 
 
 @pytest.mark.parametrize("draws", [400, pytest.param(1500, marks=pytest.mark.slow)])

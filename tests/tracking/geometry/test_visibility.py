@@ -74,7 +74,7 @@ def test_each_blocker_and_each_canopy_is_that_of_its_tree(occlusion):
     forest = Forest(trees, occlusion)
     owners = [(trees[k].x, trees[k].y) for k in forest.tree_of_blockers.tolist()]
     assert owners == [tuple(row) for row in forest.blockers[:, :2].tolist()]
-    np.testing.assert_array_equal(forest.canopies, [(t.x, t.y, t.canopy_radius, 3.0, 6.0) for t in trees])
+    np.testing.assert_array_equal(forest.canopies, [(t.x, t.y, t.canopy_radius, 3.0, 6.0, math.inf) for t in trees])
     assert Forest((), occlusion).tree_of_blockers.size == Forest((), occlusion).canopies.size == 0
 
 

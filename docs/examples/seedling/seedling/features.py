@@ -7,8 +7,8 @@ import numpy as np
 
 from planning.prediction.quadrangle import inside, shortest_move
 from seedling.weights import PAIR_FEATURES, PLACE_FEATURES
-from tracking.geometry.line_of_sight import Grid, is_unobstructed
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
@@ -40,12 +40,12 @@ class View(NamedTuple):
 @compiled
 def share_seen(view: View, uav: int, camera: tuple[float, float, float], t: int, ahead: float) -> float:
     """Share of five points of track t, so many seconds ahead, that a UAV sees from the camera's place."""
-    track, seen = view.tracks[t], 0
+    track, seen = view.tracks[t], 0.0
     x, y = track[0] + ahead * track[2], track[1] + ahead * track[3]
     for a, b in _ASIDE:
         px, py = x + a * track[4], y + b * track[5]
         if inside(view.views[uav], px - camera[0], py - camera[1]):
-            seen += is_unobstructed(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid)
+            seen += detectable_share(free_share(camera, (px, py, TARGET_HEIGHT), view.cylinders, view.grid))
     return seen / len(_ASIDE)
 
 
