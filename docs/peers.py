@@ -33,7 +33,7 @@ from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 from stonesoup.updater.kalman import KalmanUpdater
 
-from sim.analysis.intervals import means
+from sim.analysis.intervals import estimate_means
 from sim.scenario.quantities import parse_integers
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fleet import step
@@ -305,7 +305,7 @@ def shown(scores: Array) -> list[str]:
 
 def gaps(scores: Array) -> list[str]:
     """The means of differences of scores (n, 7), without the causes of misses, with their intervals."""
-    return [f"{e.value:+.2f} [{e.low:+.2f}, {e.high:+.2f}]" for e in means(scores[:, :4])]
+    return [f"{e.value:+.2f} [{e.low:+.2f}, {e.high:+.2f}]" for e in estimate_means(scores[:, :4])]
 
 
 def causes(scores: Array) -> str:

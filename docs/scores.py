@@ -19,11 +19,11 @@ from sim.analysis.answers import holm, map_means
 from sim.analysis.cell_text import Cell
 from sim.analysis.differences import Difference, differences, pair_differences
 from sim.analysis.groups import Group, Run, group_rows
-from sim.analysis.metric_choice import metric_shown
+from sim.analysis.metric_choice import find_shown_metric
 from sim.analysis.normalised_score import NormalisedScore, Scored, score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
-from sim.report.figures.pictures import score_picture
+from sim.report.figures.pictures import draw_score_picture
 from sim.study.cells import VIEW, list_cells
 from sim.study.store import read_rows
 from sim.study.study import read_study
@@ -102,7 +102,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     Bold differences survive Holm's correction for all planners; of those in italics only the interval excludes zero.
     The table of the metric that the study scores begins with the means of floor and bound.
     """
-    metric, groups = metric_shown(name), _groups(world)
+    metric, groups = find_shown_metric(name), _groups(world)
     planners = [name for name in ORDER if name != base and any(group.planner == name for group in groups)]
     ends = dict(zip(_scored(groups).ends, ("`hover`", "bound"), strict=True)) if name == STUDY.score.metric else {}
     heads, means = ["planner"], {**{end: [text] for end, text in ends.items()}, base: [f"`{base}`"]}
@@ -172,7 +172,7 @@ def draw() -> None:
     scores, _, ends = _scored(_groups())
     found = sorted((score for score in scores if score.planner in ORDER), key=place)
     with write_whole(FIGURE) as scratch:
-        scratch.write_bytes(score_picture(found, ends).png)
+        scratch.write_bytes(draw_score_picture(found, ends).png)
 
 
 if __name__ == "__main__":

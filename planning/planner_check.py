@@ -64,7 +64,7 @@ def _plan(planner: Planner, team: Sequence[Situation]) -> list[Plan]:
     return _call(planner, deepcopy(list(team)))
 
 
-def _difference(one: Plan, other: Plan) -> float:
+def _measure_difference(one: Plan, other: Plan) -> float:
     """Largest difference [m/s] of two plans and of what they expect of other UAVs; infinite if shapes differ."""
     if one.others.keys() != other.others.keys():
         return math.inf
@@ -74,7 +74,7 @@ def _difference(one: Plan, other: Plan) -> float:
 
 def _compare(before: Sequence[Plan], after: Sequence[Plan], when: str) -> None:
     """Raise `Unfit` if plans differ."""
-    gap = max(map(_difference, before, after))
+    gap = max(map(_measure_difference, before, after))
     require(gap == 0.0, f"{when}, plans differ by {spell(gap, 3)} m/s")
 
 
@@ -155,7 +155,7 @@ def _check_claim(make: Maker) -> str:
             except Unfit as error:
                 raise Untried(f"without contact it does not plan: {error}") from error
             for o, before, after in plans:
-                gap = _difference(before, after)
+                gap = _measure_difference(before, after)
                 told = f"{when} changes the plan of UAV {o.own.id} by {spell(gap, 3)} m/s"
                 require(o.own.id in changed or gap <= _ROUNDING, told)
     return "what a UAV knows reaches others through its plan alone"

@@ -7,7 +7,7 @@ from importlib.machinery import PathFinder
 from typing import Any, cast
 
 from planning.planner import Exchange, Planner
-from planning.planners import PlannerSpec, find_planners, parameters_of
+from planning.planners import PlannerSpec, find_planners, list_parameters
 from tracking.errors import InputError, nearest
 from tracking.numerics.arrays import Array
 from tracking.plugins.plugin_error import Unusable
@@ -58,14 +58,14 @@ def check_methods(planner: object, name: str) -> Planner:
     return cast("Planner", planner)
 
 
-def canonical_text(text: str) -> str:
+def make_canonical_text(text: str) -> str:
     """Text that all spellings of a planner share: its import string and the sorted options that differ from defaults.
 
     InputError if there is no such planner.
     """
     name, options = _parse(text)
     spec = _find_spec(name)
-    defaults = {key: parameter.default for key, parameter in (parameters_of(_import(name, spec)) or {}).items()}
+    defaults = {key: parameter.default for key, parameter in (list_parameters(_import(name, spec)) or {}).items()}
     told = []
     for key, value in sorted({**spec.options, **options}.items()):
         default = defaults.get(key)
@@ -75,7 +75,7 @@ def canonical_text(text: str) -> str:
     return f"{spec.target}({', '.join(told)})"
 
 
-def planner_target(text: str) -> str:
+def find_planner_target(text: str) -> str:
     """Import string of the class or function that makes a planner; InputError if there is no planner of that name."""
     return _find_spec(_parse(text)[0]).target
 
@@ -202,19 +202,19 @@ def _parse_value(text: str) -> Any:  # noqa: ANN401 - any literal
 
 def _check_options(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - a user's class
     """Raise InputError if the planner lacks an option, or if the option's default is of another kind."""
-    parameters = parameters_of(make)
+    parameters = list_parameters(make)
     if parameters is None or any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
     for option, value in options.items():
         if option not in parameters:
             allowed = f"allowed are {', '.join(parameters)}" if parameters else "it has none"
             raise InputError(f"planner: {name!r} has no option {option!r}; {allowed}{nearest(option, parameters)}")
-        kind = _kind(parameters[option].default)
-        if kind and kind != _kind(value):
+        kind = _name_kind(parameters[option].default)
+        if kind and kind != _name_kind(value):
             raise InputError(f"planner: option {option} of {name!r} must be {kind}, is {value!r}")
 
 
-def _kind(value: object) -> str:
+def _name_kind(value: object) -> str:
     """Kind of value that an option with this default takes; empty if any."""
     if isinstance(value, bool):
         return "True or False"

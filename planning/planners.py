@@ -82,16 +82,16 @@ def find_planners() -> dict[str, PlannerSpec]:
     """Planners by name: built-in ones, then those of installed packages; the first of a name counts."""
     found = dict(PLANNERS)
     for point in _find_entry_points():
-        found.setdefault(point.name, PlannerSpec(point.value, {}, source=_package_of(point)))
+        found.setdefault(point.name, PlannerSpec(point.value, {}, source=_find_package(point)))
     return found
 
 
 def _find_entry_points() -> list[EntryPoint]:
     """Entry points of planners of other packages, by name, usable or not."""
-    return sorted(entry_points(group=GROUP), key=lambda point: (point.name, _package_of(point)))
+    return sorted(entry_points(group=GROUP), key=lambda point: (point.name, _find_package(point)))
 
 
-def _package_of(point: EntryPoint) -> str:
+def _find_package(point: EntryPoint) -> str:
     """Name and version of the package that an entry point belongs to."""
     return f"{point.dist.name} {point.dist.version}" if point.dist else point.value.partition(":")[0]
 
@@ -105,9 +105,9 @@ def list_planners() -> dict[str, dict[str, str]]:
         ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
     options = _list_built_in_options()
     for point in _find_entry_points():
-        theirs = groups.setdefault(f"From {_package_of(point)}", {})
+        theirs = groups.setdefault(f"From {_find_package(point)}", {})
         spec = find_planners()[point.name]
-        if spec.target != point.value or spec.source != _package_of(point):
+        if spec.target != point.value or spec.source != _find_package(point):
             owner = f"of {spec.source}" if spec.source else "built in"
             theirs[point.name] = f"hidden: the name is that of a planner {owner}"
             continue
@@ -140,10 +140,10 @@ def _list_built_in_options() -> dict[str, str]:
 
 def _read_defaults(make: Any) -> dict[str, Any]:  # noqa: ANN401 - whatever a module holds
     """Options of the class or function that makes a planner, with their defaults."""
-    return {p.name: p.default for p in (parameters_of(make) or {}).values() if p.default is not p.empty}
+    return {p.name: p.default for p in (list_parameters(make) or {}).values() if p.default is not p.empty}
 
 
-def parameters_of(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - whatever a module holds
+def list_parameters(make: Any) -> Mapping[str, inspect.Parameter] | None:  # noqa: ANN401 - whatever a module holds
     """Parameters of the class or function that makes a planner; None if unknown, as for one that is written in C."""
     try:
         return inspect.signature(make).parameters

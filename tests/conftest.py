@@ -30,7 +30,7 @@ def random_team() -> Team:
 @pytest.fixture
 def without_pictures(monkeypatch):
     """Figures of runs and reports are laid out, but their files are empty: each would take a third of a second."""
-    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
+    monkeypatch.setattr("sim.report.figures.pictures.encode_figure", lambda figure, kind: b"")
     monkeypatch.setattr("sim.running.results.save_figure", lambda figure, path: path.touch())
 
 

@@ -11,7 +11,7 @@ from helpers.commands import called
 from helpers.pages import Here
 
 import understory
-from sim.recording.archive import digest
+from sim.recording.archive import compute_digest
 from sim.scenario.environment import People, Trees
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.sensing import Sensing
@@ -49,7 +49,7 @@ def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, caps
     options = ["--set", "sensing.mode=ideal", "--set", "trees.density=5", "--duration", "1", "--no-video"]
     assert called(["run", "--planner", "greedy", "--seed", "2", *options, "--out", "one"], monkeypatch, capsys)[0] == 0
     again = understory.load("one")
-    assert digest(flight.recording) == digest(again.recording)
+    assert compute_digest(flight.recording) == compute_digest(again.recording)
     assert {path.name for path in tmp_path.iterdir()} == {"one"}
 
 
@@ -181,4 +181,4 @@ def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monk
     assert table["ospa.mean_m"].notna().all()
     alone = understory.run("forest", "greedy", seed=1, settings=SHORT)
     (row,) = table[(table.planner == "greedy") & (table.scenario == "forest") & (table.seed == 1)].to_dict("records")
-    assert row["recording"] == digest(alone.recording)
+    assert row["recording"] == compute_digest(alone.recording)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.analysis.cell_text import Cell
-from sim.analysis.differences import Difference, common_values, differences, map_values, pair_differences
+from sim.analysis.differences import Difference, average_by_map, differences, find_common_values, pair_differences
 from sim.analysis.groups import Group, Run
-from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
+from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, estimate_means, estimate_medians
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
@@ -38,9 +38,9 @@ def find_answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: s
     """
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
     pairs = {g: pair_differences(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
-    own = {group: _answer_alone(group, metrics) for group in groups}
+    own = {group: _answer_one(group, metrics) for group in groups}
     compared = {group: differences(gaps, metrics) for group, gaps in pairs.items()}
-    overall = _differences_over_cells({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
+    overall = _compare_over_cells({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
     found: list[Answer] = []
     for j in range(len(metrics)):
         for group, lines in own.items():
@@ -69,9 +69,9 @@ def _mark_survivors(found: Sequence[Answer]) -> list[Answer]:
     return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 
 
-def _answer_alone(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
+def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     values, maps = group.table(metrics), np.array([row.seed for row in group.done], dtype=object)
-    of_maps = map_values(values, maps)
+    of_maps = average_by_map(values, maps)
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     return [
@@ -88,13 +88,15 @@ def _answer_alone(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             mean=mean.cut(metric.least, metric.most),
             median=median,
         )
-        for j, (metric, mean, median) in enumerate(zip(metrics, means(of_maps), medians(of_maps), strict=True))
+        for j, (metric, mean, median) in enumerate(
+            zip(metrics, estimate_means(of_maps), estimate_medians(of_maps), strict=True)
+        )
     ]
 
 
 def map_means(group: Group, metric: Metric) -> Estimate:
     """Mean of a metric over the maps of a group."""
-    return _answer_alone(group, [metric])[0].mean
+    return _answer_one(group, [metric])[0].mean
 
 
 def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
@@ -103,11 +105,11 @@ def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[s
     found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
     for group in groups:
         if group.planner != baseline:
-            found[group.planner].append(metric.scale * common_values([bases.get(group.cell), group], metric)[1])
+            found[group.planner].append(metric.scale * find_common_values([bases.get(group.cell), group], metric)[1])
     return {planner: np.concatenate(parts) for planner, parts in found.items()}
 
 
-def _differences_over_cells(
+def _compare_over_cells(
     pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]
 ) -> dict[str, list[Difference]]:
     """Differences of each planner that meets the baseline in several cells, as means over these cells, run by run.
@@ -122,7 +124,7 @@ def _differences_over_cells(
             runs = sorted(set().union(*own))
             each = np.array([[gaps.get(run, undefined) for gaps in own] for run in runs])  # (runs, cells, metrics)
             place = np.repeat(np.arange(len(runs)), len(own)).astype(object)
-            mean = map_values(each.reshape(len(place), len(metrics)), place)
+            mean = average_by_map(each.reshape(len(place), len(metrics)), place)
             overall = np.where(np.isfinite(each).all(axis=1), mean, np.nan)
             found[planner] = differences(dict(zip(runs, overall, strict=True)), metrics, len(own))
     return found

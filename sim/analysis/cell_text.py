@@ -33,7 +33,7 @@ def append_cell(planner: str, cell: Cell | None) -> str:
     return planner if cell == () else f"{planner} ({cell_text(cell)})"
 
 
-def slug(text: str) -> str:
+def make_slug(text: str) -> str:
     """A text about cells in the form of names of files and anchors: lambda-45-r-5."""
     for name, symbol in SYMBOLS.items():
         text = text.replace(symbol, name)

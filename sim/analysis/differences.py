@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.analysis.groups import Group, Run
-from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, maps_needed, means, p_values
+from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, compute_p_values, count_maps_needed, estimate_means
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
@@ -45,8 +45,8 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     """
     values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     maps = np.array([seed for seed, _ in pairs], dtype=object)
-    gaps = map_values(values, maps)
-    judged = zip(means(gaps), p_values(gaps), maps_needed(gaps), strict=True)
+    gaps = average_by_map(values, maps)
+    judged = zip(estimate_means(gaps), compute_p_values(gaps), count_maps_needed(gaps), strict=True)
     found = []
     for j, (metric, (mean, p_value, needed)) in enumerate(zip(metrics, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
@@ -59,7 +59,7 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     return found
 
 
-def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
+def average_by_map(values: Array, maps: NDArray[np.object_]) -> Array:
     """Means (maps, metrics) of values (N, metrics) over the finite repeats of each map; NaN if there are none.
 
     A mean of values that cancel except for rounding is zero, so that a tie counts as a tie.
@@ -84,11 +84,11 @@ def pair_differences(group: Group, base: Group | None, metrics: Sequence[Metric]
     return {run: np.where(np.isfinite(gap), gap, np.nan) for run, gap in gaps.items()}
 
 
-def common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
+def find_common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
     """Maps (n,) on which all groups have finite values in a common repeat, and these values (n, groups)."""
     tables = [group.by_run([metric]) if group else {} for group in groups]
     runs = sorted(set.intersection(*(set(table) for table in tables)))
     values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))
     finite = np.isfinite(values).all(axis=1)
     maps = np.array([seed for seed, _ in runs], dtype=object)[finite]
-    return np.unique(maps).tolist(), map_values(values[finite], maps)
+    return np.unique(maps).tolist(), average_by_map(values[finite], maps)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.analysis.cell_text import Cell, append_cell, cell_text, cells_of
-from sim.analysis.planner_labels import format_entrant, planner_labels
+from sim.analysis.planner_labels import format_entrant, label_planners
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
@@ -81,7 +81,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
     InputError if a trial is there twice, as from a folder in which a study was flown with different settings.
     """
     cells = cells_of(rows)
-    labels = planner_labels(rows, given)
+    labels = label_planners(rows, given)
     found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[format_entrant(row)]]
@@ -94,7 +94,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
 
     def order(key: tuple[Cell, str]) -> tuple[Any, ...]:
         cell, planner = key
-        return [(name, _natural(value)) for name, value in cell], planner != baseline, _natural(planner)
+        return [(name, _make_sort_key(value)) for name, value in cell], planner != baseline, _make_sort_key(planner)
 
     groups = []
     for cell, planner in sorted(found, key=order):
@@ -104,27 +104,27 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
     return groups
 
 
-def varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:
+def find_varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:
     """The factors with several values over the groups, with these values in natural order."""
     values: dict[str, dict[str, None]] = defaultdict(dict)
     for group in groups:
         for name, value in group.cell:
             values[name][value] = None
-    return {name: sorted(found, key=_natural) for name, found in values.items() if len(found) > 1}
+    return {name: sorted(found, key=_make_sort_key) for name, found in values.items() if len(found) > 1}
 
 
-def constant_factors(groups: Sequence[Group]) -> Cell:
+def find_constant_factors(groups: Sequence[Group]) -> Cell:
     """The factors that have the same value in all groups."""
     return tuple(factor for factor in groups[0].cell if all(factor in group.cell for group in groups))
 
 
 def drop_constant_factors(groups: Sequence[Group]) -> list[Group]:
     """The groups, without the factors that have the same value in all of them."""
-    same = constant_factors(groups)
+    same = find_constant_factors(groups)
     return [replace(g, cell=tuple(factor for factor in g.cell if factor not in same)) for g in groups]
 
 
-def _natural(text: str) -> tuple[tuple[int, float, str], ...]:
+def _make_sort_key(text: str) -> tuple[tuple[int, float, str], ...]:
     """Sort key that puts 5 before 15 and numbers before words."""
     parts = re.findall(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[^\d]+", text)
     return tuple((0, float(p), "") if re.fullmatch(r"[-+]?\d.*", p) else (1, 0.0, p) for p in parts)

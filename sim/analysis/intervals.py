@@ -16,7 +16,7 @@ from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
-POWER = 0.8  # probability with which `maps_needed` maps detect a difference
+POWER = 0.8  # probability with which `count_maps_needed` maps detect a difference
 MOST_MAPS = 9999  # largest number of maps that is reported
 
 
@@ -41,7 +41,7 @@ class Estimate:
 NO_ESTIMATE = Estimate()
 
 
-def means(values: Array) -> list[Estimate]:
+def estimate_means(values: Array) -> list[Estimate]:
     """The mean of each column of values (n, M) with its interval; NaN and infinity are left out.
 
     The interval is Student's t interval with its end on the side of the longer tail moved outwards by the Edgeworth
@@ -54,38 +54,38 @@ def means(values: Array) -> list[Estimate]:
     Source: N. J. Johnson, Modified t tests and confidence intervals for asymmetrical populations, JASA, 1978; P. Hall,
     On the removal of skewness by transformation, JRSS B, 1992.
     """
-    return _by_column(values, _means)
+    return _estimate_by_column(values, _estimate_mean)
 
 
-def medians(values: Array) -> list[Estimate]:
+def estimate_medians(values: Array) -> list[Estimate]:
     """The median of each column of values (n, M) with its interval; NaN and infinity are left out.
 
     The interval is from the r-th smallest to the r-th largest value, with the largest r that still covers 95 %,
     whatever the distribution. Fewer than six values cover less: from the least to the greatest, 1 - 2 / 2ⁿ.
     """
-    return _by_column(values, _medians)
+    return _estimate_by_column(values, _estimate_median)
 
 
-def p_values(values: Array) -> list[float]:
+def compute_p_values(values: Array) -> list[float]:
     """The p-value of no difference in the mean, for each column of differences (n, M); 1 if nothing is known.
 
-    The interval of `means` at the level 1 - p ends at zero, so p is below 5 % if the interval of 95 % excludes zero. It
-    is never below 2 / 2ⁿ, the least p-value that a test without assumptions about the distribution can give; fewer than
-    six maps therefore never show a difference.
+    The interval of `estimate_means` at the level 1 - p ends at zero, so p is below 5 % if the interval of 95 % excludes
+    zero. It is never below 2 / 2ⁿ, the least p-value that a test without assumptions about the distribution can give;
+    fewer than six maps therefore never show a difference.
     """
-    return [_p_value(column[np.isfinite(column)]) for column in values.T]
+    return [_compute_p_value(column[np.isfinite(column)]) for column in values.T]
 
 
-def maps_needed(values: Array) -> list[float]:
+def count_maps_needed(values: Array) -> list[float]:
     """Number of maps needed to tell each column of differences (n, M) from zero; infinity if too many.
 
     It is the least number, but at least six, for which a two-sided paired t test at 5 % finds a true difference with
     the observed mean and standard deviation with a probability of 80 %. NaN for fewer than two differences.
     """
-    return [_needed(column[np.isfinite(column)]) for column in values.T]
+    return [_count_needed(column[np.isfinite(column)]) for column in values.T]
 
 
-def _moments(values: Array) -> tuple[float, float, float]:
+def _compute_moments(values: Array) -> tuple[float, float, float]:
     """Mean of two or more values, its standard error, and its skewness correction γ s / 6n."""
     n, centre = len(values), float(values.mean())
     if np.ptp(values) == 0:
@@ -96,31 +96,31 @@ def _moments(values: Array) -> tuple[float, float, float]:
     return centre, spread / float(np.sqrt(n)), skewness * spread / (6 * n)
 
 
-def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
+def _estimate_by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
     """Estimates from the finite values of every column (n,); a single value has no interval."""
     columns = [column[np.isfinite(column)] for column in values.T]
     return [estimate(c) if len(c) > 1 else Estimate(float(c[0])) if len(c) else NO_ESTIMATE for c in columns]
 
 
-def _means(values: Array) -> Estimate:
-    centre, error, correction = _moments(values)
+def _estimate_mean(values: Array) -> Estimate:
+    centre, error, correction = _compute_moments(values)
     quantile = float(stdtrit(len(values) - 1, (1 + LEVEL) / 2))
     reach = correction * (1 + 2 * quantile**2)
     return Estimate(centre, centre - quantile * error + min(reach, 0.0), centre + quantile * error + max(reach, 0.0))
 
 
-def _medians(values: Array) -> Estimate:
+def _estimate_median(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
     # The largest r with P(Binomial(n, 1/2) < r) <= 2.5 %, or 1.
     r = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
     return Estimate(float(np.median(ordered)), float(ordered[r - 1]), float(ordered[n - r]))
 
 
-def _p_value(values: Array) -> float:
+def _compute_p_value(values: Array) -> float:
     n = len(values)
     if n < 2:
         return 1.0
-    centre, error, correction = _moments(values)
+    centre, error, correction = _compute_moments(values)
     least = 2.0 ** (1 - n)
     if error == 0.0:
         return least if centre else 1.0
@@ -133,10 +133,10 @@ def _p_value(values: Array) -> float:
     return max(least, 2 * float(stdtr(n - 1, -quantile)))
 
 
-def _needed(values: Array) -> float:
+def _count_needed(values: Array) -> float:
     if len(values) < 2:
         return np.nan
-    centre, error, _ = _moments(values)
+    centre, error, _ = _compute_moments(values)
     if centre == 0:
         return np.inf
     effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf

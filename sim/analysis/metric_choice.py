@@ -12,7 +12,7 @@ DECISION = ("planning_cpu_s_per_decision", "planning_s_per_decision")  # the fir
 RUNTIME = (*DECISION, "wall_s", "real_time_factor")
 
 
-def metric_shown(name: str) -> Metric:
+def find_shown_metric(name: str) -> Metric:
     """The metric with a row's name; if it is not in the registry, one with this label and no better direction.
 
     Names are never imported, because a store may come from any source.
@@ -24,12 +24,12 @@ def metric_shown(name: str) -> Metric:
     return Metric(label, unit=unit, better="neither", digits=3, name=name)
 
 
-def from_outside(asked: Iterable[str]) -> tuple[str, ...]:
+def find_outside_metrics(asked: Iterable[str]) -> tuple[str, ...]:
     """The import strings among these metrics; InputError if a metric is not known and cannot be imported."""
     return tuple(name for name in dict.fromkeys(asked) if find_metric(name) and name not in METRICS)
 
 
-def available(rows: Iterable[Row]) -> list[str]:
+def list_available(rows: Iterable[Row]) -> list[str]:
     """All metrics of the rows: those of the registry in its order, then others by name."""
     names = {name for row in rows for name in row.metrics}
     return [name for name in METRICS if name in names] + sorted(names - set(METRICS))
@@ -37,8 +37,8 @@ def available(rows: Iterable[Row]) -> list[str]:
 
 def choose_metrics(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
     """The metrics asked for, by default the usual ones; InputError if no row has one of them."""
-    there = available(rows)
+    there = list_available(rows)
     for name in asked if there else ():
         check_known("--metric", name, there)
     usual = [name for name in DEFAULT if name in there] or there[:1] or DEFAULT[:1]
-    return [metric_shown(name) for name in dict.fromkeys(asked or usual)]
+    return [find_shown_metric(name) for name in dict.fromkeys(asked or usual)]

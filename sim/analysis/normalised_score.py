@@ -8,11 +8,11 @@ import numpy as np
 
 from planning.planner_loading import add_options
 from sim.analysis.cell_text import Cell, Placed
-from sim.analysis.differences import common_values
+from sim.analysis.differences import find_common_values
 from sim.analysis.groups import Group
-from sim.analysis.intervals import Estimate, means
-from sim.analysis.metric_choice import metric_shown
-from sim.analysis.planner_labels import baseline_of
+from sim.analysis.intervals import Estimate, estimate_means
+from sim.analysis.metric_choice import find_shown_metric
+from sim.analysis.planner_labels import find_baseline
 from sim.evaluation.metric import Metric
 from sim.study.cells import VIEW
 from sim.study.study import ScoreScale
@@ -52,8 +52,8 @@ def score_planners(
     """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""
     if score is None:
         return None
-    ends, metric = find_score_ends(rows, score, given), metric_shown(score.metric)
-    found = scores(groups, metric, ends)
+    ends, metric = find_score_ends(rows, score, given), find_shown_metric(score.metric)
+    found = compute_scores(groups, metric, ends)
     return Scored(found, metric, ends) if found else None
 
 
@@ -61,17 +61,17 @@ def find_score_ends(rows: Sequence[Placed], score: ScoreScale, given: Mapping[st
     """Labels of floor and bound; InputError if the rows lack one."""
     bound = add_options(score.bound, {VIEW: "unlimited"})
     return Ends(
-        floor=baseline_of(rows, score.floor, given, "score.floor"),
-        bound=baseline_of(rows, bound, given, "score.bound"),
+        floor=find_baseline(rows, score.floor, given, "score.floor"),
+        bound=find_baseline(rows, bound, given, "score.bound"),
     )
 
 
-def scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[NormalisedScore]:
+def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[NormalisedScore]:
     """Scores of each planner, cell by cell, then the mean over cells of planners that are in all of them.
 
     A score is (m - f) / (b - f), where m, f and b are the means of planner, floor and bound over the maps that all
-    three flew. Its interval is that of `means` for the linearised ratio: a map's value is the score plus the residual
-    (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores. The mean
+    three flew. Its interval is that of `estimate_means` for the linearised ratio: a map's value is the score plus the
+    residual (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores. The mean
     over cells counts the seeds that have a value in all of them.
     """
     by_key = {(group.cell, group.planner): group for group in groups}
@@ -83,7 +83,7 @@ def scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[Normalis
         bound = by_key.get((group.cell, ends.bound))
         if group.planner in ends or floor is None or bound is None:
             continue
-        if own := _by_map(group, floor, bound, metric):
+        if own := _score_maps(group, floor, bound, metric):
             found.append(_score(group.cell, group.planner, own))
             values.setdefault(group.planner, []).append(own)
     for planner, tables in values.items():
@@ -94,13 +94,13 @@ def scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[Normalis
 
 
 def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> NormalisedScore:
-    (estimate,) = means(np.array([*values.values()], dtype=float).reshape(-1, 1))
+    (estimate,) = estimate_means(np.array([*values.values()], dtype=float).reshape(-1, 1))
     return NormalisedScore(cell, planner, estimate, len(values))
 
 
-def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
+def _score_maps(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
     """Linearised scores of maps, with the score as their mean; empty if the bound is no better than the floor."""
-    maps, values = common_values([group, floor, bound], metric)
+    maps, values = find_common_values([group, floor, bound], metric)
     gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
     room = float(rooms.mean()) if maps else 0.0
     if not (room > 0 if metric.better == "higher" else room < 0):

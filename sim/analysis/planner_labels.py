@@ -16,48 +16,50 @@ Key = tuple[str, str]
 
 def format_entrant(row: Placed) -> str:
     """Text of a trial's entrant in a comparison: its planner, with tracker and view if the study varies them."""
-    return add_options(row.planner, _entered(row))
+    return add_options(row.planner, _list_entered(row))
 
 
-def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
+def label_planners(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
     """Label of each entrant, with a remark if it is an upper bound; given: labels from `parse_labels`."""
     flown = [row for row in rows if isinstance(row, Row)]
     bounds = {format_entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
-    return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _own_labels(rows).items()}
+    return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _make_labels(rows).items()}
 
 
-def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
+def _make_labels(rows: Sequence[Placed]) -> dict[str, str]:
     """Label of each entrant: its text without the options that follow the cell.
 
     A planner has such options if its texts differ from cell to cell, with one text in each cell.
     """
     texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # texts of each planner, with their cells
     for row, cell in zip(rows, cells_of(rows), strict=True):
-        texts[_key(row)].setdefault(row.planner, set()).add(cell)
+        texts[_make_key(row)].setdefault(row.planner, set()).add(cell)
     shared = {}
     for key, flies in texts.items():
         places = [cell for own in flies.values() for cell in own]
         if len(flies) > 1 and len(set(places)) == len(places):
-            shared[key] = _shared(key[0], list(flies))
-    return {format_entrant(row): add_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
+            shared[key] = _join_shared(key[0], list(flies))
+    return {
+        format_entrant(row): add_options(shared.get(_make_key(row), row.planner), _list_entered(row)) for row in rows
+    }
 
 
-def _entered(row: Placed) -> dict[str, str]:
+def _list_entered(row: Placed) -> dict[str, str]:
     """Tracker and view of a trial as options of the planner; empty if the study does not vary them."""
     return {name: level for name, level in row.factors if name in COMPARED_FACTORS}
 
 
-def _key(row: Placed) -> Key:
-    return split_options(row.planner)[0], ", ".join(_entered(row).values())
+def _make_key(row: Placed) -> Key:
+    return split_options(row.planner)[0], ", ".join(_list_entered(row).values())
 
 
-def _shared(name: str, planners: Sequence[str]) -> str:
+def _join_shared(name: str, planners: Sequence[str]) -> str:
     options = [split_options(planner)[1] for planner in planners]
     common = [option for option in options[0] if all(option in other for other in options)]
     return f"{name}({', '.join(common)})" if common else name
 
 
-def baseline_of(
+def find_baseline(
     rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}, option: str = "--baseline"
 ) -> str:
     """Label of the baseline, given by label, text, or name of planner or tracker; by default that of the first row.
@@ -66,22 +68,22 @@ def baseline_of(
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
-    own, shown = _own_labels(rows), planner_labels(rows, given)
+    own, shown = _make_labels(rows), label_planners(rows, given)
     if baseline is None:
         return shown[format_entrant(rows[0])]
-    meant = _named(own, baseline.removesuffix(BOUND), option, given)
+    meant = _find_named(own, baseline.removesuffix(BOUND), option, given)
     return next(shown[text] for text, label in own.items() if label == meant)
 
 
 def parse_labels(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
     """The user's labels, given as "label=planner", by the labels that they replace; InputError if one is invalid."""
-    labels = _own_labels(rows)
+    labels = _make_labels(rows)
     found: dict[str, str] = {}
     for text in asked:
         label, equals, planner = (part.strip() for part in text.partition("="))
         if not equals or not label or not label.isprintable() or not planner:
             raise InputError(f"--label: {text!r} is not of the form label=planner")
-        found[_named(labels, planner, "--label")] = label
+        found[_find_named(labels, planner, "--label")] = label
     shown = [found.get(label, label) for label in dict.fromkeys(labels.values())]
     for label in shown:
         if shown.count(label) > 1:
@@ -89,7 +91,7 @@ def parse_labels(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]
     return found
 
 
-def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[str, str] = {}) -> str:
+def _find_named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[str, str] = {}) -> str:
     """The label that the user means by a label, by a text, or by the name of a planner or tracker."""
     own = {label: label for label in labels.values()}
     shown = {given.get(label, label): label for label in own}
@@ -105,7 +107,7 @@ def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[st
     raise InputError(f"{option}: {asked!r} is not one of the study's planners; {did_you_mean(asked, shown)}")
 
 
-def short_labels(labels: Sequence[str]) -> dict[str, str]:
+def shorten_labels(labels: Sequence[str]) -> dict[str, str]:
     """Labels for a narrow table: without modules, and without options other than a tracker that planners share.
 
     Trackers of a single planner are labelled by their own names. Labels that would be equal are not shortened.

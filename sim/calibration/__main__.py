@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from sim.calibration.consistency import nees_bins, pair_bins, tilt_bins
+from sim.calibration.consistency import bin_nees, bin_pairs, bin_tilts
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
 from sim.terminal.commands import run_alone
 from sim.terminal.console import console
@@ -22,7 +22,7 @@ def calibrate() -> None:
     console.print("tracking.detection.detection_errors.SplitError\n" + _list_constants(fit_split(0, 800)))
     console.print("tracking.detection.partial_visibility.PartError\n" + _list_constants(fit_part(1, 500)))
     table = Table("bin", "detections", "mean NEES", "95 % interval", "")
-    for row in nees_bins(sample_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
+    for row in bin_nees(sample_forests(2, 165)) + bin_tilts(2, 200) + bin_pairs(2, 2000):
         interval = f"{row.low:.2f} to {row.high:.2f}"
         table.add_row(row.name, str(row.count), f"{row.mean:.2f}", interval, "" if row.holds else "outside")
     console.print(table)

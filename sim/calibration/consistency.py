@@ -18,14 +18,14 @@ OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
 HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # shares that trees and the image's edge hide
 
 
-def nees(population: Sequence[Sample]) -> Array:
+def compute_nees(population: Sequence[Sample]) -> Array:
     """NEES (N,) of the samples with the detector's covariances; two degrees of freedom."""
     found = [locate_people(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
     errors = np.array([f.ground[0] - s.person for f, s in zip(found, population, strict=True)]).reshape(-1, 2)
     return squared_distance(errors, np.array([f.covariances[0] for f in found]).reshape(-1, 2, 2))
 
 
-def _nees_of_pairs(population: Sequence[Pair]) -> Array:
+def _compute_nees_of_pairs(population: Sequence[Pair]) -> Array:
     """NEES (2 N,) of people in pairs told apart."""
     found = [locate_people(p.frame, p.blobs, Forest(()), p.components) for p in population]
     errors = np.concatenate([f.ground - p.people for f, p in zip(found, population, strict=True)])
@@ -53,9 +53,9 @@ class Bin:
         return self.low <= self.mean <= self.high
 
 
-def nees_bins(population: Sequence[Sample]) -> list[Bin]:
+def bin_nees(population: Sequence[Sample]) -> list[Bin]:
     """Mean NEES by angle off nadir and by hidden share."""
-    values = nees(population)
+    values = compute_nees(population)
     angles = np.degrees(np.arctan([sample.tangent for sample in population]))
     hidden = np.array([sample.hidden for sample in population])
     bins = [Bin.of(f"{a:.0f} to {b:.0f} deg", values[(angles >= a) & (angles < b)]) for a, b in pairwise(OFF_NADIR)]
@@ -65,7 +65,7 @@ def nees_bins(population: Sequence[Sample]) -> list[Bin]:
     return [*bins, Bin.of("all", values)]
 
 
-def tilt_bins(seed: int, frames: int) -> list[Bin]:
+def bin_tilts(seed: int, frames: int) -> list[Bin]:
     """Mean NEES of whole people in the open and within the image, by the camera's mount."""
     bins = []
     for tilt, sway in ((0.0, 0.0), *TILTS):
@@ -74,11 +74,11 @@ def tilt_bins(seed: int, frames: int) -> list[Bin]:
         people = (s for s in draw_samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
         whole = [s for s in people if find_places(s.frame, s.blob, s.forest) is None]
         mount = f"tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
-        bins.append(Bin.of(f"whole, {mount}", nees(whole)))
+        bins.append(Bin.of(f"whole, {mount}", compute_nees(whole)))
     return bins
 
 
-def pair_bins(seed: int, frames: int) -> list[Bin]:
+def bin_pairs(seed: int, frames: int) -> list[Bin]:
     """Mean NEES of people told apart, for level cameras and for all tilted ones."""
     bins = []
     for name, mounts in (("level", ((0.0, 0.0),)), ("tilted", TILTS)):
@@ -87,5 +87,5 @@ def pair_bins(seed: int, frames: int) -> list[Bin]:
             rng = np.random.default_rng([seed, 6, int(tilt), int(sway)])
             count = frames // len(mounts)
             population += draw_pairs(rng, frames=count, attitudes=draw_tilted_attitudes(rng, tilt, count, sway))
-        bins.append(Bin.of(f"told apart, {name}", _nees_of_pairs(population)))
+        bins.append(Bin.of(f"told apart, {name}", _compute_nees_of_pairs(population)))
     return bins

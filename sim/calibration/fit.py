@@ -27,22 +27,22 @@ def fit_whole(seed: int, frames: int) -> WholeError:
         rng = np.random.default_rng([seed, 2, k])
         count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
         people += draw_samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes)
-    tangent, footprints, errors = _sight_errors(people)
+    tangent, footprints, errors = _find_sight_errors(people)
     gsd, (radial, tangential) = footprints[:, 0], errors.T  # level cameras have square pixels on the ground
     powers = tangent[:, None] ** np.arange(3)
 
     def surprise(x: Array) -> float:
-        along, across = ((variances * powers).sum(axis=1) for variances in _whole(x).variances(gsd))
+        along, across = ((variances * powers).sum(axis=1) for variances in _make_whole_error(x).variances(gsd))
         slopes, curves = x[3::2], x[4::2]  # of factors that must stay positive at any angle
         positive = np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves))
         if not positive or min(along.min(), across.min()) <= 0.0:
             return math.inf
         return float(np.mean(np.log(along) + radial**2 / along + np.log(across) + tangential**2 / across))
 
-    error = _whole(_minimise(surprise, np.hstack(WHOLE[:7]), 12000))
+    error = _make_whole_error(_minimise(surprise, np.hstack(WHOLE[:7]), 12000))
     along, across = ((variances * powers).sum(axis=1) for variances in error.variances(gsd))
     squares = radial**2 / along + tangential**2 / across
-    return error._replace(excess=_fit_factors(_interpolation_weights(tangent, error.tangents), squares))
+    return error._replace(excess=_fit_factors(_find_interpolation_weights(tangent, error.tangents), squares))
 
 
 class _SightErrors(NamedTuple):
@@ -53,7 +53,7 @@ class _SightErrors(NamedTuple):
     errors: Array  # (N, 2) m, along the axes from `sight_axes`
 
 
-def _sight_errors(people: Sequence[Sample]) -> _SightErrors:
+def _find_sight_errors(people: Sequence[Sample]) -> _SightErrors:
     """Errors of the people who are detected as whole."""
     rows = []
     for sample in people:
@@ -73,15 +73,17 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
         rng = np.random.default_rng([seed, 3, k])
         views = draw_tilted_attitudes(rng, tilt, frames, sway)
         people += draw_samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views)
-    tangents, pixels, errors = _sight_errors([sample for sample in people if len(sample.blobs) == 1])
+    tangents, pixels, errors = _find_sight_errors([sample for sample in people if len(sample.blobs) == 1])
     start = np.array([*WHOLE.powers, WHOLE.stretch])
     found = _minimise(
-        lambda x: _surprise(_with_powers(error, x).detection_variances(tangents, pixels), errors), start, 2000
+        lambda x: _compute_surprise(_replace_powers(error, x).detection_variances(tangents, pixels), errors),
+        start,
+        2000,
     )
-    return _with_powers(error, found)
+    return _replace_powers(error, found)
 
 
-def _with_powers(error: WholeError, x: Array) -> WholeError:
+def _replace_powers(error: WholeError, x: Array) -> WholeError:
     a, b, c, d, stretch = x.tolist()
     return error._replace(powers=(a, b, c, d), stretch=stretch)
 
@@ -104,7 +106,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     def added_by(x: Array) -> Array:
         return SplitError(*x.tolist()).variances(tangents, gaps)
 
-    likeliest = _minimise(lambda x: _surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
+    likeliest = _minimise(lambda x: _compute_surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
     added = added_by(likeliest)
     # A few errors are much larger, so that the likeliest constants underestimate the mean square of level cameras.
     base, more, squares = alone[level], added[level], errors[level] ** 2
@@ -112,12 +114,12 @@ def fit_split(seed: int, frames: int) -> SplitError:
     return SplitError(*(likeliest * [factor**0.5, factor**0.5, factor**0.5, 1.0]).tolist())
 
 
-def _surprise(variances: Array, errors: Array) -> float:
+def _compute_surprise(variances: Array, errors: Array) -> float:
     """Twice the mean negative log-likelihood of Gaussian errors, without a constant."""
     return float(np.mean(np.log(variances) + errors**2 / variances))
 
 
-def _whole(x: Array) -> WholeError:
+def _make_whole_error(x: Array) -> WholeError:
     return WholeError(*x[:3].tolist(), *((a, b) for a, b in x[3:].reshape(-1, 2).tolist()))
 
 
@@ -163,8 +165,8 @@ def _fit_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> _PartFit:
     u, v, uu, uv, _, vv, shares = np.array(rows).T
     volume = uu * vv - uv * uv
     squares = (vv * u * u - 2 * uv * u * v + uu * v * v) / volume
-    pixel = _interpolation_weights([places.pixel for places, _ in cases], error.pixel)
-    basis = (pixel[:, None] * _interpolation_weights(shares, error.hidden)).reshape(-1, len(cases))
+    pixel = _find_interpolation_weights([places.pixel for places, _ in cases], error.pixel)
+    basis = (pixel[:, None] * _find_interpolation_weights(shares, error.hidden)).reshape(-1, len(cases))
     excess = _fit_factors(basis, squares)
     factor = np.array(excess) @ basis
     surprise = float(np.mean(squares / factor + np.log(volume) + 2 * np.log(factor)))
@@ -172,7 +174,7 @@ def _fit_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> _PartFit:
     return _PartFit(error._replace(excess=table), surprise)
 
 
-def _interpolation_weights(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
+def _find_interpolation_weights(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
     """Weights (K, N) of the knots at `where` (N,) in linear interpolation."""
     return np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
 

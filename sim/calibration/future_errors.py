@@ -47,15 +47,15 @@ def fit(rows: Array) -> Array:
     each of the two, and the more with one the greater the other; at most they are those of a track that stays lost.
     """
     deviations, seconds = FUTURE.shape
-    by_time = _weights(rows[:, 0] / SECONDS, seconds) @ np.tri(seconds)
-    by_spread = _weights(rows[:, 1] / DEVIATION, deviations) @ np.tri(deviations)
+    by_time = _find_weights(rows[:, 0] / SECONDS, seconds) @ np.tri(seconds)
+    by_spread = _find_weights(rows[:, 1] / DEVIATION, deviations) @ np.tri(deviations)
     design = (by_spread[:, :, None] * by_time[:, None, :]).reshape(len(rows), -1)
     rises, _ = nnls(design, rows[:, 2], maxiter=10_000)
     table: Array = np.tri(deviations) @ rises.reshape(deviations, seconds) @ np.tri(seconds).T
     return np.minimum(table, FUTURE_SECONDS).round(2)
 
 
-def _weights(places: Array, count: int) -> Array:
+def _find_weights(places: Array, count: int) -> Array:
     """Weights (N, count) of the entries between which linear interpolation finds each place (N,) on their scale."""
     return np.maximum(1.0 - np.abs(np.clip(places, 0, count - 1)[:, None] - np.arange(count)), 0.0)
 
@@ -66,7 +66,7 @@ def collect_states(mission: Mission) -> Array:
     views = np.array([view_quadrangle(v) for v in vehicles])
     radii, speeds = np.array([radius_in_view(view) for view in views]), np.array([v.max_speed for v in vehicles])
     seconds = list(mission.fly())[:: round(mission.scenario.rates.sensing)]
-    errors = np.array([[_errors(s.people, beliefs_of(tracks).means) for tracks in s.tracks] for s in seconds])
+    errors = np.array([[_find_errors(s.people, beliefs_of(tracks).means) for tracks in s.tracks] for s in seconds])
     rows = [np.empty((0, 3))]
     for k, snapshot in enumerate(seconds[:-FUTURE_SECONDS]):
         aims = np.array([pose.position[:2] for pose in snapshot.poses]) + views[:, 4, :2]
@@ -82,7 +82,7 @@ def collect_states(mission: Mission) -> Array:
     return np.concatenate(rows)
 
 
-def _errors(people: Array, means: Array) -> Array:
+def _find_errors(people: Array, means: Array) -> Array:
     """Squared errors (M,) of the nearest means (T, 4) of people (M, 2) m, as `fit` takes them; 0 of absent people."""
     gaps = length(people[:, None] - means[:, :2]).min(axis=1, initial=CUTOFF)
     return np.where(np.isnan(gaps), 0.0, np.minimum(gaps, CUTOFF) / CUTOFF) ** 2

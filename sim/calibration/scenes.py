@@ -93,7 +93,7 @@ def draw_samples(
         for k in range(frames):
             x, y = rng.uniform(-30.0, 30.0, 2).tolist()
             pose = Pose(np.array([x, y, altitudes[k % len(altitudes)]]), attitudes[k % len(attitudes)])
-            people = _people(rng, camera, pose, forest)
+            people = _draw_people(rng, camera, pose, forest)
             headings = rng.uniform(-math.pi, math.pi, _PEOPLE)
             for each in (world, bare):
                 each.place_people(people, headings)
@@ -109,7 +109,7 @@ def draw_samples(
                 yield Sample(frame, forest, [blob, *others], people[person], float(hidden))
 
 
-def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest) -> Array:
+def _draw_people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest) -> Array:
     height = float(pose.position[2]) - TARGET_HEIGHT
     half = height * math.tan(camera.fov / 2) + _MARGIN
     people: list[Array] = []
@@ -152,7 +152,7 @@ def draw_pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Arr
             frame = Frame(0, 0.0, camera, pose, rendered.image)
             blobs, components = find_blobs(frame)
             if len(blobs) == 2 and components[0] == components[1] and _touch(rendered.people):
-                yield Pair(frame, blobs, components, people[_owners(frame, blobs, people)])
+                yield Pair(frame, blobs, components, people[_find_owners(frame, blobs, people)])
 
 
 def _touch(people: NDArray[np.int32]) -> bool:
@@ -162,7 +162,7 @@ def _touch(people: NDArray[np.int32]) -> bool:
     return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2
 
 
-def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
+def _find_owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
     """Person of each of two blobs, such that the sum of distances from their middles to the people is least."""
     middles = np.array([blob.mean(axis=0) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, middles, TARGET_HEIGHT)

@@ -9,7 +9,7 @@ import typer
 
 from planning.planner_loading import load_planner
 from planning.planners import COMPARED
-from sim.analysis.metric_choice import from_outside
+from sim.analysis.metric_choice import find_outside_metrics
 from sim.cli.study_flight import fly_study, make_facts, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
@@ -99,8 +99,8 @@ def compare(
     processes = _read_workers(workers, dask)
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
-    kept = _recordings_folder(keep, folder)
-    listed = list_tasks(chosen, from_outside(metric or ()))
+    kept = _choose_recordings_folder(keep, folder)
+    listed = list_tasks(chosen, find_outside_metrics(metric or ()))
     facts = make_facts(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
     show_study(rows, folder, facts)
@@ -129,7 +129,7 @@ def _is_study(path: Path) -> bool:
     return bool({*STUDY_TABLES} & {*read_toml(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 
-def _recordings_folder(keep: str | None, folder: Path) -> Path | None:
+def _choose_recordings_folder(keep: str | None, folder: Path) -> Path | None:
     """Folder of recordings, if they are kept."""
     if keep is None:
         return None

@@ -8,7 +8,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.cli.recordings import check_new, folder_of
+from sim.cli.recordings import check_new, find_folder
 from sim.drawing.lettering import TextGroup
 from sim.drawing.plots import save
 from sim.recording.atomic_files import claim_place, write_whole
@@ -19,7 +19,7 @@ from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts, tell_track_story
 from sim.replay.flight import Flight, load
-from sim.replay.frames.frame_panels import png, scans_between
+from sim.replay.frames.frame_panels import encode_png, find_scans
 from sim.replay.link_outages import link_outages
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
@@ -57,17 +57,17 @@ def explain(
         check_new(out, ".png", "--out")
     flight = load(recorded)
     recording = flight.recording
-    scan = None if moment is None else scans_between(recording, moment, None)[0]
+    scan = None if moment is None else find_scans(recording, moment, None)[0]
     print_remarks(*find_small_people(recording.setting))
     people = recording.people.shape[1]
     person = None if target is None else _read_index(target, "--target", people, "no person walked in this mission")
     if track is not None:
         _explain_track(flight, _read_index(track, "--track", len(recording.track_numbers), "this mission had no track"))
     elif scan is None or person is None:
-        _explain_mission(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
+        _explain_mission(flight, person, out or find_folder(recorded) / "timeline.png", recorded)
     else:
         name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-        with claim_place(out, folder_of(recorded) / name, ".png") as path:
+        with claim_place(out, find_folder(recorded) / name, ".png") as path:
             _explain_moment(flight, scan, person, path)
 
 
@@ -91,7 +91,7 @@ def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
         groups = explain_person(facts)
         page = draw_explanation(observer, facts, groups)
     with write_whole(path) as part:
-        part.write_bytes(png(page))
+        part.write_bytes(encode_png(page))
     _print(groups)
     show_place("Picture", path)
 

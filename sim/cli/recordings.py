@@ -7,14 +7,14 @@ import typer
 
 from sim.drawing.film import AS_FLOWN
 from sim.recording.archive import find_recording
-from sim.recording.atomic_files import claim_place, part_path
+from sim.recording.atomic_files import claim_place, make_part_path
 from sim.recording.recording import Recording
 from sim.replay.export import TARGETS
 from sim.replay.export import export as write_export
 from sim.replay.flight import Flight
-from sim.replay.frames.frame_panels import scans_between, write_frames
+from sim.replay.frames.frame_panels import find_scans, write_frames
 from sim.replay.page.page import omission, write_page
-from sim.replay.redrawn_film import check_layout, film_content, write_film
+from sim.replay.redrawn_film import check_layout, redraw_film, write_film
 from sim.replay.window import show
 from sim.scenario.quantities import parse_integer, parse_interval, parse_number
 from sim.terminal.commands import Recorded
@@ -65,8 +65,8 @@ def replay(
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
     recording = find_recording(recorded)
-    folder = folder_of(recorded)
-    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
+    folder = find_folder(recorded)
+    scans = list(range(len(recording.times))) if end is None else find_scans(recording, start, end)
     if rerun is not None:
         _show_in_rerun(recording, rerun, folder / "summary.json")
     elif page:
@@ -91,10 +91,10 @@ def frames(
     edge = parse_integer(size, "--size", least=256, most=4096)
     recording = find_recording(recorded)
     number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
-    scans = scans_between(recording, start, end, number)
+    scans = find_scans(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
     with (
-        claim_place(out, folder_of(recorded) / f"frames-uav{number}-{span}") as folder,
+        claim_place(out, find_folder(recorded) / f"frames-uav{number}-{span}") as folder,
         show_counted_progress(len(scans), "frames") as progress,
     ):
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
@@ -109,12 +109,12 @@ def export(
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
     check_known("--to", to, TARGETS)
     recording = find_recording(recorded)
-    with claim_place(out, folder_of(recorded) / f"export-{to}") as folder:
+    with claim_place(out, find_folder(recorded) / f"export-{to}") as folder:
         write_export(recording, to, folder)
     show_files(folder)
 
 
-def folder_of(recorded: Path) -> Path:
+def find_folder(recorded: Path) -> Path:
     """The folder of a recording, given by its folder or its file."""
     return recorded if recorded.is_dir() else recorded.parent
 
@@ -123,7 +123,7 @@ def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
     """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
     if path.suffix != suffix:
         raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
-    part = part_path(path)
+    part = make_part_path(path)
     try:
         if path.exists():
             raise InputError(f"{option}: {path} exists; name a new file")
@@ -178,7 +178,7 @@ def _make_page(recording: Recording, folder: Path, path: Path) -> None:
     film: bytes | Path | None = None if left_out else beside
     if film and not beside.is_file():
         with show_counted_progress(len(recording.times), "scans") as progress:
-            film = film_content(recording, progress=progress)
+            film = redraw_film(recording, progress=progress)
     write_page(Flight(recording), path, video=film, place=str(folder))
     if left_out:
         say(left_out)
@@ -190,13 +190,13 @@ def _show_in_rerun(recording: Recording, target: str, summary: Path) -> None:
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
     try:
-        from sim.replay.rerun.viewer import planning_times, spawn, write
+        from sim.replay.rerun.viewer import read_planning_times, spawn, write
     except ImportError as error:
         if (error.name or "").split(".")[0] != "rerun":
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'") from error
     flight = Flight(recording)
-    took = planning_times(summary)
+    took = read_planning_times(summary)
     with show_counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
             spawn(flight, progress=progress, planning_s=took)

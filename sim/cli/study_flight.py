@@ -11,9 +11,9 @@ import msgspec
 from rich.markup import escape
 
 from sim.analysis.normalised_score import find_score_ends
-from sim.analysis.planner_labels import baseline_of, format_entrant, parse_labels
+from sim.analysis.planner_labels import find_baseline, format_entrant, parse_labels
 from sim.evaluation.catalogue import METRICS
-from sim.evaluation.machine import versions
+from sim.evaluation.machine import list_versions
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
@@ -40,7 +40,7 @@ def make_facts(
 ) -> About:
     """Facts for the report of a study; InputError if they name planners or metrics that its trials will not have."""
     given = parse_labels(listed, labels)
-    baseline_of(listed, baseline, given)
+    find_baseline(listed, baseline, given)
     if study.score:
         find_score_ends(listed, study.score, given)
         check_known(study.at("score.metric"), study.score.metric, [*METRICS, *metrics])
@@ -68,7 +68,7 @@ def fly_study(
             print_remarks(
                 *dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1])
             )
-            print_remarks(*_remarks_on_others(store, listed))
+            print_remarks(*_list_remarks_on_others(store, listed))
             with show_study_progress(len(listed)) as progress:
 
                 def on_row(task: Task, row: Row, fresh: bool) -> None:
@@ -124,7 +124,7 @@ def _open_backend(workers: int | None, dask: str | None) -> AbstractContextManag
     return Pool(workers) if dask is None else connect(dask)
 
 
-def _remarks_on_others(store: Store, listed: Sequence[Task]) -> list[str]:
+def _list_remarks_on_others(store: Store, listed: Sequence[Task]) -> list[str]:
     """Remarks on results in the store of other package versions or other trials, which are not shown."""
     others = store.count_others(listed)
     rest = others.pop(listed[0].version, 0)
@@ -141,7 +141,7 @@ def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     command = shlex.join(["understory", *sys.argv[1:]])
     wall = sum(row.metrics.get("wall_s", 0.0) for row in rows)
     try:
-        write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
+        write(rows, folder, replace(about, command=command, versions=list_versions(), wall_s=wall))
         show(rows, about)  # last, because the reader of a pipe may close it
     except (KeyboardInterrupt, InputError) as error:  # names were checked before, so the disk may be full
         reason = str(error) or "interrupted"

@@ -15,7 +15,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 
 from sim.drawing.labels import add_numbers, rename_tracks
-from sim.drawing.layout import GAP, Box, Parts, parts_in
+from sim.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, map_extent
@@ -24,7 +24,7 @@ from sim.drawing.strokes import disc, stroke
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
-from sim.recording.atomic_files import part_path
+from sim.recording.atomic_files import make_part_path
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
@@ -38,10 +38,10 @@ _PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _BT601 = 6  # OpenCV's colour matrix, which the file must name because players assume another one for HD
 
 
-def parts_of(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
-    """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.parts_in`."""
+def lay_out_parts(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
+    """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.arrange_parts`."""
     width, height = map_extent(scenario)
-    return parts_in(_PANEL, width / height, len(scenario.uavs), layout if scenario.sensing.renders else "map")
+    return arrange_parts(_PANEL, width / height, len(scenario.uavs), layout if scenario.sensing.renders else "map")
 
 
 class Film:
@@ -51,9 +51,9 @@ class Film:
     """
 
     def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN) -> None:
-        """Lay out the film; `layout` as in `sim.drawing.layout.parts_in`. Ideal sensing has no cameras to show."""
+        """Lay out the film; `layout` as in `sim.drawing.layout.arrange_parts`. Ideal sensing has no cameras to show."""
         self._cameras = [camera_of(uav) for uav in scenario.uavs]
-        self._layout = parts_of(scenario, layout)
+        self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._numbers: dict[int, int] = {}
@@ -177,7 +177,7 @@ class Video(AbstractContextManager["Video"]):
     """
 
     def __init__(self, path: Path, film: Film, *, fps: int | Fraction) -> None:
-        self._path, self._part = path, part_path(path)
+        self._path, self._part = path, make_part_path(path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = add_stream(self._container, fps, preset="veryfast", crf="23")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.drawing.lettering import Image, TextStyle, width, write
+from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.palette import INK
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
@@ -80,7 +80,7 @@ class Labels:
         sides (N, 2): allowed sides of the mark, as steps to the right and down. needed: False to leave out a name for
         which there is no room beside its mark.
         """
-        farther, covered, box = self._place(_size(text, style), anchor, gap, sides)
+        farther, covered, box = self._place(_measure(text, style), anchor, gap, sides)
         if not needed and (farther or covered > _LITTLE):
             return
         if farther:
@@ -102,8 +102,8 @@ class Labels:
         """
         sides = _OUTSIDE[:, None] * -_CORNERS  # (5, 4, 2), of each corner
         corners = (view[:2] + view[2:] + _CORNERS * (view[2:] - view[:2])) / 2
-        boxes = _box(corners, _size(text, style), _CLOSE, sides)
-        costs = np.round(self._beyond(boxes) + _overlap(boxes[:, :, None], others).sum(axis=2))
+        boxes = _make_box(corners, _measure(text, style), _CLOSE, sides)
+        costs = np.round(self._beyond(boxes) + _compute_overlap(boxes[:, :, None], others).sum(axis=2))
         at = int(costs.argmin()) % len(_CORNERS)
         best = sides[costs[:, at] == costs.min(), at]
         self.put(text, corners[at], style, gap=_CLOSE, sides=best)
@@ -114,32 +114,32 @@ class Labels:
     def _place(self, size: Array, anchor: Array, gap: float, sides: Array) -> tuple[bool, float, Array]:
         """Where a name covers least: True if farther from its mark than the gap, pixels covered, and its box (4,)."""
         distances = gap + _FARTHER
-        boxes = _box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
+        boxes = _make_box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
         low, high = boxes.min(axis=0)[:2], boxes.max(axis=0)[2:]
         near = self._taken[((self._taken[:, :2] < high) & (self._taken[:, 2:] > low)).all(axis=1)]
         if not len(near) and (low >= self._limits[:2]).all() and (high <= self._limits[2:]).all():
             return False, 0.0, boxes[0]
-        covered = 3.0 * self._beyond(boxes) + _overlap(boxes, near[:, None]).sum(axis=0)
+        covered = 3.0 * self._beyond(boxes) + _compute_overlap(boxes, near[:, None]).sum(axis=0)
         best = int((10.0 * covered.reshape(-1, len(sides)) + distances[:, None]).argmin())
         return best >= len(sides), float(covered[best]), boxes[best]
 
     def _beyond(self, boxes: Array) -> Array:
         """Number of pixels of boxes (..., 4) beyond the image."""
-        return _overlap(boxes, boxes) - _overlap(boxes, self._limits)
+        return _compute_overlap(boxes, boxes) - _compute_overlap(boxes, self._limits)
 
 
-def _size(text: str, style: TextStyle) -> Array:
+def _measure(text: str, style: TextStyle) -> Array:
     """Width and height of a name."""
-    return np.array([width(text, style), style.size + 4.0])
+    return np.array([measure_width(text, style), style.size + 4.0])
 
 
-def _box(anchor: Array, size: Array, gap: float | Array, side: Array) -> Array:
+def _make_box(anchor: Array, size: Array, gap: float | Array, side: Array) -> Array:
     """Left, top, right, bottom (..., 4) of a text with a size (2,) beside its mark; marks and sides (..., 2)."""
     middle = anchor + side * (gap + size / 2)
     return np.concatenate([middle - size / 2, middle + size / 2], axis=-1)
 
 
-def _overlap(one: Array, other: Array) -> Array:
+def _compute_overlap(one: Array, other: Array) -> Array:
     """Number of pixels that boxes (..., 4) have in common with others."""
     across = np.minimum(one[..., 2], other[..., 2]) - np.maximum(one[..., 0], other[..., 0])
     down = np.minimum(one[..., 3], other[..., 3]) - np.maximum(one[..., 1], other[..., 1])

@@ -29,10 +29,10 @@ class Parts:
     tiles: dict[int, Box]
 
 
-def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
+def arrange_parts(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
     """Boxes of a layout: map+cameras, map, cameras, or for example uav1 for one large camera beside the map."""
     if layout == "cameras":
-        return Parts(None, dict(enumerate(_grid(panel, uavs))))
+        return Parts(None, dict(enumerate(_make_grid(panel, uavs))))
     if layout.startswith("uav"):
         side = min(panel.height, 2 * panel.width // 3)
         room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
@@ -42,7 +42,7 @@ def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
     return _arrange(panel, aspect, uavs)
 
 
-def _grid(panel: Box, tiles: int) -> list[Box]:
+def _make_grid(panel: Box, tiles: int) -> list[Box]:
     """Square tiles of the largest possible size, in rows in the middle of the panel."""
 
     def side(columns: int) -> int:

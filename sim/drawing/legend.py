@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from sim.drawing.lettering import Image, TextStyle, width, write
+from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.marks import cross, detection, draw_person_mark, quadrotor
 from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, TRUNK, UNHELD_COLOURS, track_colour
 from sim.drawing.strokes import disc, stroke
@@ -23,14 +23,14 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
     """
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
     if owner:
-        entries.append((_tree, "tree"))
+        entries.append((_draw_tree, "tree"))
         for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
             entries.append((partial(draw_person_mark, heading=0.0, view=view), text))
         for hold in UNHELD_COLOURS:
             entries.append((partial(draw_person_mark, heading=0.0, view="seen", hold=hold), hold))
-    entries.append((_track, f"track of {owner}, 95 %" if owner else "track"))
+    entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
-        entries += [(_uav, "UAV, view"), (_intent, "intent")]
+        entries += [(_draw_uav, "UAV, view"), (_draw_intent, "intent")]
     if tiles:
         entries.append((partial(detection, reach=10.0), "detection"))
     middle = image.shape[0] / 2
@@ -38,12 +38,12 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -
     for mark, text in entries:
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)
-        x += 34 + width(text, _TEXT) + 8
+        x += 34 + measure_width(text, _TEXT) + 8
     if owner:
-        _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
+        _draw_scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
 
 
-def _scale_bar(image: Image, scale: float, right: Array) -> None:
+def _draw_scale_bar(image: Image, scale: float, right: Array) -> None:
     """Draw a bar with a round length of about 50 to 130 pixels."""
     metres = next(m for m in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5) if m * scale > 50)
     left = right - np.array([metres * scale, 0.0])
@@ -53,25 +53,25 @@ def _scale_bar(image: Image, scale: float, right: Array) -> None:
     write(image, f"{metres} m", ((left[0] + right[0]) / 2, right[1] - 11), _TEXT, align=0.5)
 
 
-def _tree(image: Image, at: Array) -> None:
+def _draw_tree(image: Image, at: Array) -> None:
     disc(image, at, 10.0, CANOPY)
     disc(image, at, 10.0, CANOPY_EDGE, 1)
     disc(image, at, 2.0, TRUNK)
 
 
-def _track(image: Image, at: Array) -> None:
+def _draw_track(image: Image, at: Array) -> None:
     ring = at + np.column_stack([14 * np.cos(_TURN), 10 * np.sin(_TURN)])
     stroke(image, ring, track_colour(0), thickness=2, closed=True)
     cross(image, at, track_colour(0))
 
 
-def _uav(image: Image, at: Array) -> None:
+def _draw_uav(image: Image, at: Array) -> None:
     square = at + 12.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     stroke(image, square, BLUE, thickness=2, closed=True)
     quadrotor(image, at, BLUE)
 
 
-def _intent(image: Image, at: Array) -> None:
+def _draw_intent(image: Image, at: Array) -> None:
     for dx in (-12.0, -5.0, 2.0):
         disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
     disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)

@@ -47,9 +47,9 @@ _HEADING, _TEXT = TextStyle(13, FAINT), TextStyle(13)
 _LINE, _GAP = 19, 12  # pixels: height of a line, and the gap between groups
 
 
-def width(text: str, style: TextStyle) -> int:
+def measure_width(text: str, style: TextStyle) -> int:
     """Width of a text [pixel]."""
-    return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
+    return int(_make_mask(text, style.size, style.bold)[0].shape[1]) - 4
 
 
 def wrap(text: str, room: int, style: TextStyle) -> list[str]:
@@ -57,7 +57,7 @@ def wrap(text: str, room: int, style: TextStyle) -> list[str]:
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if width(longer, style) <= room:
+        if measure_width(longer, style) <= room:
             lines[-1] = longer
         else:
             lines.append(f"    {word}")
@@ -88,7 +88,7 @@ def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, al
 
     align: 0 puts the text's left edge at x, 0.5 its centre, and 1 its right edge.
     """
-    mask, descent = _mask(text, style.size, style.bold)
+    mask, descent = _make_mask(text, style.size, style.bold)
     height, extent = mask.shape
     baseline = at[1] + 0.36 * style.size
     x = round(at[0] - align * (extent - 4)) - 2
@@ -96,7 +96,7 @@ def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, al
     x = min(max(x, 0), max(image.shape[1] - extent, 0))
     y = min(max(y, 0), max(image.shape[0] - height, 0))
     rows = image.reshape(len(image), -1)[y : y + height, 3 * x : 3 * (x + extent)]  # pixels and channels in one axis
-    for clear, ink in _layers(text, style):
+    for clear, ink in _make_layers(text, style):
         blend = rows * clear[: rows.shape[0], : rows.shape[1]]
         blend += ink[: rows.shape[0], : rows.shape[1]]
         blend += np.float32(0.5)
@@ -104,9 +104,9 @@ def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, al
 
 
 @lru_cache(maxsize=512)
-def _layers(text: str, style: TextStyle) -> list[tuple[Mask, Mask]]:
+def _make_layers(text: str, style: TextStyle) -> list[tuple[Mask, Mask]]:
     """Of the halo, if any, and of the text: the share (H, 3 W) of the background that remains, and what is added."""
-    mask, _ = _mask(text, style.size, style.bold)
+    mask, _ = _make_mask(text, style.size, style.bold)
     layers = [(style.colour, mask)]
     if style.halo is not None:
         wide = cv2.GaussianBlur(cv2.dilate(mask, np.ones((3, 3))), (3, 3), 0)
@@ -116,9 +116,9 @@ def _layers(text: str, style: TextStyle) -> list[tuple[Mask, Mask]]:
 
 
 @lru_cache(maxsize=1024)
-def _mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
+def _make_mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
     """Opacity in [0, 1] of a text with a border of two pixels, and its depth below the baseline [pixel]."""
-    font = _font(bold)
+    font = _load_font(bold)
     font.set_size(size, 72)
     font.set_text(text, 0.0)
     font.draw_glyphs_to_bitmap(antialiased=True)
@@ -127,6 +127,6 @@ def _mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
 
 
 @lru_cache(maxsize=2)
-def _font(bold: bool) -> FT2Font:
+def _load_font(bold: bool) -> FT2Font:
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return FT2Font(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name))

@@ -12,40 +12,49 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour, uav_dashes
-from sim.evaluation.fleet_facts import mean_ospa
+from sim.evaluation.fleet_facts import average_ospa
 from sim.recording.atomic_files import write_whole
 from tracking.numerics.arrays import Array
 
 _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
 
 
-def ospa_figure(times: Array, ospa: Array) -> Figure:
+def draw_ospa_figure(times: Array, ospa: Array) -> Figure:
     """OSPA of each UAV and their mean over time, on an axis that is linear below 1 m and logarithmic above.
 
     times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is divided into the
     part of localisation alone and the rest due to a wrong number of tracks. After a UAV has broken down its OSPA is
     NaN, which ends its line and is left out of the mean. The legend has no lines that the mean's hides.
     """
-    with new_figure(9, 4.5, letters=11) as figure:
+    with open_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
-        mean = mean_ospa(ospa)
+        mean = average_ospa(ospa)
         broken: str | None = "broke down"  # only once in the legend
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
         )
-        apart = [i for i in range(ospa.shape[1]) if _leaves(ospa[:, i, 0], mean[:, 0])]
+        apart = [i for i in range(ospa.shape[1]) if _differs(ospa[:, i, 0], mean[:, 0])]
         names = {i: f"UAV {i}" for i in apart} if ospa.shape[1] <= 4 else dict.fromkeys(apart[:1], "each UAV")
         for i in range(ospa.shape[1]):
             errors = ospa[:, i, 0]
             colour, style = rgb(uav_colour(i)), (0, uav_dashes(i)) if uav_dashes(i) else "-"
-            axes.plot(times, errors, color=colour, ls=style, lw=0.9, alpha=0.8, marker=_dot(times), label=names.get(i))
+            axes.plot(
+                times,
+                errors,
+                color=colour,
+                ls=style,
+                lw=0.9,
+                alpha=0.8,
+                marker=_choose_marker(times),
+                label=names.get(i),
+            )
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):
                 place = times[works[-1]], errors[works[-1]]
                 axes.scatter(*place, marker="x", s=50, color=colour, lw=2.0, zorder=3, label=broken)
                 broken = None
-        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=_dot(times), label="mean of UAVs")
+        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=_choose_marker(times), label="mean of UAVs")
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))
         axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
@@ -62,7 +71,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     return figure
 
 
-def _leaves(errors: Array, mean: Array) -> bool:
+def _differs(errors: Array, mean: Array) -> bool:
     """True if the line of one UAV's errors (K,) m can be told from that of the mean (K,)."""
     heights = [
         np.where(values < 1.0, 1.2 * values, 1.2 + np.log10(np.maximum(values, 1.0))) for values in (errors, mean)
@@ -72,7 +81,7 @@ def _leaves(errors: Array, mean: Array) -> bool:
 
 
 @contextmanager
-def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
+def open_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
     """Yield a figure with this size in inches, and letters in points, to be drawn in the block."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
         figure = Figure(figsize=(width, height), layout="constrained")
@@ -87,13 +96,13 @@ def order_by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
     """Draw the mean OSPA of the working UAVs over time and a line at 1 m; `width` of the curve in points."""
-    mean = mean_ospa(ospa)[:, 0]
-    axes.plot(times, mean, color=rgb(INK), lw=width, marker=_dot(times))
+    mean = average_ospa(ospa)[:, 0]
+    axes.plot(times, mean, color=rgb(INK), lw=width, marker=_choose_marker(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
     axes.set_ylabel("mean OSPA [m],\nlogarithmic above 1")
 
 
-def _dot(times: Array) -> str:
+def _choose_marker(times: Array) -> str:
     """The marker of a curve, which replaces the line if there is a single scan."""
     return "." if len(times) == 1 else ""
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels, rename_tracks, track_name
-from sim.drawing.lettering import Image, TextStyle, width, write
+from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.marks import cross, detection, draw_broken_mark
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
@@ -57,13 +57,13 @@ def _fill(image: Image, colour: Colour) -> None:
 
 
 def _name(image: Image, uav: int, colour: Colour) -> None:
-    tab = TextStyle(13, _ink_on(colour), True)
+    tab = TextStyle(13, _choose_ink(colour), True)
     name = f"UAV {uav}"
-    image[: BORDER + 18, : BORDER + width(name, tab) + 6] = colour
+    image[: BORDER + 18, : BORDER + measure_width(name, tab) + 6] = colour
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _ink_on(colour: Colour) -> Colour:
+def _choose_ink(colour: Colour) -> Colour:
     """Black or white, whichever is more legible on the colour."""
     red, green, blue = colour
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL

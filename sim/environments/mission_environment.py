@@ -105,7 +105,7 @@ class MissionEnvironment:
     @cached_property
     def state_space(self) -> spaces.Box:
         """Space of `state`, with room for as many people as the scenario has."""
-        return true_state.space(len(self._uavs), count_people(self._scenario))
+        return true_state.make_space(len(self._uavs), count_people(self._scenario))
 
     def state(self) -> NDArray[np.float32]:
         """The true state of the mission as a vector, for training only: a policy may not use it in flight.
@@ -113,7 +113,7 @@ class MissionEnvironment:
         Time [s]; of each UAV x, y, z [m], velocity east and north [m/s], and 1 if it works; of each person x, y [m],
         velocity east and north [m/s], and 1 if present. What is absent is zero.
         """
-        return true_state.state(self._episode(), self.state_space)
+        return true_state.make_state(self._episode(), self.state_space)
 
     def _episode(self) -> Episode:
         """The episode since the last reset; `ResetNeeded` if there was no reset."""
@@ -164,11 +164,11 @@ class MissionEnvironment:
         episode = self._episode()
         situation = episode.team.get(uav)
         if situation is None:
-            return {name: _zeros(space) for name, space in self._spaces[uav].items()}
+            return {name: _make_zeros(space) for name, space in self._spaces[uav].items()}
         found = self._observations.of(situation)
         if self._image:
             image = episode.images.get(uav)
-            found["image"] = _zeros(self._spaces[uav]["image"]) if image is None else image.copy()
+            found["image"] = _make_zeros(self._spaces[uav]["image"]) if image is None else image.copy()
         return found
 
     def _reward_of(self, uav: int) -> float:
@@ -203,11 +203,11 @@ class MissionEnvironment:
         """Observation space of one UAV, given width and height [m] of the area and the edge [pixels] of its image."""
         o = self._observations
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
-        found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
+        found: dict[str, spaces.Space[Any]] = {"own": _make_real_space(len(OWN))}
         if not o.neighbours:
             del tables["neighbours"]
         for name, (rows, columns) in tables.items():
-            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), mask_space(rows)
+            found[name], found[f"{name}_mask"] = _make_real_space(rows, len(columns)), make_mask_space(rows)
         found["undetected"] = spaces.Box(0.0, np.inf, raster_shape(area))
         if self._image:
             found["image"] = spaces.Box(0, 255, (edge, edge, 3), np.uint8)
@@ -248,16 +248,16 @@ def _is_integer(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
-def _zeros(space: spaces.Space[Any]) -> NDArray[Any]:
+def _make_zeros(space: spaces.Space[Any]) -> NDArray[Any]:
     """Zeros with the shape and type of a space of arrays."""
     assert space.shape is not None
     return np.zeros(space.shape, space.dtype)
 
 
-def mask_space(*shape: int) -> spaces.Box:
+def make_mask_space(*shape: int) -> spaces.Box:
     """Space of masks, in a form that all libraries know."""
     return spaces.Box(0, 1, shape, np.int8)
 
 
-def _reals(*shape: int) -> spaces.Box:
+def _make_real_space(*shape: int) -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, shape, np.float32)

@@ -40,11 +40,11 @@ class Observations:
     def of(self, situation: Situation) -> Observed:
         """Observation of one UAV: arrays of 32-bit floats, and masks of 8-bit integers."""
         here = situation.own.position
-        found: Observed = {"own": _float32([*here, *situation.own.velocity, _edge(situation, situation.own)])}
-        others = [[*(v.position - here), *v.velocity, _edge(situation, v)] for v in situation.neighbours]
+        found: Observed = {"own": _float32([*here, *situation.own.velocity, _measure_edge(situation, situation.own)])}
+        others = [[*(v.position - here), *v.velocity, _measure_edge(situation, v)] for v in situation.neighbours]
         canopies = situation.forest.canopies[:, :3]
         parts = {
-            "tracks": (_tracks(situation), self.tracks),
+            "tracks": (_make_track_rows(situation), self.tracks),
             "neighbours": (np.array(others).reshape(-1, len(NEIGHBOUR)), self.neighbours),
             "trees": (canopies - np.append(here[:2], 0.0), self.trees),
         }
@@ -59,7 +59,7 @@ class Observations:
         return found
 
 
-def _tracks(situation: Situation) -> Array:
+def _make_track_rows(situation: Situation) -> Array:
     """Rows (T, 9) of the tracks."""
     means, covariances = beliefs_of(situation.tracks)
     existence = [track.existence for track in situation.tracks]
@@ -78,7 +78,7 @@ def _pad(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]
     return table, mask
 
 
-def _edge(situation: Situation, vehicle: Vehicle) -> float:
+def _measure_edge(situation: Situation, vehicle: Vehicle) -> float:
     """Edge [m] of a vehicle's field of view on the ground if it looks down; that of the area if it is unlimited."""
     if vehicle.camera.fov >= ALL_ROUND:
         return max(situation.area)

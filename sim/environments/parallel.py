@@ -65,26 +65,26 @@ class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observation, NDArray[
                 raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")
         if self._episode().over and not actions:
             return {}, {}, {}, {}, {}
-        self._fly({_id(agent): actions[agent] for agent in flying})
+        self._fly({_parse_id(agent): actions[agent] for agent in flying})
         episode = self._episode()
-        left = [agent for agent in flying if _id(agent) in episode.team]
+        left = [agent for agent in flying if _parse_id(agent) in episode.team]
         self._last |= {agent: self._observe_agent(agent) for agent in left}
         self.agents = [] if episode.over else left
         return (
             {agent: self._last[agent] for agent in flying},
-            {agent: self._reward_of(_id(agent)) for agent in flying},
+            {agent: self._reward_of(_parse_id(agent)) for agent in flying},
             {agent: agent not in left for agent in flying},
             {agent: agent in left and episode.over for agent in flying},
             self._infos(flying),
         )
 
     def _observe_agent(self, agent: str) -> Observation:
-        uav = _id(agent)
+        uav = _parse_id(agent)
         return self._flatten(self._spaces[uav], self._observe(uav))
 
     def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
-        return {agent: self._episode().metrics(_id(agent)) for agent in agents}
+        return {agent: self._episode().metrics(_parse_id(agent)) for agent in agents}
 
 
-def _id(agent: str) -> int:
+def _parse_id(agent: str) -> int:
     return int(agent.removeprefix("uav_"))

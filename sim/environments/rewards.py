@@ -17,7 +17,7 @@ from tracking.track import beliefs_of
 Reward = Callable[[Situation, Array], float]  # a function of a situation and the true positions (M, 2) m of people
 
 
-def expected_gospa(situation: Situation, people: Array) -> float:
+def compute_expected_gospa(situation: Situation, people: Array) -> float:
     """Negative root of the expected square of GOSPA [m] under the UAV's own belief, with cut-off c = 10 m.
 
     A reported track adds r e + (1 - r) c² / 2, where r is its existence probability and e the expected squared error of
@@ -35,7 +35,7 @@ def expected_gospa(situation: Situation, people: Array) -> float:
     return -math.sqrt(float(costs.sum()) + undetected * missed)
 
 
-def true_gospa(situation: Situation, people: Array) -> float:
+def compute_true_gospa(situation: Situation, people: Array) -> float:
     """Negative GOSPA [m] between the UAV's reported tracks and the true people, cut-off 10 m; for training only."""
     return -gospa(find_reported_positions(situation.tracks), people, FAR).distance
 
@@ -49,7 +49,7 @@ def trace(situation: Situation, people: Array) -> float:
     return -float((covariances[:, 0, 0] + covariances[:, 1, 1]).sum())
 
 
-REWARDS: Mapping[str, Reward] = {"gospa": expected_gospa, "true_gospa": true_gospa, "trace": trace}
+REWARDS: Mapping[str, Reward] = {"gospa": compute_expected_gospa, "true_gospa": compute_true_gospa, "trace": trace}
 ON_BELIEF = ("gospa", "trace")  # rewards without ground truth; all others are for training only
 
 

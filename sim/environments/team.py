@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import error, spaces
 from numpy.typing import NDArray
 
-from sim.environments.mission_environment import MissionEnvironment, Observation, mask_space
+from sim.environments.mission_environment import MissionEnvironment, Observation, make_mask_space
 from sim.environments.observations import Observed
 from tracking.errors import InputError
 
@@ -25,7 +25,7 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
             raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
         count = len(self._uavs)
         repeated = {name: _repeat(space, count) for name, space in self._spaces[0].items()}
-        self._whole = spaces.Dict({**repeated, "working": mask_space(count)})
+        self._whole = spaces.Dict({**repeated, "working": make_mask_space(count)})
         self.observation_space = self._flat_space(self._whole)
         self.action_space = spaces.Box(-1.0, 1.0, (count, 2), np.float32)
 

@@ -11,12 +11,12 @@ _UAV = ("x", "y", "z", "vx", "vy", "works")
 _PERSON = ("x", "y", "vx", "vy", "present")
 
 
-def space(uavs: int, people: int) -> spaces.Box:
+def make_space(uavs: int, people: int) -> spaces.Box:
     """Space of the states of missions with a number of UAVs and of people."""
     return spaces.Box(-np.inf, np.inf, (1 + len(_UAV) * uavs + len(_PERSON) * people,), np.float32)
 
 
-def state(episode: Episode, box: spaces.Box) -> NDArray[np.float32]:
+def make_state(episode: Episode, box: spaces.Box) -> NDArray[np.float32]:
     """Time, UAVs and people at the present decision, then zeros; InputError if there are more people than rows."""
     now, mission = episode.now, episode.mission
     uavs = np.zeros((len(now.poses), len(_UAV)))

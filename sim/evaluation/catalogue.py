@@ -11,10 +11,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from sim.evaluation.fleet_facts import count_bytes_sent, disagreement, list_contacts, plan_bytes
+from sim.evaluation.fleet_facts import count_bytes_sent, count_plan_bytes, list_contacts, measure_disagreement
 from sim.evaluation.metric import Better, Metric, Of, Outcome, mean
 from sim.evaluation.score import FAR, Score
-from sim.evaluation.searching import times_to_find
+from sim.evaluation.searching import measure_times_to_find
 from sim.evaluation.unmatched import Unmatched
 from sim.recording.recording import Recording
 from sim.sensing.fault import BREAKDOWN, Fault
@@ -109,7 +109,7 @@ def _ratio(part: np.generic, whole: np.generic) -> float | None:
 def _disagreement(outcome: Outcome) -> float | None:
     r = outcome.recording
     tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
-    return float(np.mean([disagreement(held) for held in tracks]))
+    return float(np.mean([measure_disagreement(held) for held in tracks]))
 
 
 def _sent(
@@ -125,7 +125,7 @@ def _sent(
 
 
 def _plan_rounds(outcome: Outcome) -> float | None:
-    return None if plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
+    return None if count_plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
 
 
 def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
@@ -169,7 +169,9 @@ METRICS = {
         "identity.switches": Metric("identity switches", _over_uavs(lambda s: s.switches)),
         "identity.fragmentations": Metric("fragmentations", _over_uavs(lambda s: s.fragmentations)),
         "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
-        "time_to_find_s": Metric("time to find a person", lambda o: mean(times_to_find(o.recording, o.scores)), "s"),
+        "time_to_find_s": Metric(
+            "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"
+        ),
         "nees.position.mean": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
         "nees.state.mean": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
         "nees.left_out_share": Metric("tracks left out of NEES", _left_out, "%", scale=100.0, digits=1, most=1.0),
@@ -179,7 +181,7 @@ METRICS = {
         "network.bytes_per_scan_mean": _sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
         "network.bytes_per_scan_max": _sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
         "network.bytes_total": _sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
-        "network.plans.bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB"),
+        "network.plans.bytes_total": _sent("plans sent by all UAVs", count_plan_bytes, np.sum, "kB"),
         "network.plans.rounds": Metric("rounds of plans", _plan_rounds, digits=0),
         "faults": Metric(
             "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False

@@ -13,7 +13,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Track, beliefs_of
 
 
-def mean_ospa(ospa: Array) -> Array:
+def average_ospa(ospa: Array) -> Array:
     """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the working UAVs; NaN at scans without any."""
     count = np.sum(~np.isnan(ospa), axis=1)
     mean = np.full(count.shape, np.nan)
@@ -38,20 +38,20 @@ def list_contacts(recording: Recording) -> list[dict[str, Any]]:
 
 def count_bytes_sent(recording: Recording) -> Indices | None:
     """Bytes (N,) of messages per scan and working UAV; None if none works."""
-    return _counted(recording.bytes_sent, recording.working)
+    return _select_counted(recording.bytes_sent, recording.working)
 
 
-def plan_bytes(recording: Recording) -> Indices | None:
+def count_plan_bytes(recording: Recording) -> Indices | None:
     """Bytes (N,) of plans per decision and working UAV; None if none decided."""
     decides = np.isin(recording.times, recording.plan_times)
-    return _counted(recording.plan_bytes, recording.working & decides[:, None])
+    return _select_counted(recording.plan_bytes, recording.working & decides[:, None])
 
 
-def _counted(sent: Indices, counted: Flags) -> Indices | None:
+def _select_counted(sent: Indices, counted: Flags) -> Indices | None:
     return sent[counted] if counted.any() else None
 
 
-def disagreement(held: Sequence[Sequence[Track]]) -> float:
+def measure_disagreement(held: Sequence[Sequence[Track]]) -> float:
     """Mean over all pairs of UAVs of the OSPA distance [m] between their track positions; 0 for fewer than two UAVs.
 
     held: tracks of each UAV.

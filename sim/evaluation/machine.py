@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @cache
-def machine() -> dict[str, str]:
+def describe_machine() -> dict[str, str]:
     """The processor, on which times depend and recordings do not."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -17,7 +17,7 @@ def machine() -> dict[str, str]:
     return {"processor": names[0] if names else platform.processor() or platform.machine()}
 
 
-def versions() -> dict[str, str]:
+def list_versions() -> dict[str, str]:
     """Versions of Python and of the packages on which a result depends."""
     packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless")
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}

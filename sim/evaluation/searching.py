@@ -10,7 +10,7 @@ from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array, Flags
 
 
-def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
+def measure_times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     """Time [s] from the first scan at which each person is present and under no canopy until a UAV holds them.
 
     It is 0 for people found before that scan. Times of people never found end when they leave or the mission ends, so
@@ -20,7 +20,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     held = np.zeros_like(there)
     for uav, score in enumerate(scores):
         held[recording.working[:, uav]] |= score.held
-    open_to_view, found = _in_the_open(recording.people, recording.trees), []
+    open_to_view, found = _find_people_in_the_open(recording.people, recording.trees), []
     for person in np.flatnonzero(open_to_view.any(axis=0)).tolist():
         appears = int(np.argmax(open_to_view[:, person]))
         scans = np.flatnonzero(held[:, person])
@@ -29,7 +29,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     return np.array(found)
 
 
-def _in_the_open(people: Array, trees: Array) -> Flags:
+def _find_people_in_the_open(people: Array, trees: Array) -> Flags:
     """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6 or 7) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)

@@ -10,11 +10,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.evaluation.catalogue import METRICS, evaluate, find_metric
-from sim.evaluation.fleet_facts import list_contacts, plan_bytes
-from sim.evaluation.machine import machine, versions
+from sim.evaluation.fleet_facts import count_plan_bytes, list_contacts
+from sim.evaluation.machine import describe_machine, list_versions
 from sim.evaluation.metric import Metric, Outcome, mean
 from sim.evaluation.score import FAR, HELD, Score
-from sim.recording.archive import digest
+from sim.recording.archive import compute_digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import format_seed
 from sim.world.contacts import describe_body
@@ -37,20 +37,20 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     recording = outcome.recording
     values = evaluate(outcome, asked)
     own = {name: values[name] for name, known in METRICS.items() if known.in_summary}
-    numbers = _nest({**_parts(outcome), **own})
+    numbers = _nest({**_list_parts(outcome), **own})
     return {
         "planner": recording.planner,
         "sees_truth": recording.sees_truth,
         "seed": recording.seed,
         "repeat": recording.repeat,
         "scenario": json.loads(recording.scenario),
-        "recording_sha256": digest(recording),
-        "machine": machine(),
-        "versions": versions(),
+        "recording_sha256": compute_digest(recording),
+        "machine": describe_machine(),
+        "versions": list_versions(),
         "duration_s": float(recording.times[-1] - recording.times[0]),
         "interrupted": recording.interrupted,
         **numbers,
-        **({"metrics": {name: _in_unit(find_metric(name), values[name]) for name in asked}} if asked else {}),
+        **({"metrics": {name: _put_in_unit(find_metric(name), values[name]) for name in asked}} if asked else {}),
         "seconds": dict(outcome.seconds),
         "faults": [
             {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
@@ -60,30 +60,30 @@ def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     }
 
 
-def _in_unit(asked: Metric, value: float | None) -> dict[str, Any]:
+def _put_in_unit(asked: Metric, value: float | None) -> dict[str, Any]:
     """A plug-in metric with its value in its unit."""
     return {"label": asked.label, "unit": asked.unit, "value": None if value is None else value * asked.scale}
 
 
-def _parts(outcome: Outcome) -> dict[str, Any]:
+def _list_parts(outcome: Outcome) -> dict[str, Any]:
     """Entries beside the metrics, by dotted key: bounds, intervals, people and UAVs."""
     held, present = (
         np.sum([getattr(s, name).sum(axis=0) for s in outcome.scores], axis=0) for name in ("held", "present")
     )
-    sent = plan_bytes(outcome.recording)
+    sent = count_plan_bytes(outcome.recording)
     return {
         "gospa.cut_off_m": FAR,
         "identity.within_m": HELD,
-        **_interval("nees.position", [s.position_nees for s in outcome.flown], 2),
-        **_interval("nees.state", [s.state_nees for s in outcome.flown], 4),
+        **_make_interval("nees.position", [s.position_nees for s in outcome.flown], 2),
+        **_make_interval("nees.state", [s.state_nees for s in outcome.flown], 4),
         "people_held": [float(h) / float(p) if p else None for h, p in zip(held, present, strict=True)],
         "network.plans.bytes_per_decision_mean": None if sent is None else float(sent.mean()),
         "network.plans.bytes_per_decision_max": None if sent is None else int(sent.max()),
-        "uavs": [_of_uav(s) for s in outcome.scores],
+        "uavs": [_summarise_uav(s) for s in outcome.scores],
     }
 
 
-def _interval(key: str, errors: Sequence[Array], dof: int) -> dict[str, Any]:
+def _make_interval(key: str, errors: Sequence[Array], dof: int) -> dict[str, Any]:
     """95 % interval of the mean NEES of consistent tracks, with as many independent errors as one UAV has.
 
     UAVs that share all information make equal errors, so the fleet has no more independent errors than one UAV.
@@ -94,7 +94,7 @@ def _interval(key: str, errors: Sequence[Array], dof: int) -> dict[str, Any]:
     return {f"{key}.interval_95": interval, f"{key}.errors": count}
 
 
-def _of_uav(score: Score) -> dict[str, Any]:
+def _summarise_uav(score: Score) -> dict[str, Any]:
     return {
         "ospa_m": mean(score.ospa),
         "gospa_m": mean(score.gospa[:, 0]),
@@ -119,42 +119,43 @@ def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _value(summary: Mapping[str, Any], known: Metric) -> float | None:
+def _read_value(summary: Mapping[str, Any], known: Metric) -> float | None:
     found: Any = summary
     for name in known.name.split("."):
         found = found[name]
     return None if found is None else float(found)
 
 
-def planner_title(planner: str, sees_truth: bool) -> str:
+def format_planner_title(planner: str, sees_truth: bool) -> str:
     """Displayed name of a planner, with a remark if it sees the truth and so is an upper bound."""
     return f"{planner} (sees the truth: an upper bound)" if sees_truth else planner
 
 
-def recording_title(recording: Recording) -> str:
+def format_recording_title(recording: Recording) -> str:
     """Displayed planner, seed and repeat of a recording."""
-    return f"{planner_title(recording.planner, recording.sees_truth)}, {format_seed(recording.seed, recording.repeat)}"
+    planner = format_planner_title(recording.planner, recording.sees_truth)
+    return f"{planner}, {format_seed(recording.seed, recording.repeat)}"
 
 
 def make_results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as a table, as shown at the end of a run."""
     flown = format_seed(summary["seed"], summary["repeat"])
-    title = f"{planner_title(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
+    title = f"{format_planner_title(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
     for names in _TABLE_METRICS:
         for known in map(METRICS.__getitem__, names):
-            table.add_row(known.label, known.with_unit(_value(summary, known)))
+            table.add_row(known.label, known.with_unit(_read_value(summary, known)))
         table.add_section()
     for name, own in summary.get("metrics", {}).items():
         table.add_row(escape(own["label"] or name), escape(Metric("", unit=own["unit"]).with_unit(own["value"])))
     table.add_section()
-    for row in (*_unmatched(summary["tracks"]), *_sent(summary["network"])):
+    for row in (*_list_unmatched_rows(summary["tracks"]), *_list_sent_rows(summary["network"])):
         table.add_row(*row)
     table.add_section()
     factor = METRICS["real_time_factor"]
-    table.add_row(f"{factor.label} without start-up, film, page", factor.with_unit(_value(summary, factor)))
+    table.add_row(f"{factor.label} without start-up, film, page", factor.with_unit(_read_value(summary, factor)))
     all_told = summary["duration_s"] / summary["wall_s"] if summary["wall_s"] else None
     table.add_row("wall-clock factor with these", factor.with_unit(all_told), end_section=True)
     for stage, spent in summary["seconds"].items():
@@ -169,14 +170,14 @@ def make_results_table(summary: Mapping[str, Any]) -> Table:
     return table
 
 
-def _unmatched(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+def _list_unmatched_rows(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     """Rows about tracks that stand for no person: their number, and the share of scans that have one."""
     for what in ("false", "duplicate"):
         share = METRICS[f"tracks.{what}_share"].text(tracks[f"{what}_share"] or 0.0)
         yield METRICS[f"tracks.{what}"].label, f"{tracks[what]}, {share} % of scans" if tracks[what] else "none"
 
 
-def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+def _list_sent_rows(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     if network["bytes_per_scan_mean"]:
         yield "sent by a UAV per scan", f"{network['bytes_per_scan_mean'] / 1000:.1f} kB"
     plans = network["plans"]

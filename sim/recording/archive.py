@@ -29,7 +29,7 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
         part.write_bytes(encode(recording))
 
 
-def digest(recording: Recording) -> str:
+def compute_digest(recording: Recording) -> str:
     """SHA-256 of the bytes that `save` writes, or of a large recording, those it would write without compression."""
     return hashlib.sha256(_pack(recording, zipfile.ZIP_STORED)).hexdigest()
 
@@ -78,7 +78,7 @@ def find_recording(folder: Path) -> Recording:
     try:
         path = folder / "mission.npz" if folder.is_dir() else folder
         if not path.exists():
-            raise InputError(f"{folder} " + (_content(folder) if folder.is_dir() else "does not exist"))
+            raise InputError(f"{folder} " + (_describe_content(folder) if folder.is_dir() else "does not exist"))
         recording = load(path)
         _ = recording.setting  # which may be unknown here
     except OSError as error:
@@ -88,7 +88,7 @@ def find_recording(folder: Path) -> Recording:
     return recording
 
 
-def _content(folder: Path) -> str:
+def _describe_content(folder: Path) -> str:
     if (folder / "study.sqlite").exists():
         return "holds a study; its report.html has commands that fly its trials again, `--keep recordings` keeps them"
     return "holds no mission.npz"
@@ -103,17 +103,17 @@ def _decode(archive: Npz) -> Recording:
     for name, field in FIELDS.items():
         if name not in archive.names:
             raise ValueError(f"made by another version of understory: it has no field '{name}'")
-        with _naming(name):
+        with _name_errors(name):
             array = archive.read(name)
             _check_form(array, field, sizes)
-            values[name] = array if field.shape else _plain(field.kind, array)
+            values[name] = array if field.shape else _make_plain(field.kind, array)
             if name == "version":
                 _check_version(values[name])
     return Recording(**values)
 
 
 @contextmanager
-def _naming(name: str) -> Iterator[None]:
+def _name_errors(name: str) -> Iterator[None]:
     """Prefix ValueErrors raised in the block with the name of a field."""
     try:
         yield
@@ -129,13 +129,13 @@ def _check_form(array: NDArray[Any], field: Field, sizes: dict[str, int]) -> Non
     if field.dtype == "<U" and array.dtype.itemsize // 4 > _LONGEST:
         raise ValueError(f"has dtype {found}; at most {_LONGEST} characters are allowed")
     symbols = field.shape.split()
-    expected = [_size(symbol, n, sizes) for symbol, n in zip(symbols, array.shape, strict=False)]
+    expected = [_find_size(symbol, n, sizes) for symbol, n in zip(symbols, array.shape, strict=False)]
     if list(array.shape) != expected or len(symbols) != array.ndim:
         raise ValueError(f"has shape {array.shape}, not ({', '.join(symbols)}) as the fields before it")
     sizes.update(zip(symbols, array.shape, strict=True))
 
 
-def _size(symbol: str, found: int, sizes: Mapping[str, int]) -> int:
+def _find_size(symbol: str, found: int, sizes: Mapping[str, int]) -> int:
     if symbol == "K*n+1":
         return sizes["K"] * sizes["n"] + 1
     if symbol[0].isdigit():  # one number, or several as in 6|7
@@ -144,7 +144,7 @@ def _size(symbol: str, found: int, sizes: Mapping[str, int]) -> int:
     return sizes.get(symbol, found)
 
 
-def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
+def _make_plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
     """A Python string, number or bool from an array; a number in the form of text must consist of digits 0 to 9."""
     if array.dtype.kind != "U":
         return kind(array.item())

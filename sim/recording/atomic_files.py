@@ -16,7 +16,7 @@ class PlaceTaken(Exception):
     """Results are in another place than asked for; the message is one line that names it."""
 
 
-def part_path(path: Path) -> Path:
+def make_part_path(path: Path) -> Path:
     """Path of a file until it is complete: a unique hidden name in the same folder."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
@@ -69,7 +69,7 @@ def _claim(place: Path) -> tuple[Path, Path] | None:
 @contextmanager
 def write_whole(path: Path) -> Iterator[Path]:
     """Yield a path to write to; the file is renamed to `path` when the block ends, and removed if the block raises."""
-    part = part_path(path)
+    part = make_part_path(path)
     try:
         yield part
         os.replace(part, path)
@@ -79,7 +79,7 @@ def write_whole(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
+def make_new_folder(out: Path) -> Iterator[Path]:
     """Yield a temporary folder, which is renamed to `out` when the block ends, and removed if the block raises.
 
     If another program has made `out` meanwhile, the folder gets the next unused name, which a PlaceTaken tells.
@@ -87,7 +87,7 @@ def new_folder(out: Path) -> Iterator[Path]:
     if not out.name:
         raise InputError(f"--out: {str(out)!r} cannot be the name of a new folder")
     place = Path(os.path.realpath(out))  # the target of a link, because a folder cannot replace the link
-    part = part_path(place)
+    part = make_part_path(place)
     made: list[Path] = []
     try:
         try:

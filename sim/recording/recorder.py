@@ -40,7 +40,7 @@ class Recorder:
 
     def add(self, snapshot: Snapshot) -> None:
         """Append one scan; ValueError, without appending it, unless each detection has its measurement."""
-        rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
+        rows = [_make_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
         self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
         for name, dtype in _BY_SCAN.items():
             value = getattr(snapshot, "time" if name == "times" else name)
@@ -77,15 +77,15 @@ class Recorder:
             interrupted=interrupted,
             trees=forest.table,
             **dense,
-            measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
+            measurement_offsets=_compute_offsets(len(scan.measurements) for scan, _ in self._scans),
             measurements=_join((scan.measurements for scan, _ in self._scans), 2),
             measurement_covariances=_join((scan.covariances for scan, _ in self._scans), 2, 2),
             pixels=_join((pixels for _, pixels in self._scans), 2),
-            track_offsets=_offsets(len(held) for held in self._tracks),
+            track_offsets=_compute_offsets(len(held) for held in self._tracks),
             track_ids=np.array([track.id for track in tracks], dtype=np.int64),
             track_means=_join((track.belief.mean for track in tracks), 4),
             track_covariances=_join((track.belief.covariance for track in tracks), 4, 4),
-            track_existence=_existence(tracks),
+            track_existence=_list_existence(tracks),
             track_sightings=_join((track.sighting for track in tracks), 3),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_pad([plans for _, plans in self._plans], uavs),
@@ -95,7 +95,7 @@ class Recorder:
         )
 
 
-def _pixel_rows(scan: Scan, pixels: Array) -> Array:
+def _make_pixel_rows(scan: Scan, pixels: Array) -> Array:
     if len(pixels) == 0:
         return np.full((len(scan.measurements), 2), np.nan)
     if len(pixels) != len(scan.measurements):
@@ -103,12 +103,12 @@ def _pixel_rows(scan: Scan, pixels: Array) -> Array:
     return np.array(pixels, dtype=float)
 
 
-def _existence(tracks: Sequence[Track]) -> Array:
+def _list_existence(tracks: Sequence[Track]) -> Array:
     """Existence probabilities; NaN for tracks without one, which have the value 1, as estimated ones stay below it."""
     return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
 
 
-def _offsets(counts: Iterable[int]) -> Indices:
+def _compute_offsets(counts: Iterable[int]) -> Indices:
     return np.cumsum([0, *counts], dtype=np.int64)
 
 

@@ -18,13 +18,21 @@ Finding = tuple[str, bool, str]  # a field, True if it is wrong, and what is wro
 
 def check_recording(recording: Recording) -> None:
     """ValueError that names the first field with values that no mission can have."""
-    for rules in (_sizes, _texts, _world, _measurements, _tracks, _plans, _counts):
+    for rules in (
+        _check_sizes,
+        _check_texts,
+        _check_world,
+        _check_measurements,
+        _check_tracks,
+        _check_plans,
+        _check_counts,
+    ):
         for name, wrong, what in rules(recording):
             if wrong:
                 raise ValueError(f"field '{name}': {what}")
 
 
-def _sizes(r: Recording) -> Iterator[Finding]:
+def _check_sizes(r: Recording) -> Iterator[Finding]:
     yield "poses", 0 in r.poses.shape, "has no scan or no UAV"
     times = r.times
     yield "times", not _is_finite(times) or times[0] < 0 or bool(np.any(np.diff(times) <= 0)), "do not rise from 0 s on"
@@ -36,7 +44,7 @@ def _sizes(r: Recording) -> Iterator[Finding]:
         yield name, bool(wrong), f"does not rise from 0 to {rows}"
 
 
-def _texts(r: Recording) -> Iterator[Finding]:
+def _check_texts(r: Recording) -> Iterator[Finding]:
     yield "planner", not r.planner.isprintable() or len(r.planner) > 10_000, "is no printable text"
     yield "seed", r.seed < 0, "is negative"
     yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
@@ -50,7 +58,7 @@ def _texts(r: Recording) -> Iterator[Finding]:
     yield "faults", wrong, "name a time or a UAV that is not there"
 
 
-def _world(r: Recording) -> Iterator[Finding]:
+def _check_world(r: Recording) -> Iterator[Finding]:
     places, density = r.trees[:, :6], r.trees[:, 6:]
     yield "trees", not _is_finite(places) or bool(np.any(places[:, [2, 5]] < 0)), "have a radius below 0 or no place"
     yield "trees", not np.all(density >= 0), "have a leaf area density below 0 or none"
@@ -71,7 +79,7 @@ def _world(r: Recording) -> Iterator[Finding]:
     yield "contacts", not wrong and bool(np.any(c[:, 3] >= limits[c[:, 2]])), "names what is not there"
 
 
-def _measurements(r: Recording) -> Iterator[Finding]:
+def _check_measurements(r: Recording) -> Iterator[Finding]:
     yield "measurements", not _is_finite(r.measurements), "are not finite"
     yield "measurement_covariances", not _is_definite(r.measurement_covariances), "are no covariances"
     nowhere = np.isnan(r.pixels).all(axis=1)
@@ -79,7 +87,7 @@ def _measurements(r: Recording) -> Iterator[Finding]:
     yield "matched", bool(np.any(r.matched.view(np.uint8) > 1)), "holds bytes that are neither true nor false"
 
 
-def _tracks(r: Recording) -> Iterator[Finding]:
+def _check_tracks(r: Recording) -> Iterator[Finding]:
     yield "track_ids", bool(np.any(r.track_ids < 0)), "are below 0"
     yield "track_means", not _is_finite(r.track_means), "are not finite"
     yield "track_covariances", not _is_definite(r.track_covariances), "are no covariances"
@@ -91,7 +99,7 @@ def _tracks(r: Recording) -> Iterator[Finding]:
     yield "ospa", not _is_finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
 
 
-def _plans(r: Recording) -> Iterator[Finding]:
+def _check_plans(r: Recording) -> Iterator[Finding]:
     wrong = bool(np.any(np.diff(r.plan_times) <= 0)) or not np.all(np.isin(r.plan_times, r.times))
     yield "plan_times", wrong, "do not rise from scan to scan"
     ended = np.asarray(np.isnan(r.plans).all(axis=-1))
@@ -99,7 +107,7 @@ def _plans(r: Recording) -> Iterator[Finding]:
     yield "plans", bool(np.any(ended[:, :, :-1] & ~ended[:, :, 1:])), "go on after their end"
 
 
-def _counts(r: Recording) -> Iterator[Finding]:
+def _check_counts(r: Recording) -> Iterator[Finding]:
     for name in ("visible", "bytes_sent", "plan_bytes", "plan_rounds"):
         yield name, bool(np.any(getattr(r, name) < 0)), "holds numbers below 0"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.evaluation.score import velocities
-from sim.recording.atomic_files import new_folder
+from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, TREE_LEAVES
 from sim.sensing.cameras import view_of
@@ -33,15 +33,15 @@ def export(recording: Recording, target: str, out: Path) -> None:
     target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md describes files and columns.
     """
     check_known("--to", target, TARGETS)
-    with new_folder(out) as folder:
+    with make_new_folder(out) as folder:
         TARGETS[target](recording, folder)
 
 
 def _write_csv(recording: Recording, folder: Path) -> None:
     """Tables for `sim.replay.measurement_tables`; that of the truth also works as `people.trajectories`."""
-    _write_table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
-    _write_table(folder / "tracks.csv", _TRACK, sorted(_rows(_tracks(recording), _TRACK)))
-    _write_table(folder / "truth.csv", PEOPLE_COLUMNS, _rows(_truth(recording), ("time", "person", "x", "y")))
+    _write_table(folder / "scans.csv", SCAN_COLUMNS, _list_scan_rows(recording))
+    _write_table(folder / "tracks.csv", _TRACK, sorted(_list_rows(_list_tracks(recording), _TRACK)))
+    _write_table(folder / "truth.csv", PEOPLE_COLUMNS, _list_rows(_list_truth(recording), ("time", "person", "x", "y")))
     cameras = [view_of(uav, recording.setting) for uav in recording.setting.uavs]
     lenses = ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras))
     _write_table(folder / "cameras.csv", CAMERA_COLUMNS, lenses)
@@ -54,31 +54,31 @@ def _write_stonesoup(recording: Recording, folder: Path) -> None:
 
     A reader makes a set of all rows of one time, and Stone Soup's association takes a set as one sensor's scan.
     """
-    found, tracks, truth = _measurements(recording), _tracks(recording), _truth(recording)
+    found, tracks, truth = _list_measurements(recording), _list_tracks(recording), _list_truth(recording)
     own = tuple(name for name in _TRACK if name != "uav")
     for uav in range(recording.poses.shape[1]):
-        rows = _rows(found, _MEASUREMENT, found["uav"] == uav)
+        rows = _list_rows(found, _MEASUREMENT, found["uav"] == uav)
         _write_table(folder / f"detections-uav{uav}.csv", _MEASUREMENT, rows)
-        _write_table(folder / f"tracks-uav{uav}.csv", own, _rows(tracks, own, tracks["uav"] == uav))
-    _write_table(folder / "groundtruth.csv", ("time", "id", *STATE), _rows(truth, ("time", "person", *STATE)))
+        _write_table(folder / f"tracks-uav{uav}.csv", own, _list_rows(tracks, own, tracks["uav"] == uav))
+    _write_table(folder / "groundtruth.csv", ("time", "id", *STATE), _list_rows(truth, ("time", "person", *STATE)))
     k, i = np.nonzero(recording.frames_taken)
     x, y, z = recording.cameras[k, i, :3].T
     sensors = {"time": recording.times[k], "uav": i, "x": x, "y": y, "z": z}
-    _write_table(folder / "sensors.csv", tuple(sensors), _rows(sensors, tuple(sensors)))
+    _write_table(folder / "sensors.csv", tuple(sensors), _list_rows(sensors, tuple(sensors)))
 
 
 def _write_mot(recording: Recording, folder: Path) -> None:
     """Files in MOTChallenge's 3-D text format: a sequence for each UAV, boxes -1, positions on the ground in m."""
     scenario = recording.setting
-    truth = _truth(recording)
-    found, tracks = _measurements(recording), _tracks(recording)
+    truth = _list_truth(recording)
+    found, tracks = _list_measurements(recording), _list_tracks(recording)
     for uav, camera in enumerate(scenario.uavs):
         sequence = folder / f"uav{uav}"
-        _write_table(sequence / "gt" / "gt.txt", (), _mot_rows(truth, truth["person"] + 1))
+        _write_table(sequence / "gt" / "gt.txt", (), _list_mot_rows(truth, truth["person"] + 1))
         seen = found["uav"] == uav
-        _write_table(sequence / "det" / "det.txt", (), _mot_rows(found, np.full(len(seen), -1), seen))
+        _write_table(sequence / "det" / "det.txt", (), _list_mot_rows(found, np.full(len(seen), -1), seen))
         reported = (tracks["uav"] == uav) & tracks["reported"]
-        _write_table(folder / "tracks" / f"uav{uav}.txt", (), _mot_rows(tracks, tracks["id"] + 1, reported))
+        _write_table(folder / "tracks" / f"uav{uav}.txt", (), _list_mot_rows(tracks, tracks["id"] + 1, reported))
         size = camera.pixels
         facts = [f"name=uav{uav}", "imDir=img1", f"frameRate={scenario.rates.sensing}"]
         facts += [f"seqLength={len(recording.times)}", f"imWidth={size}", f"imHeight={size}", "imExt=.png"]
@@ -92,13 +92,13 @@ TARGETS: dict[str, Callable[[Recording, Path], None]] = {
 }
 
 
-def _mot_rows(table: Columns, ids: Indices, where: Flags | None = None) -> Rows:
+def _list_mot_rows(table: Columns, ids: Indices, where: Flags | None = None) -> Rows:
     """Rows of frame (from 1), id (from 1, or -1), box -1, confidence 1, position on the ground."""
-    for k, id_, x, y in _rows({**table, "id": ids}, ("scan", "id", "x", "y"), where):
+    for k, id_, x, y in _list_rows({**table, "id": ids}, ("scan", "id", "x", "y"), where):
         yield [k + 1, id_, -1, -1, -1, -1, 1, x, y, 0]
 
 
-def _scan_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
+def _list_scan_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
     """A row for each measurement, and an empty one for each scan without measurements."""
     for k, uav in np.argwhere(recording.frames_taken).tolist():
         scan = recording.scan_at(k, uav)
@@ -109,7 +109,7 @@ def _scan_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
             yield [scan.time, uav, *[""] * 5, *pose]
 
 
-def _measurements(recording: Recording) -> Columns:
+def _list_measurements(recording: Recording) -> Columns:
     """Position [m] and entries of the covariance [m²] of each measurement."""
     k, uav = recording.cells(recording.measurement_offsets)
     (x, y), R = recording.measurements.T, recording.measurement_covariances
@@ -117,7 +117,7 @@ def _measurements(recording: Recording) -> Columns:
     return {"scan": k, "uav": uav, "time": recording.times[k], "x": x, "y": y, **entries}
 
 
-def _tracks(recording: Recording) -> Columns:
+def _list_tracks(recording: Recording) -> Columns:
     """Each track of working UAVs: id, mark of a reported one, state, covariance and existence (NaN if it has none)."""
     k, uav = recording.cells(recording.track_offsets)
     row, column = np.triu_indices(len(STATE))
@@ -135,14 +135,14 @@ def _tracks(recording: Recording) -> Columns:
     return {name: values[works] for name, values in columns.items()}
 
 
-def _truth(recording: Recording) -> Columns:
+def _list_truth(recording: Recording) -> Columns:
     """Position [m] and velocity [m/s] of each person present."""
     k, person = np.nonzero(~np.isnan(recording.people[:, :, 0]))
     state = np.hstack([recording.people[k, person], velocities(recording)[k, person]])
     return {"scan": k, "person": person, "time": recording.times[k], **dict(zip(STATE, state.T, strict=True))}
 
 
-def _rows(table: Columns, names: Sequence[str], where: Flags | None = None) -> Iterator[tuple[Any, ...]]:
+def _list_rows(table: Columns, names: Sequence[str], where: Flags | None = None) -> Iterator[tuple[Any, ...]]:
     """Rows of the named columns as Python numbers; where (N,): the rows to take, by default all."""
     columns = (table[name] if where is None else table[name][where] for name in names)
     return zip(*(column.tolist() for column in columns), strict=True)

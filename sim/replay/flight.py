@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, map_extent
-from sim.drawing.plots import ospa_figure
+from sim.drawing.plots import draw_ospa_figure
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import planner_title
+from sim.evaluation.summary import format_planner_title
 from sim.recording.archive import find_recording, save
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES, columns, event_columns
 from sim.replay.event import Event, find_ends
 from sim.replay.events import events_of
-from sim.replay.frames.frame_panels import draw, scans_between
+from sim.replay.frames.frame_panels import draw, find_scans
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 from sim.replay.timeline import timeline_figure
@@ -75,7 +75,7 @@ class Flight:
 
     def ospa_figure(self) -> Figure:
         """OSPA over time."""
-        return ospa_figure(self.recording.times, self.recording.ospa)
+        return draw_ospa_figure(self.recording.times, self.recording.ospa)
 
     def timeline_figure(self) -> Figure:
         """The timeline: the states of each person in the cameras and to the tracks."""
@@ -83,7 +83,7 @@ class Flight:
 
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""
-        (k,) = scans_between(self.recording, time, None, name="time")
+        (k,) = find_scans(self.recording, time, None, name="time")
         width, height = map_extent(self.scenario)
         size = (_MAP, round(_MAP / (width / height)))
         view = MapView(self.scenario, self.recording.forest, size)
@@ -97,7 +97,7 @@ class Flight:
         uavs = len(self.scenario.uavs)
         if not 0 <= uav < uavs:
             raise InputError(f"uav: there is no UAV {uav}; allowed are 0 to {uavs - 1}")
-        (k,) = scans_between(self.recording, time, None, uav, name="time")
+        (k,) = find_scans(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
             return _picture(draw(again, k, uav, size=640))
 
@@ -113,7 +113,7 @@ class Flight:
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         parts = [
-            f"{planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
+            f"{format_planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
             f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{' (interrupted)' * r.interrupted}",
             f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
             f"OSPA mean {mean}, {share} under 1 m",

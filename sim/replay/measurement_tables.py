@@ -81,11 +81,11 @@ def _read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
             if scans:
                 yield _make_scans(time, scans)
             time, scans = now, {}
-        uav, pose = row.integer("uav"), _pose(row)
+        uav, pose = row.integer("uav"), _read_pose(row)
         scan = scans.setdefault(uav, _ScanRows(pose, {}))
         if pose != scan.pose:
             raise row.error("camera_x", "the camera has another pose in another row of this scan")
-        measurement = _measurement(row, scan)
+        measurement = _read_measurement(row, scan)
         if measurement in scan.measurements:
             raise row.error("x", f"the same measurement of this scan is in {scan.measurements[measurement]}")
         scan.measurements[measurement] = f"line {row.line}"
@@ -113,7 +113,7 @@ def read_forest(path: _Path) -> Forest:
     return Forest(read_stem_map(Path(path), "trees", Trees(), least=0.0).trees)
 
 
-def _pose(row: Row) -> list[float]:
+def _read_pose(row: Row) -> list[float]:
     """Position and unit quaternion of the camera."""
     pose = [row.number(name) for name in POSE]
     norm = float(length(np.array(pose[3:])))
@@ -122,7 +122,7 @@ def _pose(row: Row) -> list[float]:
     return pose
 
 
-def _measurement(row: Row, scan: _ScanRows) -> tuple[float, ...]:
+def _read_measurement(row: Row, scan: _ScanRows) -> tuple[float, ...]:
     """Position and covariance, or nothing; InputError if the row contradicts earlier rows of its scan."""
     if () in scan.measurements:
         raise row.error("x", "this scan has another row, without a measurement")

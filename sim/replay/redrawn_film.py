@@ -11,7 +11,7 @@ import av
 
 from sim.drawing.film import AS_FLOWN, Film, Video, add_stream
 from sim.drawing.lettering import Image
-from sim.evaluation.summary import planner_title
+from sim.evaluation.summary import format_planner_title
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.scenario import Scenario
@@ -42,7 +42,7 @@ def write_film(
     """
     scenario = recording.setting
     film = Film(
-        scenario, recording.forest, planner=planner_title(recording.planner, recording.sees_truth), layout=layout
+        scenario, recording.forest, planner=format_planner_title(recording.planner, recording.sees_truth), layout=layout
     )
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
@@ -78,7 +78,7 @@ def shrink_film(content: bytes, size: int) -> bytes:
     return out.getvalue()
 
 
-def film_content(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
+def redraw_film(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
     """The content of the film that a run makes, drawn again."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "mission.mp4"

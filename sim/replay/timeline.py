@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
-from sim.drawing.plots import draw_mean, new_figure, order_by_rows, rgb
+from sim.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.replay.event import IDENTITIES, Event, find_ends, lanes
@@ -84,7 +84,7 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     widest = max((len(row.uavs) for row in places.rows), default=uavs)
     lane = float(np.clip(0.5 / (widest + 1), 0.06, 0.12)) * (1.0 if len(places.rows) <= 8 else 0.75)  # inches
     height = places.bottom * lane
-    with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
+    with open_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
         shades = _draw_people(above, history, events, places)
         _name_rows(above, history, places)

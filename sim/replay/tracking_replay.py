@@ -90,8 +90,8 @@ def _read_state(tracker: Member) -> TrackerState:
 
 
 def _are_equal(made: tuple[Track, ...], recorded: tuple[Track, ...]) -> bool:
-    return [_bits(track) for track in made] == [_bits(track) for track in recorded]
+    return [_read_bits(track) for track in made] == [_read_bits(track) for track in recorded]
 
 
-def _bits(track: Track) -> tuple[int, bytes, bytes]:
+def _read_bits(track: Track) -> tuple[int, bytes, bytes]:
     return track.id, track.belief.mean.tobytes(), track.belief.covariance.tobytes()

@@ -43,12 +43,12 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
     if reason:
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
     setting = recording.setting
-    with _world(recording) as world:
-        cones = [_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(setting.uavs)]
+    with _open_world(recording) as world:
+        cones = [_add_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(setting.uavs)]
         _set_scene(world.engine, setting.area)
         say("Q or Esc closes it, the space bar pauses; turn the view with Ctrl and the mouse, zoom with the wheel.")
         try:
-            for moment in _moments(world.engine, recording.times[list(scans)], speed):
+            for moment in _list_moments(world.engine, recording.times[list(scans)], speed):
                 _place(world, cones, recording, moment)
         except pybullet.error:
             if world.engine.isConnected():
@@ -56,7 +56,7 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
 
 
 @contextmanager
-def _world(recording: Recording) -> Iterator[World]:
+def _open_world(recording: Recording) -> Iterator[World]:
     """The world of a recording in a window, without the engine's output."""
     options = f"--width={_SIZE[0]} --height={_SIZE[1]}"
     with silence_c_code():
@@ -83,7 +83,7 @@ def _set_scene(engine: Engine, area: Area) -> None:
     engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * area.height, 0.0))
 
 
-def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
+def _add_cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
     """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
     half = length * math.tan(camera.fov / 2)
     corners = [[x * half, y * half, -length] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
@@ -97,7 +97,7 @@ def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
     return int(engine.createMultiBody(0.0, -1, shape))
 
 
-def _moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
+def _list_moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
     """The times [s] to show from the first to the last, at the pace of the clock, until a key ends it."""
     now = float(times[0])
     before = time.monotonic()
@@ -123,13 +123,13 @@ def _place(world: World, cones: Sequence[int], recording: Recording, moment: flo
     people = recording.people[k] + share * (recording.people[after] - recording.people[k])
     people = np.where(np.isnan(people), recording.people[k], people)
     world.place_people(people, recording.headings[k])
-    world.place_uavs(_poses(recording.poses[k], recording.poses[after], share))
-    for i, pose in enumerate(_poses(recording.cameras[k], recording.cameras[after], share)):
+    world.place_uavs(_interpolate_poses(recording.poses[k], recording.poses[after], share))
+    for i, pose in enumerate(_interpolate_poses(recording.cameras[k], recording.cameras[after], share)):
         place = pose.position if recording.working[k, i] else np.array([0.0, 0.0, -1000.0])
         world.engine.resetBasePositionAndOrientation(cones[i], place.tolist(), pose.quaternion.tolist())
 
 
-def _poses(rows: Array, following: Array, share: float) -> list[Pose]:
+def _interpolate_poses(rows: Array, following: Array, share: float) -> list[Pose]:
     """Poses at a share of the way from rows (n, 7) to the following ones."""
     same = np.sign(np.sum(rows[:, 3:] * following[:, 3:], axis=1, keepdims=True))
     turned = (1 - share) * rows[:, 3:] + share * same * following[:, 3:]

@@ -29,7 +29,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
         Entry("planner", answer.planner, {"planner": answer.planner, "metric": metric.name}, "answer"),
         Entry(
             "maps",
-            _maps(answer),
+            _format_maps(answer),
             {
                 "maps": answer.maps,
                 "flown": answer.flown,
@@ -39,18 +39,18 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "answer",
         ),
-        Entry("mean", answer.mean.text(metric), _ends("mean", answer.mean), "cell"),
-        Entry("median", answer.median.text(metric), _ends("median", answer.median), "cell", wide_only=True),
+        Entry("mean", answer.mean.text(metric), _list_ends("mean", answer.mean), "cell"),
+        Entry("median", answer.median.text(metric), _list_ends("median", answer.median), "cell", wide_only=True),
         Entry(
             f"minus {baseline}",
             ("* " if gap.survives else "") + gap.mean.text(metric, signed=True),
-            _ends("difference", gap.mean),
+            _list_ends("difference", gap.mean),
             "difference",
             if_empty="baseline",
         ),
         Entry(
             "won, tied,\nlost",
-            _record(gap, metric),
+            _format_record(gap, metric),
             {
                 "baseline": baseline,
                 "pairs": gap.pairs,
@@ -63,30 +63,30 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
             },
             "difference",
         ),
-        Entry("maps\nneeded", _maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
+        Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.of] else e for e in entries]
 
 
-def _ends(name: str, estimate: Estimate) -> dict[str, Value]:
+def _list_ends(name: str, estimate: Estimate) -> dict[str, Value]:
     """Fields of an estimate: its value and the ends of its interval."""
     return {name: estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
 
 
-def _maps(answer: Answer) -> str:
+def _format_maps(answer: Answer) -> str:
     if answer.cell is None:
         return f"{answer.difference.cells} cells" if answer.difference else ""
     return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
 
 
-def _record(gap: Difference, metric: Metric) -> str:
+def _format_record(gap: Difference, metric: Metric) -> str:
     if metric.better == "neither" or not gap.pairs:
         return UNKNOWN
     return f"{gap.won}, {gap.tied}, {gap.lost}"
 
 
-def _maps_needed(gap: Difference) -> str:
+def _format_maps_needed(gap: Difference) -> str:
     if math.isinf(gap.needed):
         return f"> {MOST_MAPS}" if gap.mean.value else UNKNOWN
     return UNKNOWN if math.isnan(gap.needed) else str(round(gap.needed))

@@ -9,7 +9,7 @@ from sim.analysis.answers import Answer
 from sim.report.answer_columns import make_entries
 
 
-def comma_separated(found: Sequence[Answer], baseline: str) -> str:
+def format_csv(found: Sequence[Answer], baseline: str) -> str:
     """CSV with one line per cell, planner and metric; values in SI units, empty if undefined."""
     names = list(dict.fromkeys(name for answer in found for name, _ in answer.cell or ()))
     text = io.StringIO()

@@ -19,7 +19,7 @@ class Section(NamedTuple):
     html: str
 
 
-def page(title: str, opening: str, sections: Sequence[Section]) -> str:
+def make_page(title: str, opening: str, sections: Sequence[Section]) -> str:
     """The page: the HTML before the contents, the contents, and the sections."""
     links = "\n".join(f'<a href="#section-{n}">{escape(s.heading)}</a>' for n, s in enumerate(sections, start=1))
     parts = [f'<h2 id="section-{n}">{escape(s.heading)}</h2>\n{s.html}' for n, s in enumerate(sections, start=1)]
@@ -28,7 +28,7 @@ def page(title: str, opening: str, sections: Sequence[Section]) -> str:
     return Template(template).substitute(title=escape(title), style=style.rstrip(), body=body)
 
 
-def bullet_list(lines: Iterable[str]) -> str:
+def make_bullet_list(lines: Iterable[str]) -> str:
     """An HTML list of plain lines."""
     return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
 
@@ -38,7 +38,7 @@ def make_paragraph(text: str, kind: str = "") -> str:
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
-def command_line(text: str) -> str:
+def make_command_line(text: str) -> str:
     """A command line that one click selects."""
     return f'<code class="command">{escape(text)}</code>'
 
@@ -49,11 +49,11 @@ def make_titled_tables(tables: Iterable[Table]) -> str:
     for table in tables:
         better = table.metric.better if table.metric else "neither"
         aim = f'<span class="soft">: {better} is better</span>' if better != "neither" else ""
-        parts.append(f"<h3>{escape(table.title)}{aim}</h3>\n{html_table(table)}")
+        parts.append(f"<h3>{escape(table.title)}{aim}</h3>\n{make_html_table(table)}")
     return "\n".join(parts)
 
 
-def html_table(table: Table) -> str:
+def make_html_table(table: Table) -> str:
     """A table, with a heading above the rows of each cell."""
     heads = [head.replace("\n", " ") for head in table.heads]
     html = []
@@ -71,12 +71,12 @@ def html_table(table: Table) -> str:
 def make_table_element(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
     """The HTML element of a table from its headings and its rows of HTML."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "\n".join(_labelled(row, heads) for row in rows)
+    body = "\n".join(_label_cells(row, heads) for row in rows)
     text = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>'
     return f'<div class="wide">{text}</div>'
 
 
-def _labelled(row: str, heads: Sequence[str]) -> str:
+def _label_cells(row: str, heads: Sequence[str]) -> str:
     """A row whose cells contain their headings, for narrow screens; cells that span columns have none."""
     names = iter(heads)
     return re.sub(r"<td\b(?! colspan)", lambda _: f'<td data-head="{escape(next(names))}"', row)

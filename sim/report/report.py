@@ -13,26 +13,26 @@ from pathlib import Path
 
 from sim.analysis.answers import Answer, find_answers
 from sim.analysis.cell_text import SYMBOLS, append_cell, cell_text
-from sim.analysis.groups import Group, constant_factors, drop_constant_factors, group_rows, varying_factors
-from sim.analysis.metric_choice import RUNTIME, available, choose_metrics, metric_shown
+from sim.analysis.groups import Group, drop_constant_factors, find_constant_factors, find_varying_factors, group_rows
+from sim.analysis.metric_choice import RUNTIME, choose_metrics, find_shown_metric, list_available
 from sim.analysis.normalised_score import score_planners
-from sim.analysis.planner_labels import baseline_of, format_entrant
+from sim.analysis.planner_labels import find_baseline, format_entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
-from sim.report.csv_table import comma_separated
-from sim.report.figures.pictures import Picture, draw_pictures, runtime_pictures, score_picture
+from sim.report.csv_table import format_csv
+from sim.report.figures.pictures import Picture, draw_pictures, draw_runtime_pictures, draw_score_picture
 from sim.report.html_parts import (
     Section,
-    bullet_list,
-    command_line,
-    html_table,
+    make_bullet_list,
+    make_command_line,
+    make_html_table,
+    make_page,
     make_paragraph,
     make_titled_tables,
-    page,
 )
-from sim.report.sentences import notes, shortfalls, write_verdict
-from sim.report.single_trials import list_failures, maps
-from sim.report.tables import make_answer_tables, runtime_tables, score_table
+from sim.report.sentences import list_shortfalls, write_notes, write_verdict
+from sim.report.single_trials import list_failures, show_extreme_maps
+from sim.report.tables import make_answer_tables, make_runtime_tables, make_score_table
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.errors import InputError
@@ -101,39 +101,52 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
 
 def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     """The files of a report by name."""
-    baseline = baseline_of(rows, about.baseline, about.labels)
+    baseline = find_baseline(rows, about.baseline, about.labels)
     every = group_rows(rows, baseline, about.labels)
     groups, metrics = drop_constant_factors(every), choose_metrics(rows, about.metrics)
     found = find_answers(groups, metrics, baseline)
-    times = find_answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
-    drawn, timing = draw_pictures(groups, baseline, metrics), runtime_pictures(groups)
+    times = find_answers(
+        groups, [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)], baseline
+    )
+    drawn, timing = draw_pictures(groups, baseline, metrics), draw_runtime_pictures(groups)
     scores = score_planners(rows, groups, about.score, about.labels)
-    scoring = [score_picture(scores.scores, scores.ends)] if scores else []
-    table = score_table(scores, groups) if scores else None
+    scoring = [draw_score_picture(scores.scores, scores.ends)] if scores else []
+    table = make_score_table(scores, groups) if scores else None
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
     full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
     sections = [
-        Section("In short", _in_short(found, baseline, metrics[0])),
-        Section("What was run", _what_was_run(rows, every, about, baseline)),
-        *([Section("Scores", make_paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
-        Section("Results", f"{bullet_list(notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}"),
-        Section("Figures", _figures(drawn)),
-        *([Section("Run time", _figures(timing) + make_titled_tables(runtime_tables(times)))] if times else []),
-        *_trials(groups, every, metrics[0]),
-        Section("How to read this", bullet_list(_HOW_TO_READ)),
+        Section("In short", _write_verdicts(found, baseline, metrics[0])),
+        Section("What was run", _describe_study(rows, every, about, baseline)),
+        *(
+            [Section("Scores", make_paragraph(table.note) + make_html_table(table) + _embed_figures(scoring))]
+            if table
+            else []
+        ),
+        Section(
+            "Results",
+            f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
+        ),
+        Section("Figures", _embed_figures(drawn)),
+        *(
+            [Section("Run time", _embed_figures(timing) + make_titled_tables(make_runtime_tables(times)))]
+            if times
+            else []
+        ),
+        *_make_trial_sections(groups, every, metrics[0]),
+        Section("How to read this", make_bullet_list(_HOW_TO_READ)),
     ]
     opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
     files = {
-        "report.html": page(f"{about.study}: understory", opening, sections).encode(),
-        "table.csv": comma_separated(full_answers, baseline).encode(),
+        "report.html": make_page(f"{about.study}: understory", opening, sections).encode(),
+        "table.csv": format_csv(full_answers, baseline).encode(),
     }
     for picture in (*drawn, *timing, *scoring):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
 
 
-def _figures(pictures: Sequence[Picture]) -> str:
+def _embed_figures(pictures: Sequence[Picture]) -> str:
     """Pictures within the page, as SVG unless PNG is much smaller."""
     parts = []
     for picture in pictures:
@@ -146,8 +159,8 @@ def _figures(pictures: Sequence[Picture]) -> str:
     return "\n".join(parts)
 
 
-def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[Section]:
-    table, places = maps(groups, metric)
+def _make_trial_sections(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[Section]:
+    table, places = show_extreme_maps(groups, metric)
     failed = sum(len(group.failed) for group in every)
     heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     of_each = f"For each planner separately, by {metric.title}."
@@ -161,7 +174,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
     ]
 
 
-def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
+def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     """Verdicts by one metric, with a sentence for each planner, and remarks on omitted trials and faults."""
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     of_metric = [answer for answer in found if answer.metric == metric]
@@ -171,24 +184,24 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
         for answer in of_metric
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
-    left_out = shortfalls(of_metric)
+    left_out = list_shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     flown = max(answer.flown for answer in of_metric)
     counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
-    return bullet_list(lines) + (
-        (make_paragraph(counted) if sentences else "") + bullet_list(left_out) if left_out else ""
+    return make_bullet_list(lines) + (
+        (make_paragraph(counted) if sentences else "") + make_bullet_list(left_out) if left_out else ""
     )
 
 
-def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
-    seeds, changing = sorted({row.seed for row in rows}), varying_factors(every)
+def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
+    seeds, changing = sorted({row.seed for row in rows}), find_varying_factors(every)
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     planners = dict.fromkeys(format_entrant(row) for group in every for row in (*group.done, *group.failed))
     facts = [
         ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
-        ("everywhere", cell_text(constant_factors(every))),
+        ("everywhere", cell_text(find_constant_factors(every))),
         ("set for all trials", ", ".join(sorted(settings))),
         *((f"{SYMBOLS.get(name, name)} varies", ", ".join(values)) for name, values in changing.items()),
         ("planners", "; ".join(planners)),
@@ -199,18 +212,18 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
         ("trials", f"{len(rows) - failed} done, {failed} failed"),
         ("time of all trials, added up", "" if about.wall_s is None else format_duration(about.wall_s)),
         ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
-        ("hash of all recordings", _recordings_hash(rows)),
+        ("hash of all recordings", _hash_recordings(rows)),
         ("report made on", about.machine),
         ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
     ]
     lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts if value]
     text = "<dl>\n" + "\n".join(lines) + "\n</dl>"
     return text + (
-        make_paragraph("The command that runs it again:") + command_line(about.command) if about.command else ""
+        make_paragraph("The command that runs it again:") + make_command_line(about.command) if about.command else ""
     )
 
 
-def _recordings_hash(rows: Sequence[Row]) -> str:
+def _hash_recordings(rows: Sequence[Row]) -> str:
     """SHA-256 over the hashes of all recordings, whatever the order of the rows; equal if all missions are equal."""
     hashes = sorted(row.recording for row in rows if row.recording)
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""

@@ -25,13 +25,13 @@ def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, 
     within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
     counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
-    apart = f"{planner} {_direction(metric, gap)} {baseline}"
+    apart = f"{planner} {_name_direction(metric, gap)} {baseline}"
     alike = ", being equal on every map" if gap.tied == gap.pairs else ""
     start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart{alike}"
-    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
+    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown)}".strip()
 
 
-def _remark(gap: Difference, shown: int) -> str:
+def _write_remark(gap: Difference, shown: int) -> str:
     if gap.significant:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
@@ -40,14 +40,14 @@ def _remark(gap: Difference, shown: int) -> str:
     return (few if gap.pairs < 6 else "") + (needed if math.isfinite(gap.needed) else "")
 
 
-def _direction(metric: Metric, gap: Difference) -> str:
+def _name_direction(metric: Metric, gap: Difference) -> str:
     above = gap.mean.value > 0
     if metric.better == "neither":
         return "is above" if above else "is below"
     return "is better than" if above == (metric.better == "higher") else "is worse than"
 
 
-def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
+def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
     """Notes below the tables of these answers, one line each; wide: as for `make_answer_tables`."""
     compared = [answer.difference.pairs for answer in found if answer.difference and answer.difference.pairs]
     counted = [answer.maps for answer in found if answer.maps > 1]
@@ -66,13 +66,13 @@ def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
         chance = f"{100 * POWER:.0f} %"
         lines.append(f"Maps needed: so many maps show a difference of this size with a probability of {chance}.")
     if len(compared) > 1:
-        lines.append(_correction_note(compared))
+        lines.append(_write_correction_note(compared))
     if any(answer.trials + answer.failed > answer.flown for answer in found):
         lines.append("Each map counts once, with the mean of its repeats.")
     return lines
 
 
-def _correction_note(pairs: Sequence[int]) -> str:
+def _write_correction_note(pairs: Sequence[int]) -> str:
     """Note on the star, or on its absence if there are too few maps: no p-value of n maps is below 2 / 2ⁿ."""
     chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
     needed = math.ceil(math.log2(2 * len(pairs) / chance))
@@ -81,7 +81,7 @@ def _correction_note(pairs: Sequence[int]) -> str:
     return f"* survives {shown} ({100 * chance:.0f} %)."
 
 
-def shortfalls(found: Sequence[Answer]) -> list[str]:
+def list_shortfalls(found: Sequence[Answer]) -> list[str]:
     """Remarks on incomplete numbers, one line each: failed trials, undefined values, faults and maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:

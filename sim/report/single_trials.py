@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, slug
+from sim.analysis.cell_text import Cell, cell_text, make_slug
 from sim.analysis.groups import Group
 from sim.analysis.planner_labels import format_entrant
 from sim.evaluation.metric import Metric
-from sim.report.html_parts import command_line, make_table_element
+from sim.report.html_parts import make_command_line, make_table_element
 from sim.scenario.random_streams import format_seed
 from sim.study.tasks import Row
 
 
-def command(row: Row) -> str:
+def format_command(row: Row) -> str:
     """The command line that flies a trial again, for a POSIX shell."""
     words = ["understory", "run", row.scenario, "--planner", row.planner, "--seed", str(row.seed)]
     if row.repeat:
@@ -34,7 +34,7 @@ class _Extreme(NamedTuple):
     remark: str  # on equal trials
 
 
-def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
+def show_extreme_maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     """Tables of best and worst maps and, linked from these, their commands; groups without a finite value are left out.
 
     If neither direction is better, they are the maps with the least and the greatest value. The first of several equal
@@ -46,16 +46,16 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     places: list[str] = []
     for group in groups:
         cells = []
-        ends = _extremes(group, metric, names)
+        ends = _find_extremes(group, metric, names)
         for what, row, remark in ends:
             value = metric.text(row.metrics[metric.name])
             flown = format_seed(row.seed, row.repeat)
-            name = f"map-{len(places)}-{slug(f'{format_entrant(row)} {flown}')}"
+            name = f"map-{len(places)}-{make_slug(f'{format_entrant(row)} {flown}')}"
             link = f'<a href="#{name}">{flown}</a>{remark}'
             one = f'<td colspan="4">{escape(value)}, {link}</td>'  # neither best nor worst
             cells.append(f"<td>{escape(value)}</td><td>{link}</td>" if len(ends) > 1 else one)
             text = f"{_label(group.cell, row)}: {what}{value} {metric.unit}".rstrip() + remark
-            places.append(f'<div class="map" id="{name}">{escape(text)}{command_line(command(row))}</div>')
+            places.append(f'<div class="map" id="{name}">{escape(text)}{make_command_line(format_command(row))}</div>')
         if cells:
             cell = f"<td>{escape(cell_text(group.cell))}</td>" * several
             rows.append(f'<tr>{cell}<td class="name">{escape(group.planner)}</td>{"".join(cells)}</tr>')
@@ -66,7 +66,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     return make_table_element(heads, rows, "left"), "\n".join(places)
 
 
-def _extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:
+def _find_extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:
     """The best and the worst trial; only one if all are equal."""
     values = group.values(metric.name)
     finite = np.flatnonzero(np.isfinite(values))
@@ -88,7 +88,7 @@ def list_failures(groups: Sequence[Group]) -> str:
     failed = [(group.cell, row) for group in groups for row in group.failed]
     return "\n".join(
         f'<div class="map failed" id="failure-{number}">{escape(_label(cell, row))}: '
-        f"<strong>{escape(row.error or 'no error')}</strong>{command_line(command(row))}</div>"
+        f"<strong>{escape(row.error or 'no error')}</strong>{make_command_line(format_command(row))}</div>"
         for number, (cell, row) in enumerate(failed, start=1)
     )
 

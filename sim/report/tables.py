@@ -47,7 +47,7 @@ def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = T
     return listed
 
 
-def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
+def make_score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     """Table with a row per cell: the metric of floor and bound, and the score of each planner with its interval."""
     found, metric, ends = scored
     planners = list(dict.fromkeys(score.planner for score in found))
@@ -69,7 +69,7 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     return Table(SCORES, heads, rows, note=note)
 
 
-def runtime_tables(found: Sequence[Answer]) -> list[Table]:
+def make_runtime_tables(found: Sequence[Answer]) -> list[Table]:
     """Tables with a row for each cell and a column for each planner, as in [Li22]."""
     own = [answer for answer in found if answer.cell is not None]
     planners = list(dict.fromkeys(answer.planner for answer in own))

@@ -11,13 +11,13 @@ from rich.markup import escape
 
 from sim.analysis.answers import find_answers
 from sim.analysis.cell_text import cell_text
-from sim.analysis.groups import constant_factors, drop_constant_factors, group_rows
+from sim.analysis.groups import drop_constant_factors, find_constant_factors, group_rows
 from sim.analysis.metric_choice import choose_metrics
 from sim.analysis.normalised_score import score_planners
-from sim.analysis.planner_labels import baseline_of, short_labels
+from sim.analysis.planner_labels import find_baseline, shorten_labels
 from sim.report.report import About
-from sim.report.sentences import notes, shortfalls
-from sim.report.tables import Table, make_answer_tables, score_table
+from sim.report.sentences import list_shortfalls, write_notes
+from sim.report.tables import Table, make_answer_tables, make_score_table
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
@@ -30,31 +30,31 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
 
     Options that all planners of one name share are not in the tables but listed below them.
     """
-    first = baseline_of(rows, about.baseline, about.labels)
+    first = find_baseline(rows, about.baseline, about.labels)
     whole = group_rows(rows, first, about.labels)
-    groups, everywhere = drop_constant_factors(whole), constant_factors(whole)
+    groups, everywhere = drop_constant_factors(whole), find_constant_factors(whole)
     full = find_answers(groups, choose_metrics(rows, about.metrics), first)
-    shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
+    shorts = shorten_labels(list(dict.fromkeys(answer.planner for answer in full)))
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     wide = on.width >= _WIDE
     for table in make_answer_tables(found, shorts[first], wide=wide):
-        on.print(_terminal_table(table, on.width))
+        on.print(_make_terminal_table(table, on.width))
     if scores := score_planners(rows, groups, about.score, about.labels):
-        table = score_table(scores, groups)
-        on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads]), on.width))
+        table = make_score_table(scores, groups)
+        on.print(_make_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads]), on.width))
         on.print(escape(table.note), style="dim")
     for label, short in {**about.labels, **shorts}.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
-    for note in notes(found, wide=wide):
+    for note in write_notes(found, wide=wide):
         on.print(escape(note), style="dim")
-    for line in shortfalls(found):
+    for line in list_shortfalls(found):
         on.print(escape(line), style="bold red")
 
 
-def _terminal_table(shown: Table, width: int) -> rich.table.Table:
+def _make_terminal_table(shown: Table, width: int) -> rich.table.Table:
     table = rich.table.Table(
         title=escape(shown.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )

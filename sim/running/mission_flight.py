@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 from planning.planner import Planner
-from planning.planner_loading import PlannerError, load_planner, planner_target
+from planning.planner_loading import PlannerError, find_planner_target, load_planner
 from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
@@ -42,7 +42,7 @@ def fly_mission(
                     break
     wall = time.perf_counter() - start
     return Outcome(
-        recording_of(mission, recorder, trial.planner),
+        make_recording(mission, recorder, trial.planner),
         seconds={**mission.clock.seconds, "start_up": start_up},
         wall_s=wall,
         faults=mission.faults,
@@ -59,7 +59,7 @@ def make_mission(trial: Trial, planner: Planner | None = None) -> Mission:
         return Mission(trial.scenario, planner, trial.seed, trial.repeat)
 
 
-def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recording:
+def make_recording(mission: Mission, recorder: Recorder, planner: str) -> Recording:
     """Recording of the scans flown so far; it is marked as interrupted unless these are all."""
     return recorder.recording(
         scenario=encode_scenario(mission.scenario),
@@ -74,4 +74,4 @@ def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recordin
 def is_built_in(trial: Trial) -> bool:
     """True if no plug-in from outside flies in a mission; InputError if there is no planner of that name."""
     parts = all(name in registry.built_in for registry, name in trial.scenario.plugins)
-    return planner_target(trial.planner).startswith("planning.") and parts
+    return find_planner_target(trial.planner).startswith("planning.") and parts

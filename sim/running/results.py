@@ -12,18 +12,18 @@ from planning.planner_loading import load_planner
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import save as save_figure
 from sim.evaluation.catalogue import find_metric
-from sim.evaluation.summary import planner_title, summarise
+from sim.evaluation.summary import format_planner_title, summarise
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.recording.archive import save
-from sim.recording.atomic_files import new_folder
+from sim.recording.atomic_files import make_new_folder
 from sim.recording.recorder import Recorder
 from sim.replay.flight import Flight
 from sim.replay.page.page import omission, write_page
-from sim.running.mission_flight import fly_mission, recording_of
+from sim.running.mission_flight import fly_mission, make_recording
 
 
 class Stop(Protocol):
@@ -61,7 +61,7 @@ def run_mission(
     far are kept and marked as interrupted. A second Ctrl-C, or one before take-off, is a KeyboardInterrupt and leaves
     nothing. InputError if the input is wrong.
     """
-    with new_folder(out) as folder:
+    with make_new_folder(out) as folder:
         results = Results(folder, out, video, metrics)
         return fly_into(results, trial, stopping=stop_request, progress=progress, say=say)
 
@@ -85,7 +85,7 @@ def fly_into(
         @contextmanager
         def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
             stop = from_take_off.enter_context(stopping())
-            with _film(trial, mission, film) as add:
+            with _open_film(trial, mission, film) as add:
 
                 def watch(snapshot: Snapshot) -> bool:
                     add(snapshot)
@@ -117,12 +117,12 @@ def _check_plug_ins(trial: Trial, metrics: Sequence[str]) -> None:
 
 
 @contextmanager
-def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callable[[Snapshot], None]]:
+def _open_film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callable[[Snapshot], None]]:
     """Yield a function that adds snapshots to the film at `path`, if any; its time counts as that of the video."""
     if path is None:
         yield lambda snapshot: None
         return
-    title = planner_title(trial.planner, mission.sees_truth)
+    title = format_planner_title(trial.planner, mission.sees_truth)
     film = Film(trial.scenario, mission.forest, planner=title)
     video = Video(path, film, fps=trial.scenario.rates.sensing)
 
@@ -147,7 +147,7 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
     recorder = Recorder(mission.repeat)
     for snapshot in snapshots:
         recorder.add(snapshot)
-    return Flight(recording_of(mission, recorder, planner))
+    return Flight(make_recording(mission, recorder, planner))
 
 
 def write_results(results: Results, flight: Flight) -> None:

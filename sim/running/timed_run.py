@@ -12,7 +12,7 @@ from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
-from sim.recording.atomic_files import new_folder
+from sim.recording.atomic_files import make_new_folder
 from sim.running.results import Results, fly_into
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
@@ -39,7 +39,7 @@ def run_with_timeout(
     stop, asked = CONTEXT.Event(), threading.Event()
     last: ScanProgress | None = None
     with (
-        new_folder(out) as folder,
+        make_new_folder(out) as folder,
         start_workers(1, _prepare, theirs, stop) as workers,
         ExitStack() as in_flight,
     ):

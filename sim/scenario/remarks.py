@@ -32,31 +32,31 @@ def find_remarks(scenario: Scenario) -> list[str]:
         scans = f"the last scan is at {last:g} s"
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
         found.append(f"duration: {scenario.duration:g} s is not a multiple of the {interval}; {scans}")
-    found += _about_trees(scenario.trees)
+    found += _remark_on_trees(scenario.trees)
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
     return (
         found
-        + _about_people(scenario.people)
-        + _about_unused_keys(scenario)
-        + _about_misses(scenario)
-        + _about_false_alarms(scenario)
-        + _about_clutter(scenario)
+        + _remark_on_people(scenario.people)
+        + _remark_on_unused_keys(scenario)
+        + _remark_on_misses(scenario)
+        + _remark_on_false_alarms(scenario)
+        + _remark_on_clutter(scenario)
         + find_small_people(scenario)
     )
 
 
-def _about_clutter(scenario: Scenario) -> list[str]:
+def _remark_on_clutter(scenario: Scenario) -> list[str]:
     """Remark if the tracker expects so much clutter that detections of people say little."""
     density = scenario.tracking.clutter_density
-    expected = density * min(_effective_area(scenario, uav) for uav in scenario.uavs)
+    expected = density * min(_compute_effective_area(scenario, uav) for uav in scenario.uavs)
     if expected < _MOST_CLUTTER:
         return []
     place = f"{spell(expected, 2)} false detections where a person's own would be"
     return [f"tracking.clutter_density: {density:g} per m2 means {place}; few tracks or none will begin"]
 
 
-def _effective_area(scenario: Scenario, uav: Uav) -> float:
+def _compute_effective_area(scenario: Scenario, uav: Uav) -> float:
     """Area [m²] over which measurements of a person halfway to the edge of a UAV's view scatter, 2 pi sqrt |R|."""
     noise = NoiseModel.range_bearing(uav.alpha)
     if scenario.sensing.noise == "camera":
@@ -90,7 +90,7 @@ _TREES = {
 }
 
 
-def _about_trees(trees: Trees) -> list[str]:
+def _remark_on_trees(trees: Trees) -> list[str]:
     """Remarks on keys of trees that another key leaves without effect."""
     found: dict[str, str] = {}
     for by, (keys, what) in _TREES.items():
@@ -101,7 +101,7 @@ def _about_trees(trees: Trees) -> list[str]:
     return [f"{', '.join(f'trees.{key}' for key in found if found[key] == why)}: not used, as {why}" for why in reasons]
 
 
-def _about_people(people: People) -> list[str]:
+def _remark_on_people(people: People) -> list[str]:
     """Remarks on keys of people that trajectories, or the lack of a way of walking, leave without effect."""
     default = People()
     if people.trajectories:
@@ -122,7 +122,7 @@ def _about_people(people: People) -> list[str]:
     ]
 
 
-def _about_unused_keys(scenario: Scenario) -> list[str]:
+def _remark_on_unused_keys(scenario: Scenario) -> list[str]:
     """Remarks on changed keys that the value of another key leaves without effect."""
     given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     found = []
@@ -134,7 +134,7 @@ def _about_unused_keys(scenario: Scenario) -> list[str]:
     return found
 
 
-def _about_misses(scenario: Scenario) -> list[str]:
+def _remark_on_misses(scenario: Scenario) -> list[str]:
     """Remark if the tracker expects less than half of the misses that the sensing has."""
     missed, expected = scenario.sensing.miss_probability, scenario.tracking.detection_probability
     if missed <= 2 * (1.0 - expected):
@@ -143,7 +143,7 @@ def _about_misses(scenario: Scenario) -> list[str]:
     return [f"{probability} that sensing.miss_probability means; misses will end tracks of people"]
 
 
-def _about_false_alarms(scenario: Scenario) -> list[str]:
+def _remark_on_false_alarms(scenario: Scenario) -> list[str]:
     """Remarks on settings of the tracker under which false alarms become tracks."""
     expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
     if expected == 0.0:

@@ -243,11 +243,11 @@ def _list_workloads(scenario: Scenario) -> Iterator[_Workload]:
         yield _Workload(
             "duration, rates.sensing, uavs and people.count", lines_of_sight, "lines of sight to people", 1e7
         )
-        lengths = [_length(path) for path in people.paths]
+        lengths = [_measure_length(path) for path in people.paths]
         yield _Workload(
             "people.paths, each as long as the longest,", len(lengths) * max(lengths, default=0.0), "m", _MOST_PATHS
         )
 
 
-def _length(path: Path) -> float:
+def _measure_length(path: Path) -> float:
     return math.fsum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))

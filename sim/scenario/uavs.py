@@ -61,7 +61,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"altitude {altitude:g} m with footprint {footprint:g} m {means}")
         fov_deg = 60.0 if math.isnan(fov_deg) else fov_deg
         if math.isnan(footprint):
-            footprint = 20.0 if altitude is UNSET else 2 * altitude * _half_tangent(fov_deg)
+            footprint = 20.0 if altitude is UNSET else 2 * altitude * _compute_half_tangent(fov_deg)
             if footprint > _WIDEST:
                 means = f"means a footprint of {spell(footprint, 3)} m; at most {_WIDEST} m are allowed"
                 raise ValueError(f"altitude {altitude:g} m with fov_deg {fov_deg:g} {means}")
@@ -71,7 +71,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def altitude(self) -> float:
         """Height of the camera above ground [m], at which the field of view has the edge `footprint`."""
-        return self.footprint / (2 * _half_tangent(self.fov_deg))
+        return self.footprint / (2 * _compute_half_tangent(self.fov_deg))
 
     @property
     def person_pixels(self) -> float:
@@ -80,7 +80,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         return _FROM_ABOVE / (edge * edge)
 
 
-def _half_tangent(angle_deg: float) -> float:
+def _compute_half_tangent(angle_deg: float) -> float:
     """Tangent of half an angle."""
     angle = math.radians(angle_deg)
     return sin(angle) / (1.0 + cos(angle))

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from planning.planner_loading import canonical_text, load_planner, planner_target
+from planning.planner_loading import find_planner_target, load_planner, make_canonical_text
 from sim.installation import ROOT
 from sim.scenario.csv_tables import MOST_BYTES
 from sim.scenario.loading import load
@@ -130,7 +130,12 @@ def get_release() -> str:
 def _load_cell(cell: Cell) -> tuple[Scenario, str]:
     """Scenario of a cell, and digest of all that decides a trial besides seed and repeat; InputError if it is wrong."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    parts = [encode_scenario(setting), canonical_text(cell.spec), get_release(), *_hash_user_files(setting, cell.spec)]
+    parts = [
+        encode_scenario(setting),
+        make_canonical_text(cell.spec),
+        get_release(),
+        *_hash_user_files(setting, cell.spec),
+    ]
     return setting, hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -160,7 +165,7 @@ def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
 def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
     """Digests of files outside of the package on which a trial depends: plug-ins, stem maps, people's trajectories."""
     made = load_planner(planner)
-    target = planner_target(planner)
+    target = find_planner_target(planner)
     plugins = [(target, import_plugin(target)), (target, type(made))]
     plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
     files = dict.fromkeys(file for target, plugin in plugins for file in _find_user_files(target, plugin))

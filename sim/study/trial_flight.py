@@ -9,12 +9,12 @@ import numpy as np
 from msgspec import Struct
 
 from sim.evaluation.catalogue import evaluate
-from sim.evaluation.machine import machine
+from sim.evaluation.machine import describe_machine
 from sim.evaluation.metric import Outcome
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
-from sim.recording.archive import digest, encode
+from sim.recording.archive import compute_digest, encode
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, get_release
@@ -70,16 +70,16 @@ def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
     row = Row(
         **task.shared,
         status="done",
-        metrics=_metrics(outcome, task.metrics),
+        metrics=_list_metrics(outcome, task.metrics),
         ospa=np.array(ospa, dtype=np.float32),
         times=recording.times,
-        recording=digest(recording),
-        machine=", ".join(machine().values()),
+        recording=compute_digest(recording),
+        machine=", ".join(describe_machine().values()),
     )
     return TrialResult(row, encode(recording) if keep else b"")
 
 
-def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
+def _list_metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
     """The metrics of a row and the time of every stage; NaN if there was nothing to count."""
     values = {
         **evaluate(outcome, asked),

@@ -14,9 +14,9 @@ from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
 from sim.analysis.answers import find_answers
-from sim.analysis.distributions import ecdf
+from sim.analysis.distributions import compute_ecdf
 from sim.analysis.groups import group_rows
-from sim.analysis.metric_choice import available, choose_metrics
+from sim.analysis.metric_choice import choose_metrics, list_available
 from sim.study.backends import Pool
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_dataframe
@@ -96,7 +96,7 @@ def rows(judged):
 
 def test_answers(benchmark, judged, rows):
     def work():
-        return find_answers(group_rows(rows, "sma-nbo"), choose_metrics(rows, available(rows)), "sma-nbo")
+        return find_answers(group_rows(rows, "sma-nbo"), choose_metrics(rows, list_available(rows)), "sma-nbo")
 
     found = benchmark.pedantic(work, rounds=3)
     assert len(found) == 16 * (len(rows) // (50 if judged else 5) + 3)
@@ -106,7 +106,7 @@ def test_answers(benchmark, judged, rows):
 
 def test_distributions(benchmark, judged, rows):
     def work():
-        return [ecdf(group.pooled_ospa(), np.geomspace(0.1, 50, 300)) for group in group_rows(rows)]
+        return [compute_ecdf(group.pooled_ospa(), np.geomspace(0.1, 50, 300)) for group in group_rows(rows)]
 
     shares = benchmark.pedantic(work, rounds=3)
     assert all(curve[-1] == 1.0 for curve in shares)

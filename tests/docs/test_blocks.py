@@ -58,7 +58,7 @@ def test_a_pages_blocks_run(name, shell):
 @pytest.mark.docs
 def test_the_commands_on_ten_worlds_fly_their_planners(shell, monkeypatch):
     """Each in one of the worlds, for a second; figures of reports are laid out, and no files are made of them."""
-    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
+    monkeypatch.setattr("sim.report.figures.pictures.encode_figure", lambda figure, kind: b"")
     page = text_of("results/worlds.md").replace("\\\n", " ")
     text = re.sub(r"--(maps|seeds) (\d+)[\d-]*", lambda m: f"--seeds {m[2] if m[1] == 'seeds' else 0}", page)
     found = blocks(re.sub(r"( --scenario [\w-]+)+", " --scenario paper", text))

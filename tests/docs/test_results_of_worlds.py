@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from planning.planners import PLANNERS
 from sim.analysis.differences import differences
-from sim.analysis.metric_choice import metric_shown
+from sim.analysis.metric_choice import find_shown_metric
 from sim.analysis.normalised_score import SCORE
 from sim.study.store import Store
 from sim.study.study import adapt_study
@@ -24,7 +24,7 @@ import scores
 
 WORLDS = 10
 SEARCHING, AHEAD = "mcr(samples=10, search=0.1)", "mcr(samples=4, beta=0.5, evaluations=9216)"
-GOSPA = metric_shown("gospa.mean_m")
+GOSPA = find_shown_metric("gospa.mean_m")
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.pages import DOCS
 
-from sim.evaluation.searching import _in_the_open
+from sim.evaluation.searching import _find_people_in_the_open
 from sim.mission.world_setup import forest_and_people
 from sim.scenario.loading import load
 
@@ -16,7 +16,7 @@ def people_of(scenario, seed):
     forest, people = forest_and_people(scenario, seed)
     times = np.arange(round(scenario.duration * scenario.rates.sensing) + 1) / scenario.rates.sensing
     places = np.array([people.at(time)[0] for time in times])
-    free = _in_the_open(places, np.array([[tree.x, tree.y, tree.canopy_radius] for tree in forest.trees]))
+    free = _find_people_in_the_open(places, np.array([[tree.x, tree.y, tree.canopy_radius] for tree in forest.trees]))
     there, seen = ~np.isnan(places[..., 0]), np.flatnonzero(free.any(axis=0))
     ends = np.array([np.flatnonzero(there[:, person])[-1] for person in seen])
     moves = np.diff(places, axis=0) * scenario.rates.sensing

@@ -16,7 +16,7 @@ from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, corrected
 from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
-from sim.analysis.planner_labels import baseline_of
+from sim.analysis.planner_labels import find_baseline
 from sim.evaluation.summary import make_results_table
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
@@ -242,5 +242,5 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pi
         show(rows, About("tried"))
     shown = " ".join(capture.get().split())
     assert [row.metrics["sees_truth"] for row in rows] == [1, 0] and "upper bound" in shown
-    assert baseline_of(rows, "oracle") == "oracle(evaluations=64), upper bound"
-    assert baseline_of(rows, "hover") == "hover" and PLANNERS["oracle"].upper_bound
+    assert find_baseline(rows, "oracle") == "oracle(evaluations=64), upper bound"
+    assert find_baseline(rows, "hover") == "hover" and PLANNERS["oracle"].upper_bound

@@ -156,7 +156,7 @@ class _View:
         bar = np.array(ends)
         ticks = [end + np.array([(0.0, -6.0), (0.0, 1.0)]) for end in bar]
         self._labels.reserve(bar.mean(axis=0), float(np.hypot(*(bar[1] - bar[0]))) / 2)
-        arrow, letter = _arrow(foot - 26.0, (ahead - foot) / np.hypot(*(ahead - foot)))
+        arrow, letter = _make_arrow(foot - 26.0, (ahead - foot) / np.hypot(*(ahead - foot)))
         self._labels.reserve(foot - 26.0, 26.0)
         self._labels.reserve(letter, 9.0)
         return _Scale([bar, *ticks, *arrow], {f"{length:g} m": bar.mean(axis=0) - (0.0, 14.0), "N": letter})
@@ -169,7 +169,7 @@ class _View:
             write(self._image, text, (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
 
 
-def _arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
+def _make_arrow(middle: Array, ahead: Array) -> tuple[list[Array], Array]:
     """Lines (N, 2) of an arrow with 26 pixels along a unit vector (2,), and the place (2,) beyond its tip."""
     side = np.array([-ahead[1], ahead[0]])
     tip, tail = middle + 13 * ahead, middle - 13 * ahead

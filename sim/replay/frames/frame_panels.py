@@ -12,8 +12,8 @@ from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, w
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
-from sim.evaluation.summary import recording_title
-from sim.recording.atomic_files import new_folder
+from sim.evaluation.summary import format_recording_title
+from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.annotation import annotate, find_marks
 from sim.replay.frames.rerender import Rerenderer
@@ -37,7 +37,7 @@ def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     view, shown = annotate(rerenderer.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
-    notes = [recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
+    notes = [format_recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
     if not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
     elif not scenario.has_frame(uav, k):
@@ -51,7 +51,7 @@ def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     return page
 
 
-def png(image: Image) -> bytes:
+def encode_png(image: Image) -> bytes:
     """The content of a PNG file of an image (H, W, 3) RGB."""
     done, data = cv2.imencode(".png", image[..., ::-1], _PNG)
     assert done
@@ -62,14 +62,14 @@ def write_frames(
     recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
 ) -> None:
     """Write a UAV's annotated frames as PNG files into the new folder `out`, all or none; `progress` gets each scan."""
-    with new_folder(out) as folder, Rerenderer(recording) as rerenderer:
+    with make_new_folder(out) as folder, Rerenderer(recording) as rerenderer:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
-            (folder / name).write_bytes(png(draw(rerenderer, k, uav, size=size)))
+            (folder / name).write_bytes(encode_png(draw(rerenderer, k, uav, size=size)))
             progress(k)
 
 
-def scans_between(
+def find_scans(
     recording: Recording, start: float, end: float | None, uav: int | None = None, *, name: str = "--time"
 ) -> list[int]:
     """Scans from `start` to `end` s, or only the one nearest to `start`.
@@ -95,7 +95,7 @@ def scans_between(
     return found
 
 
-def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
+def _describe_view(camera: Camera, pose: Pose) -> list[str]:
     """Numbers of a view: altitude, tilt, edges on the ground, and ground sample distance at the centre."""
     tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
     height = f"altitude {pose.position[2]:.1f} m, {tilt:.1f}° off nadir"
@@ -120,7 +120,7 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
 
     notes: the beginning of its first section; shown: the names of the marks in its legend.
     """
-    lines, bottom = lay_out_groups(_sections(sight, notes), _WIDTH - 28, 44.0)
+    lines, bottom = lay_out_groups(_make_sections(sight, notes), _WIDTH - 28, 44.0)
     marks = find_marks(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
@@ -134,7 +134,7 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
     return image
 
 
-def _sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
+def _make_sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
@@ -145,23 +145,23 @@ def _sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
     ]
     return [
         TextGroup("mission", [*notes, *error]),
-        TextGroup("field of view", _field_of_view(sight.camera, sight.pose)),
-        TextGroup("truth", _people(sight, ideal)),
+        TextGroup("field of view", _describe_view(sight.camera, sight.pose)),
+        TextGroup("truth", _describe_people(sight, ideal)),
         TextGroup("tracks, 95 %", _shorten(tracks)),
     ]
 
 
-def _people(sight: Sight, ideal: bool) -> list[str]:
+def _describe_people(sight: Sight, ideal: bool) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
-    lines = _shorten([_sighting_text(sighting, ideal) for sighting in near])
+    lines = _shorten([_describe_sighting(sighting, ideal) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
         lines += [f"{status}: {', '.join(others)}"] if others else []
     return lines
 
 
-def _sighting_text(sighting: Sighting, ideal: bool) -> str:
+def _describe_sighting(sighting: Sighting, ideal: bool) -> str:
     text = f"person {sighting.person}: {sighting.status}"
     if not sighting.looked:
         return text

@@ -16,10 +16,10 @@ from string import Template
 import av
 import msgspec
 
-from sim.drawing.film import HEIGHT, WIDTH, parts_of
+from sim.drawing.film import HEIGHT, WIDTH, lay_out_parts
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import recording_title
+from sim.evaluation.summary import format_recording_title
 from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
@@ -76,7 +76,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     if film is not None:
         _check(film, recording)
         film = None if shown.stride > 1 else shrink_film(film, _FILM) if len(film) > _LARGE_FILM else film
-    data = page_data(flight, None if film is None else parts_of(scenario))
+    data = page_data(flight, None if film is None else lay_out_parts(scenario))
     lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
     incidents += link_outages(events, recording.times)
@@ -85,7 +85,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     return Template(_asset("page.html")).substitute(
         policy=policy,
-        title=escape(recording_title(recording)),
+        title=escape(format_recording_title(recording)),
         omission="".join(f"<p>{escape(text)}</p>" for text in [omission(recording)] if text),
         warnings=_warnings(recording, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),

@@ -11,7 +11,7 @@ from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, lighten, track_colour
 from sim.drawing.tiles import draw_broken
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.rerun.scene import broken_at
+from sim.replay.rerun.scene import find_broken
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import camera_of
 from tracking.account import Association
@@ -35,7 +35,7 @@ class Cameras:
 
     def log(self, k: int) -> None:
         """Log scan k: the images that cameras took, and placeholders for UAVs that broke down."""
-        for i in broken_at(self._recording, k):
+        for i in find_broken(self._recording, k):
             self._log_breakdown(i)
         tracks = number_snapshot(self._recording, k).tracks
         for i, uav in enumerate(self._uavs):
@@ -106,11 +106,11 @@ class Cameras:
             show_labels=False,
         )
         self._stream.log(f"world/camera/{uav}/association", lines)
-        words = rr.TextDocument(association_table(association, numbers), media_type="text/markdown")
+        words = rr.TextDocument(format_association(association, numbers), media_type="text/markdown")
         self._stream.log(f"association/{uav}", words)
 
 
-def association_table(association: Association, numbers: Sequence[int]) -> str:
+def format_association(association: Association, numbers: Sequence[int]) -> str:
     """The association weights in Markdown: a row for each track, with these numbers, and a column per measurement."""
     heads = ["track", "none", *(f"detection {n}" for n in range(len(association.measurements)))]
     lines = [heads, ["---"] * len(heads)]

@@ -46,7 +46,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
     stream.log(
         "world/area",
         rr.Mesh3D(
-            vertex_positions=_at(corners, 0.0),
+            vertex_positions=_lift(corners, 0.0),
             triangle_indices=[(0, 1, 2), (0, 2, 3)],
             vertex_normals=[(0, 0, 1)] * 4,
             albedo_factor=INK,
@@ -54,7 +54,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
         static=True,
     )
     edge = np.vstack([corners, corners[:1]])
-    stream.log("world/area/edge", rr.LineStrips3D([_at(edge, 0.0)], colors=[FAINT], radii=0.1), static=True)
+    stream.log("world/area/edge", rr.LineStrips3D([_lift(edge, 0.0)], colors=[FAINT], radii=0.1), static=True)
     if len(recording.trees):
         _log_trees(stream, recording.trees)
     for i, uav in enumerate(scenario.uavs):
@@ -70,7 +70,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
         stream.log(f"world/camera/{i}", lens, static=True)
         for path in (f"world/camera/{i}", f"world/uav/{i}"):
             stream.log(path, rr.TransformAxes3D(axis_length=0.0), static=True)  # otherwise the viewer draws axes
-        stream.log(f"world/uav/{i}", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
+        stream.log(f"world/uav/{i}", rr.LineStrips3D(_outline_quadrotor(), colors=[colour], radii=0.06), static=True)
 
 
 def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
@@ -110,11 +110,11 @@ class Scene:
             for i, pose in enumerate(poses):
                 place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
                 self._stream.log(f"world/{name}/{i}", place)
-        for i in broken_at(self._recording, k):
+        for i in find_broken(self._recording, k):
             self._log_breakdown(i)
         for i in snapshot.working:
             self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # once, because UAVs normally agree
-        self._log_gaps(gaps_at(self._recording, k))
+        self._log_gaps(find_gaps(self._recording, k))
         self._log_intents(snapshot)
 
     def _log_people(self, snapshot: Snapshot, holds: Sequence[str]) -> None:
@@ -122,7 +122,7 @@ class Scene:
         people = rr.Capsules3D(
             lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
-            translations=_at(snapshot.people[here], 0.3),
+            translations=_lift(snapshot.people[here], 0.3),
             colors=[palette.UNHELD_COLOURS.get(holds[m], PANEL) for m in here],
             fill_mode="solid",
             labels=[f"person {m}" for m in here],
@@ -130,7 +130,7 @@ class Scene:
         )
         unheld = [m for m in here if holds[m] in palette.UNHELD_COLOURS]
         names = rr.Points3D(
-            _at(snapshot.people[unheld], 2 * TARGET_HEIGHT),
+            _lift(snapshot.people[unheld], 2 * TARGET_HEIGHT),
             radii=0.1,
             colors=[lighten(palette.UNHELD_COLOURS[holds[m]]) for m in unheld],
             labels=[f"person {m} {holds[m]}" for m in unheld],
@@ -154,14 +154,14 @@ class Scene:
         colours = [lighten(track_colour(track.id)) for track in tracks]
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
-            [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
+            [_lift(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
             colors=colours,
             radii=0.08,
             labels=[f"track {track_name(track)}" for track in tracks],
             show_labels=False,
         )
         marks = rr.Points3D(
-            _at(beliefs_of(tracks).means[:, :2], TARGET_HEIGHT),
+            _lift(beliefs_of(tracks).means[:, :2], TARGET_HEIGHT),
             radii=0.15,
             colors=colours,
             labels=[*map(track_name, tracks)],
@@ -172,7 +172,7 @@ class Scene:
 
     def _log_gaps(self, gaps: Sequence[Gap]) -> None:
         lines = rr.LineStrips3D(
-            [_at(np.array([gap.one, gap.other]), TARGET_HEIGHT) for gap in gaps],
+            [_lift(np.array([gap.one, gap.other]), TARGET_HEIGHT) for gap in gaps],
             colors=[ALARM],
             radii=0.05,
             labels=[f"track {gap.track}: {gap.metres:.2f} m apart" for gap in gaps],
@@ -184,19 +184,19 @@ class Scene:
         """Log the rest of each plan, beginning at the UAV's position."""
         self._intents.follow(snapshot)
         for i, intent in self._intents.paths(snapshot).items():
-            path = _at(intent, snapshot.poses[i].position[2])
+            path = _lift(intent, snapshot.poses[i].position[2])
             line = rr.LineStrips3D([path], colors=[uav_colour(i)], radii=0.08)
             self._stream.log(f"world/intents/{i}", line)
             end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])
             self._stream.log(f"world/intents/{i}/end", end)
 
 
-def broken_at(recording: Recording, k: int) -> list[int]:
+def find_broken(recording: Recording, k: int) -> list[int]:
     """UAVs that broke down between scan k - 1 and scan k; at the first scan, UAVs that never worked."""
     return [int(i) for i in np.flatnonzero((k == 0 or recording.working[k - 1]) & ~recording.working[k])]
 
 
-def gaps_at(recording: Recording, k: int) -> list[Gap]:
+def find_gaps(recording: Recording, k: int) -> list[Gap]:
     """For each track that several UAVs have after scan k, the two UAVs whose positions differ most."""
     held = defaultdict(list)
     for i in range(recording.poses.shape[1]):
@@ -209,12 +209,12 @@ def gaps_at(recording: Recording, k: int) -> list[Gap]:
     ]
 
 
-def _at(points: Array, height: float) -> Array:
+def _lift(points: Array, height: float) -> Array:
     """Points (N, 2) m at a height (N, 3) m."""
     return np.column_stack([points, np.full(len(points), height)])
 
 
-def _quadrotor() -> list[Array]:
+def _outline_quadrotor() -> list[Array]:
     hubs = _ARM * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / math.sqrt(2)
     ring = 0.6 * _ARM * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
-    return [_at(hubs[[0, 2]], 0.0), _at(hubs[[1, 3]], 0.0), *(_at(hub + ring, 0.05) for hub in hubs)]
+    return [_lift(hubs[[0, 2]], 0.0), _lift(hubs[[1, 3]], 0.0), *(_lift(hub + ring, 0.05) for hub in hubs)]

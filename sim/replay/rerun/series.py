@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from sim.drawing import palette
 from sim.drawing.palette import Colour, lighten, pale, track_colour, uav_colour
-from sim.evaluation.fleet_facts import mean_ospa
+from sim.evaluation.fleet_facts import average_ospa
 from sim.evaluation.holding import episodes
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.history import STATES
-from sim.replay.rerun.scene import gaps_at
+from sim.replay.rerun.scene import find_gaps
 from tracking.numerics.arrays import Array, Indices
 
 _PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, palette.BLUE)
@@ -43,13 +43,13 @@ class Series(NamedTuple):
     values: Array  # (K,)
 
 
-def _ospa(recording: Recording) -> list[Series]:
-    errors, means = recording.ospa[:, :, 0], mean_ospa(recording.ospa)[:, 0]
+def _list_ospa(recording: Recording) -> list[Series]:
+    errors, means = recording.ospa[:, :, 0], average_ospa(recording.ospa)[:, 0]
     each = [Series(f"ospa/uav{i}", f"UAV {i}", uav_colour(i), error) for i, error in enumerate(errors.T)]
     return [*each, Series("ospa/mean", "mean", (255, 255, 255), means)]
 
 
-def _tracks(recording: Recording) -> list[Series]:
+def _list_tracks(recording: Recording) -> list[Series]:
     """For each track, the mean trace of its position covariance over UAVs, and the largest gap between their means."""
     numbers = recording.track_numbers
     scans = len(recording.times)
@@ -59,7 +59,7 @@ def _tracks(recording: Recording) -> list[Series]:
         for id_ in {track.id for track in held}:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
-        for gap in gaps_at(recording, k):
+        for gap in find_gaps(recording, k):
             gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree may differ by rounding
     return [
         Series(f"{kind}/track{n}", f"track {n}", lighten(track_colour(n)), values)
@@ -69,7 +69,7 @@ def _tracks(recording: Recording) -> list[Series]:
     ]
 
 
-def _bytes(recording: Recording) -> list[Series]:
+def _list_bytes(recording: Recording) -> list[Series]:
     return [
         Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, sent)
         for what, table in (("tracks", recording.bytes_sent), ("plans", recording.plan_bytes))
@@ -78,7 +78,7 @@ def _bytes(recording: Recording) -> list[Series]:
     ]
 
 
-def _visible(recording: Recording) -> list[Series]:
+def _list_visible(recording: Recording) -> list[Series]:
     """Number of pixels of each person in all images of a scan."""
     present = ~np.isnan(recording.people[:, :, 0])
     pixels = np.where(present, recording.visible.sum(axis=1), np.nan)
@@ -95,7 +95,12 @@ def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Seq
     """
     times = recording.times
     scans = np.arange(len(recording.times))
-    for series in (*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)):
+    for series in (
+        *_list_ospa(recording),
+        *_list_tracks(recording),
+        *_list_bytes(recording),
+        *_list_visible(recording),
+    ):
         _log(stream, series, times, scans)
     if len(planning_s):
         made = recording.plan_times

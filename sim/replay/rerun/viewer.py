@@ -11,7 +11,7 @@ import msgspec
 import rerun as rr
 import rerun.blueprint as rrb
 
-from sim.evaluation.summary import recording_title
+from sim.evaluation.summary import format_recording_title
 from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
 from sim.replay.flight import Flight
@@ -44,7 +44,7 @@ def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequenc
 
     planning_s: seconds that each decision took, which are in `summary.json` but not in the recording.
     """
-    stream = _stream(flight.recording)
+    stream = _open_stream(flight.recording)
     with write_whole(path) as part:
         try:
             part.touch()
@@ -70,7 +70,7 @@ def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = (
     """Open the viewer and show the recording in it; InputError if there is no display or no viewer."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("--rerun: spawn needs a display, and there is none; write a file instead: --rerun FILE.rrd")
-    stream, viewer = _stream(flight.recording), Path(sys.executable).with_name("rerun")
+    stream, viewer = _open_stream(flight.recording), Path(sys.executable).with_name("rerun")
     try:
         rr.spawn(recording=stream, executable_path=str(viewer) if viewer.exists() else None)
     except (RuntimeError, OSError) as error:
@@ -80,7 +80,7 @@ def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = (
     stream.flush()
 
 
-def planning_times(summary: Path) -> list[float]:
+def read_planning_times(summary: Path) -> list[float]:
     """Seconds that each decision took, from a run's `summary.json`; empty if the file or the entry is missing."""
     try:
         return msgspec.json.decode(read_bytes(summary, "DIR"), type=_Summary).planning_s
@@ -88,7 +88,7 @@ def planning_times(summary: Path) -> list[float]:
         return []
 
 
-def _stream(recording: Recording) -> rr.RecordingStream:
+def _open_stream(recording: Recording) -> rr.RecordingStream:
     """A stream with an identity by which the viewer recognises the same mission again."""
     again = f" {recording.repeat}" if recording.repeat else ""
     mission = f"{recording.planner} {recording.seed}{again} {recording.scenario}"
@@ -99,9 +99,9 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
     recording = flight.recording
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.send_recording_name(recording_title(recording))
+    stream.send_recording_name(format_recording_title(recording))
     known = len(planning_s) == len(recording.plan_times) > 0
-    stream.send_blueprint(layout(flight, planning=known))
+    stream.send_blueprint(arrange_views(flight, planning=known))
     log_ground(stream, flight)
     log_series(stream, recording, planning_s if known else ())
     log_states(stream, flight)
@@ -116,7 +116,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
             progress(k)
 
 
-def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
+def arrange_views(flight: Flight, *, planning: bool) -> rrb.Blueprint:
     """The arrangement of all views; planning: True if the times of decisions are known."""
     uavs = range(len(flight.scenario.uavs))
     images = [rrb.Spatial2DView(origin=f"world/camera/{i}", name=f"Camera of UAV {i}") for i in uavs]
@@ -135,7 +135,7 @@ def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_forest(flight), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]),
+            rrb.Vertical(_arrange_forest(flight), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]),
             rrb.Vertical(
                 rrb.Vertical(*images) if len(images) <= _COLUMN else rrb.Grid(*images),
                 rrb.Tabs(*weights),
@@ -149,7 +149,7 @@ def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
     )
 
 
-def _forest(flight: Flight) -> rrb.Spatial3DView:
+def _arrange_forest(flight: Flight) -> rrb.Spatial3DView:
     """View from the south and above of all places where UAVs have been, without the contents of image planes."""
     places = flight.recording.poses[:, :, :2].reshape(-1, 2)
     low, high = places.min(axis=0), places.max(axis=0)

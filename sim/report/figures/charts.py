@@ -12,11 +12,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.distributions import bands, ecdf
+from sim.analysis.distributions import compute_ecdf, find_quartiles
 from sim.analysis.groups import Group
 from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.palette import FAINT
-from sim.drawing.plots import new_figure, order_by_rows, rgb
+from sim.drawing.plots import open_figure, order_by_rows, rgb
 from sim.evaluation.metric import Metric
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
 from tracking.numerics.arrays import Array
@@ -30,11 +30,11 @@ _FEW = 4  # largest number of curves with bands in one panel
 _SHAPES = "oD^s"  # shapes of dots, in turn, so that planners do not differ in colour only
 
 
-def ecdf_figure(layout: FigureLayout) -> Figure:
+def draw_ecdf_figure(layout: FigureLayout) -> Figure:
     """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(AT, 100 * ecdf(curve.group.pooled_ospa(), AT), **_line(curve.style))
+        axes.plot(AT, 100 * compute_ecdf(curve.group.pooled_ospa(), AT), **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -44,20 +44,20 @@ def ecdf_figure(layout: FigureLayout) -> Figure:
         axes.set_ylim(0, 102)
         axes.axvline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
-    return _grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
+    return _draw_grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
 
 
-def time_figure(layout: FigureLayout) -> Figure:
+def draw_time_figure(layout: FigureLayout) -> Figure:
     """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
     few = all(len(panel.curves) <= _FEW for panel in layout.panels)
     ends = [times[-1] for group in layout.groups if len(times := group.curves().times)]
 
     def draw(axes: Axes, curve: Curve) -> None:
         times, errors = curve.group.curves()
-        low, median, high = bands(errors)
+        low, median, high = find_quartiles(errors)
         if few:
             axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)
-        axes.plot(times, median, **_line(curve.style))
+        axes.plot(times, median, **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
@@ -69,15 +69,15 @@ def time_figure(layout: FigureLayout) -> Figure:
         axes.set_xlim(0, max([*ends, 1e-3]))
         axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
 
-    return _grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
+    return _draw_grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
 
 
-def _grid(
+def _draw_grid(
     layout: FigureLayout, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
 ) -> Figure:
     rows = -(-len(layout.panels) // layout.columns)
     width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
-    with _drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
+    with _open_drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
         every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, panel in zip(every, layout.panels, strict=False):
             for curve in panel.curves:
@@ -93,7 +93,7 @@ def _grid(
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
         figure.supylabel(labels[1], fontsize=10)
-        _legend(figure, {name: _line(style) for name, style in layout.legend.items()})
+        _draw_legend(figure, {name: _style_line(style) for name, style in layout.legend.items()})
     return figure
 
 
@@ -107,7 +107,7 @@ class _Dot(NamedTuple):
     high: float
 
 
-def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
+def draw_runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     """Means over the maps with intervals, on a logarithmic axis, with a line per cell and a dot per planner."""
 
     def dot(group: Group) -> _Dot:
@@ -122,10 +122,10 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"{metric.title}, logarithmic")
 
-    return _dot_figure([dot(group) for group in groups], dress)
+    return _draw_dot_figure([dot(group) for group in groups], dress)
 
 
-def score_figure(found: Sequence[NormalisedScore]) -> Figure:
+def draw_score_figure(found: Sequence[NormalisedScore]) -> Figure:
     """Normalised scores with intervals, with a line per cell and a dot per planner."""
     dots = [_Dot(s.cell, s.planner, 100 * s.estimate.value, 100 * s.estimate.low, 100 * s.estimate.high) for s in found]
 
@@ -136,16 +136,16 @@ def score_figure(found: Sequence[NormalisedScore]) -> Figure:
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
         axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
 
-    return _dot_figure(dots, dress)
+    return _draw_dot_figure(dots, dress)
 
 
-def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
+def _draw_dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     """Dots with intervals: a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
     cells = list(dict.fromkeys(dot.cell for dot in dots))
     planners = list(dict.fromkeys(dot.planner for dot in dots))
     looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
     each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
-    with _drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+    with _open_drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for dot in dots:
             index = planners.index(dot.planner)
@@ -154,26 +154,26 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
             axes.plot([dot.low, dot.high], [height, height], color=colour, lw=1.5, alpha=0.7)
             axes.plot(dot.value, height, shape, color=colour, ms=5)
         dress(axes)
-        axes.set_yticks(range(len(cells)), [_row_text(cell) for cell in cells])
+        axes.set_yticks(range(len(cells)), [_format_row(cell) for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
         axes.spines[["top", "right"]].set_visible(False)
-        _legend(figure, {p: {"color": colour, "marker": shape, "ls": ""} for p, (colour, shape) in looks.items()})
+        _draw_legend(figure, {p: {"color": colour, "marker": shape, "ls": ""} for p, (colour, shape) in looks.items()})
     return figure
 
 
-def _row_text(cell: Cell | None) -> str:
+def _format_row(cell: Cell | None) -> str:
     """Text of a cell beside a line of dots; only the scenario's name if the cell has no other factor."""
     named = cell is not None and [name for name, _ in cell] == ["scenario"]
     return cell[0][1] if cell and named else cell_text(cell) or "all missions"
 
 
-def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
+def draw_scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
     """Values of each planner over those of the baseline: a panel per planner, a point (n, 2) per map, at least one."""
-    low, high, log = _limits(np.concatenate([*points.values()]))
+    low, high, log = _find_limits(np.concatenate([*points.values()]))
     columns = min(COLUMNS, len(points))
     rows = -(-len(points) // columns)
-    with _drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
+    with _open_drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
         for i, (other, pairs) in enumerate(points.items()):
             axes = figure.add_subplot(rows, columns, i + 1)
             axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
@@ -191,7 +191,7 @@ def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -
     return figure
 
 
-def _limits(values: Array) -> tuple[float, float, bool]:
+def _find_limits(values: Array) -> tuple[float, float, bool]:
     """Ends of both axes, and True if these are logarithmic because the values span more than a factor of 30."""
     low, high = float(values.min()), float(values.max())
     if low > 0 and high > 30 * low:
@@ -201,21 +201,21 @@ def _limits(values: Array) -> tuple[float, float, bool]:
 
 
 @contextmanager
-def _drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
+def _open_drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
     """A figure of so many inches, to be drawn in the common style."""
-    with new_figure(width, height, letters=_LETTERS) as figure:
+    with open_figure(width, height, letters=_LETTERS) as figure:
         yield figure
         figure.draw_without_rendering()  # lays the figure out once for all its files
         figure.set_layout_engine("none")
 
 
-def _legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
+def _draw_legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
     """Draw a legend below the panels, where it hides no data; looks: Matplotlib's options by label."""
     handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
     figure.legend(handles=order_by_rows(handles, columns), loc="outside lower center", ncols=columns, frameon=False)
 
 
-def _line(style: Style) -> dict[str, Any]:
+def _style_line(style: Style) -> dict[str, Any]:
     """Matplotlib's options for a curve."""
     return {"color": rgb(style.colour), "ls": style.dash, "lw": 1.7}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import cycle, product
 
 from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.groups import Group, varying_factors
+from sim.analysis.groups import Group, find_varying_factors
 from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
@@ -67,15 +67,15 @@ def lay_out_figures(groups: Sequence[Group]) -> list[FigureLayout]:
     """
     order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
     if len(order) == 1:
-        return [_of_one_planner(groups)]
+        return [_lay_out_one_planner(groups)]
     looks = product(DASHES, COLOURS)  # colours vary first
     styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
-    return [_of_planners(shared, part, styles) for shared, part in _split((), groups)]
+    return [_lay_out_planners(shared, part, styles) for shared, part in _split((), groups)]
 
 
 def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
     """The groups of each figure, with the factors that have the same value in it."""
-    factors = varying_factors(groups)
+    factors = find_varying_factors(groups)
     if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
         yield shared, list(groups)
         return
@@ -85,35 +85,35 @@ def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[G
         yield from _split((*shared, (fewest, value)), part)
 
 
-def _of_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
-    factors = varying_factors(groups)
+def _lay_out_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
+    factors = find_varying_factors(groups)
     panels = []
     for cell in dict.fromkeys(group.cell for group in groups):
         curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
-        panels.append(Panel(cell_text(_factors_named(cell, factors)), curves))
+        panels.append(Panel(cell_text(_select_factors(cell, factors)), curves))
     sizes = [len(values) for values in factors.values()]
     crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
     columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
     return FigureLayout(cell_text(shared), tuple(panels), min(columns, len(panels)))
 
 
-def _of_one_planner(groups: Sequence[Group]) -> FigureLayout:
+def _lay_out_one_planner(groups: Sequence[Group]) -> FigureLayout:
     """Panels by the first factor, colours by the last, and dashes by the factors in between."""
-    factors = list(varying_factors(groups))
+    factors = list(find_varying_factors(groups))
     outer = factors[:1] if len(factors) > 1 else []
     inner = factors[len(outer) :]
-    last = list(dict.fromkeys(_factors_named(group.cell, inner[-1:]) for group in groups))
-    between = list(dict.fromkeys(_factors_named(group.cell, inner[:-1]) for group in groups))
+    last = list(dict.fromkeys(_select_factors(group.cell, inner[-1:]) for group in groups))
+    between = list(dict.fromkeys(_select_factors(group.cell, inner[:-1]) for group in groups))
     panels: dict[Cell, list[Curve]] = {}
     for group in groups:
-        colour = COLOURS[last.index(_factors_named(group.cell, inner[-1:])) % len(COLOURS)]
-        dash = DASHES[between.index(_factors_named(group.cell, inner[:-1])) % len(DASHES)]
-        label = cell_text(_factors_named(group.cell, inner)) or group.planner
+        colour = COLOURS[last.index(_select_factors(group.cell, inner[-1:])) % len(COLOURS)]
+        dash = DASHES[between.index(_select_factors(group.cell, inner[:-1])) % len(DASHES)]
+        label = cell_text(_select_factors(group.cell, inner)) or group.planner
         curve = Curve(label, Style(colour, dash), group)
-        panels.setdefault(_factors_named(group.cell, outer), []).append(curve)
+        panels.setdefault(_select_factors(group.cell, outer), []).append(curve)
     found = tuple(Panel(cell_text(cell), tuple(curves)) for cell, curves in panels.items())
     return FigureLayout("", found, min(COLUMNS, len(found)))
 
 
-def _factors_named(cell: Cell, names: Collection[str]) -> Cell:
+def _select_factors(cell: Cell, names: Collection[str]) -> Cell:
     return tuple(factor for factor in cell if factor[0] in names)

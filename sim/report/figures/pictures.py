@@ -10,13 +10,20 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sim.analysis.answers import map_means, map_points
-from sim.analysis.cell_text import append_cell, slug
-from sim.analysis.distributions import bands, share_under
+from sim.analysis.cell_text import append_cell, make_slug
+from sim.analysis.distributions import compute_share_under, find_quartiles
 from sim.analysis.groups import Group
-from sim.analysis.metric_choice import DECISION, metric_shown
+from sim.analysis.metric_choice import DECISION, find_shown_metric
 from sim.analysis.normalised_score import SCORE, Ends, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
-from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
+from sim.report.figures.charts import (
+    LOOK,
+    draw_ecdf_figure,
+    draw_runtime_figure,
+    draw_scatter_figure,
+    draw_score_figure,
+    draw_time_figure,
+)
 from sim.report.figures.panels import FigureLayout, lay_out_figures
 from tracking.numerics.arrays import Array
 
@@ -38,13 +45,13 @@ def draw_pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metr
     flown = [group for group in groups if group.done]
     found: list[Picture] = []
     for layout in lay_out_figures(flown) if flown else ():
-        found += [_ecdf(layout), _over_time(layout)]
+        found += [_draw_ecdf(layout), _draw_over_time(layout)]
     compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
     drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
-    return _apart(found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]])
+    return _rename_equal_ones(found + [_draw_scatter(points, baseline, metric) for metric, points in drawn[:2]])
 
 
-def _apart(found: Sequence[Picture]) -> list[Picture]:
+def _rename_equal_ones(found: Sequence[Picture]) -> list[Picture]:
     """The pictures with unique names: equal ones, as after the removal of special characters, get a number."""
     named: dict[str, Picture] = {}
     for picture in found:
@@ -54,44 +61,46 @@ def _apart(found: Sequence[Picture]) -> list[Picture]:
     return list(named.values())
 
 
-def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
+def draw_runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     """Picture of the time that a decision takes, if it was measured."""
     shown = {name: [group for group in groups if np.any(group.values(name) > 0)] for name in DECISION}
     name = next((name for name, flown in shown.items() if flown), None)
     if name is None:
         return []
     flown = shown[name]
-    timed = metric_shown(name)
+    timed = find_shown_metric(name)
     lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
     caption = (
         "Means over the maps with 95 % intervals, on a logarithmic axis; how often these contain the true mean was not "
         "counted. Processor times depend on the machine, wall times also on its load."
     )
-    return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
+    return [
+        _make_picture("runtime", "Time for a decision", caption, "; ".join(lines), draw_runtime_figure(flown, timed))
+    ]
 
 
-def score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
+def draw_score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
     """Picture of the normalised scores of planners, cell by cell."""
     lines = [f"{append_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends.floor}, 100 is {ends.bound}. Lines are 95 % intervals over the maps."
-    return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
+    return _make_picture("score", "Normalised score", caption, "; ".join(lines), draw_score_figure(found))
 
 
-def _ecdf(layout: FigureLayout) -> Picture:
-    shares = [(group.title, share_under(group.pooled_ospa(), 1.0)) for group in layout.groups]
+def _draw_ecdf(layout: FigureLayout) -> Picture:
+    shares = [(group.title, compute_share_under(group.pooled_ospa(), 1.0)) for group in layout.groups]
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
         "Share of scans with a mean OSPA of the UAVs of at most x, over all scans of all trials. "
         "Further left is better. The axis is logarithmic; the dashed line is at 1 m."
     )
-    return _picture("ecdf", "Distribution of OSPA", caption, alt, ecdf_figure(layout), layout.title)
+    return _make_picture("ecdf", "Distribution of OSPA", caption, alt, draw_ecdf_figure(layout), layout.title)
 
 
-def _over_time(layout: FigureLayout) -> Picture:
+def _draw_over_time(layout: FigureLayout) -> Picture:
     ends = []
     for group in layout.groups:
-        medians = bands(group.curves().ospa)[1]
+        medians = find_quartiles(group.curves().ospa)[1]
         last = medians[~np.isnan(medians)][-1:]
         ends.append(f"{group.title} {last[0]:.2f} m" if len(last) else f"{group.title} {UNKNOWN}")
     caption = (
@@ -99,27 +108,27 @@ def _over_time(layout: FigureLayout) -> Picture:
         "them. The axis is linear below 1 m (dashed) and logarithmic above."
     )
     alt = "Median OSPA at the last scan: " + "; ".join(ends)
-    return _picture("time", "OSPA over time", caption, alt, time_figure(layout), layout.title)
+    return _make_picture("time", "OSPA over time", caption, alt, draw_time_figure(layout), layout.title)
 
 
-def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Picture:
+def _draw_scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Picture:
     above = {name: f"{np.sum(p[:, 1] > p[:, 0])} of {len(p)}" for name, p in points.items()}
     alt = "; ".join(f"{name}: {count} maps above {baseline}" for name, count in above.items())
     aim = {"lower": "Below the diagonal", "higher": "Above the diagonal", "neither": ""}[shown.better]
     caption = f"Each point is a map that both flew: across, the value of {baseline}; upwards, that of the planner."
     caption += f" {aim} the planner is better." if aim else ""
-    figure = scatter_figure(points, baseline, shown)
-    return _picture(f"maps-{slug(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
+    figure = draw_scatter_figure(points, baseline, shown)
+    return _make_picture(f"maps-{make_slug(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
 
 
-def _picture(name: str, title: str, caption: str, alt: str, figure: Figure, shared: str = "") -> Picture:
+def _make_picture(name: str, title: str, caption: str, alt: str, figure: Figure, shared: str = "") -> Picture:
     """A picture of all cells, or of those described by the text `shared`."""
     if shared:
-        name, title = f"{name}-{slug(shared)}", f"{title}, {shared}"
-    return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
+        name, title = f"{name}-{make_slug(shared)}", f"{title}, {shared}"
+    return Picture(name, title, caption, f"{title}. {alt}.", encode_figure(figure, "svg"), encode_figure(figure, "png"))
 
 
-def content(figure: Figure, kind: str) -> bytes:
+def encode_figure(figure: Figure, kind: str) -> bytes:
     """The content of a figure's file, "png" or "svg"; equal figures give equal bytes."""
     drawn = io.BytesIO()
     with matplotlib.rc_context(LOOK):

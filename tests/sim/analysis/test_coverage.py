@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.analysis.intervals import means, medians
+from sim.analysis.intervals import estimate_means, estimate_medians
 from sim.report.sentences import ENOUGH
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
@@ -57,7 +57,7 @@ def _with_differences(table, first):
     return found
 
 
-def held(metric, maps, estimates=means, truth=np.mean):
+def held(metric, maps, estimates=estimate_means, truth=np.mean):
     """Shares, by pool, of samples of so many maps with the pool's own value in their interval."""
     rng = np.random.default_rng(maps)
     found = {}
@@ -104,7 +104,7 @@ def test_wider_intervals_of_shares_hold_the_mean_of_as_many_other_maps(maps, lea
     for values in pools("ospa.share_under_1m").values():
         here, there = values[rng.integers(0, len(values), (2, maps, SAMPLES))]
         other = there.mean(axis=0)
-        found.append(np.mean([widened(e, x) for e, x in zip(means(here), other, strict=True)]))
+        found.append(np.mean([widened(e, x) for e, x in zip(estimate_means(here), other, strict=True)]))
     assert 100 * min(found) == pytest.approx(least, abs=1) and np.median(found) == pytest.approx(0.95, abs=0.01)
 
 
@@ -118,4 +118,4 @@ def widened(estimate, other):
 @pytest.mark.parametrize("metric", ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"])
 @pytest.mark.parametrize("maps", [6, 8, 10, 20, 50])
 def test_intervals_of_medians_hold_whatever_the_metric(metric, maps):
-    assert min(held(metric, maps, medians, np.median).values()) >= 0.945
+    assert min(held(metric, maps, estimate_medians, np.median).values()) >= 0.945

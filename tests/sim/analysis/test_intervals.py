@@ -8,8 +8,8 @@ from scipy import stats
 
 from sim.analysis import intervals
 from sim.analysis.answers import holm
-from sim.analysis.distributions import bands, ecdf, share_under
-from sim.analysis.intervals import maps_needed, means, medians, p_values
+from sim.analysis.distributions import compute_ecdf, compute_share_under, find_quartiles
+from sim.analysis.intervals import compute_p_values, count_maps_needed, estimate_means, estimate_medians
 
 
 def skewed(n, columns=1, seed=0):
@@ -29,7 +29,7 @@ def test_intervals_of_means_are_students_lengthened_by_the_edgeworth_term(n, see
     reach = stats.skew(values, bias=False) * values.std(ddof=1) * (1 + 2 * quantile**2) / (6 * n)
     assert reach != 0
     expected = values.mean(), student.low + min(reach, 0), student.high + max(reach, 0)
-    np.testing.assert_allclose(three(means(values[:, None])[0]), expected, rtol=1e-9)
+    np.testing.assert_allclose(three(estimate_means(values[:, None])[0]), expected, rtol=1e-9)
 
 
 def exact_rank(n):
@@ -46,19 +46,19 @@ def exact_rank(n):
 def test_intervals_of_medians_are_the_innermost_values_that_hold_95_percent_and_quick():
     for n in (*range(2, 301), 1000, 3000):
         values = np.random.default_rng(n).permutation(np.arange(1.0, n + 1))
-        assert three(medians(values[:, None])[0]) == ((n + 1) / 2, exact_rank(n), n + 1 - exact_rank(n))
+        assert three(estimate_medians(values[:, None])[0]) == ((n + 1) / 2, exact_rank(n), n + 1 - exact_rank(n))
     n = 100_000
-    low = int(three(medians(np.arange(1.0, n + 1)[:, None])[0])[1])
+    low = int(three(estimate_medians(np.arange(1.0, n + 1)[:, None])[0])[1])
     assert stats.binom.cdf(low - 1, n, 0.5) <= 0.025 < stats.binom.cdf(low, n, 0.5)
     assert low == pytest.approx(n / 2 - 1.96 * np.sqrt(n) / 2, abs=2)
 
 
 def test_intervals_of_means_and_medians_cover_as_often_as_they_say():
     values = np.random.default_rng(5).lognormal(0.0, 1.5, (8, 4000))
-    held = np.mean([e.low <= 1.0 <= e.high for e in medians(values)])
+    held = np.mean([e.low <= 1.0 <= e.high for e in estimate_medians(values)])
     assert held == pytest.approx(1 - 2 / 2**8, abs=0.006)
     values = np.random.default_rng(1).normal(3.0, 1.0, (30, 2000))
-    covered = np.mean([e.low <= 3.0 <= e.high for e in means(values)])
+    covered = np.mean([e.low <= 3.0 <= e.high for e in estimate_means(values)])
     assert 0.94 <= covered <= 0.97
 
 
@@ -66,28 +66,28 @@ def test_intervals_of_means_and_medians_cover_as_often_as_they_say():
 def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
     for seed, shift in ((1, 0.8), (2, -1.5), (3, 3.0)):
         values = skewed(n, seed=seed) - shift
-        (p_value,) = p_values(values)
+        (p_value,) = compute_p_values(values)
         if p_value in (1.0, 2.0 ** (1 - n)):
             continue
         with monkeypatch.context() as patch:
             patch.setattr(intervals, "LEVEL", 1 - p_value)
-            estimate = means(values)[0]
+            estimate = estimate_means(values)[0]
         assert (estimate.low if estimate.value > 0 else estimate.high) == pytest.approx(0, abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [6, 8, 12, 40])
 def test_p_values_below_5_percent_are_intervals_without_zero(n):
     values = np.random.default_rng(n).gamma(1.0, 1.0, (n, 500)) - np.linspace(0.0, 2.0, 500)
-    apart = [not e.low <= 0 <= e.high for e in means(values)]
-    assert [p_value <= 0.05 for p_value in p_values(values)] == apart and 50 < sum(apart) < 450
+    apart = [not e.low <= 0 <= e.high for e in estimate_means(values)]
+    assert [p_value <= 0.05 for p_value in compute_p_values(values)] == apart and 50 < sum(apart) < 450
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6])
 def test_no_p_value_is_below_what_so_many_maps_can_give(n):
     equal, nearly = np.full((n, 1), 3.0), np.full((n, 1), 3.0) + 1e-6 * np.arange(n)[:, None]
-    assert p_values(equal) == [2.0 ** (1 - n)] and p_values(nearly) == [2.0 ** (1 - n)]
-    assert p_values(np.zeros((n, 1))) == [1.0] and (p_values(equal)[0] <= 0.05) == (n >= 6)
-    assert p_values(np.full((3, 1), np.nan)) == p_values(np.zeros((0, 1))) == [1.0]
+    assert compute_p_values(equal) == [2.0 ** (1 - n)] and compute_p_values(nearly) == [2.0 ** (1 - n)]
+    assert compute_p_values(np.zeros((n, 1))) == [1.0] and (compute_p_values(equal)[0] <= 0.05) == (n >= 6)
+    assert compute_p_values(np.full((3, 1), np.nan)) == compute_p_values(np.zeros((0, 1))) == [1.0]
 
 
 def test_holms_correction_is_that_of_its_definition_and_errs_in_5_percent():
@@ -110,7 +110,7 @@ def test_holms_correction_is_that_of_its_definition_and_errs_in_5_percent():
 def test_maps_needed_are_the_fewest_with_the_power(shift):
     values = np.random.default_rng(4).normal(0, 1, (30, 1))
     values = (values - values.mean()) / values.std(ddof=1) + shift
-    (needed,) = maps_needed(values)
+    (needed,) = count_maps_needed(values)
 
     def power(n):
         end = stats.t.ppf(0.975, n - 1)
@@ -123,20 +123,20 @@ def test_maps_needed_find_the_difference_in_four_of_five_and_have_ends():
     rng = np.random.default_rng(6)
     values = rng.normal(0, 1, (20, 1))
     values = (values - values.mean()) / values.std(ddof=1) + 0.5
-    (needed,) = maps_needed(values)
-    told = np.array(p_values(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
+    (needed,) = count_maps_needed(values)
+    told = np.array(compute_p_values(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
     assert told.mean() == pytest.approx(0.8, abs=0.03)
-    assert maps_needed(np.full((4, 1), 2.0)) == [6.0] and maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
-    assert maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]
-    assert np.isnan(maps_needed(np.ones((1, 1)))).all()
+    assert count_maps_needed(np.full((4, 1), 2.0)) == [6.0] and count_maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
+    assert count_maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]
+    assert np.isnan(count_maps_needed(np.ones((1, 1)))).all()
 
 
 def test_columns_are_independent_and_few_maps_have_no_interval():
     values = skewed(8, columns=4)
-    for function in (means, medians):
+    for function in (estimate_means, estimate_medians):
         for j, estimate in enumerate(function(values)):
             np.testing.assert_allclose(three(estimate), three(function(values[:, j : j + 1])[0]), rtol=1e-12)
-    for function in (means, medians):
+    for function in (estimate_means, estimate_medians):
         np.testing.assert_array_equal(three(function(np.array([[2.0]]))[0]), (2.0, np.nan, np.nan))
         np.testing.assert_array_equal(three(function(np.zeros((0, 1)))[0]), (np.nan, np.nan, np.nan))
         assert function(np.zeros((3, 0))) == []
@@ -144,7 +144,7 @@ def test_columns_are_independent_and_few_maps_have_no_interval():
 
 @pytest.mark.parametrize("n", [2, 3, 7, 50])
 def test_equal_values_have_an_interval_of_no_width(n):
-    for function in (means, medians):
+    for function in (estimate_means, estimate_medians):
         np.testing.assert_allclose(three(function(np.full((n, 1), 0.1))[0]), (0.1, 0.1, 0.1), rtol=1e-15)
 
 
@@ -152,7 +152,7 @@ def test_equal_values_have_an_interval_of_no_width(n):
 def test_undefined_values_are_left_out(gap):
     values = skewed(6, columns=2)
     holed = np.insert(values, 3, [gap, 5.0], axis=0)
-    for function in (means, medians):
+    for function in (estimate_means, estimate_medians):
         assert function(holed)[0] == function(values[:, :1])[0] and np.isfinite(three(function(holed)[1])).all()
 
 
@@ -160,9 +160,9 @@ def test_distributions_are_shares_at_or_below_and_bands_quartiles():
     values = np.array([0.5, 2.0, 0.5, np.nan, 1.0], dtype=np.float32)
     at = np.array([0.4, 0.5, 0.7, 1.0, 2.0, 9.0])
     brute = [np.mean([v <= x for v in (0.5, 2.0, 0.5, 1.0)]) for x in at]
-    np.testing.assert_array_equal(ecdf(values, at), brute)
-    assert share_under(values, 1.0) == 0.5
-    assert np.isnan(ecdf(np.array([np.nan]), at)).all() and np.isnan(share_under(np.zeros(0), 1.0))
+    np.testing.assert_array_equal(compute_ecdf(values, at), brute)
+    assert compute_share_under(values, 1.0) == 0.5
+    assert np.isnan(compute_ecdf(np.array([np.nan]), at)).all() and np.isnan(compute_share_under(np.zeros(0), 1.0))
     curves = np.array([[1.0, 4.0, np.nan], [2.0, 8.0, np.nan], [3.0, np.nan, np.nan], [4.0, 6.0, np.nan]])
     expected = [[1.75, 5.0, np.nan], [2.5, 6.0, np.nan], [3.25, 7.0, np.nan]]
-    np.testing.assert_array_equal(bands(curves), expected)
+    np.testing.assert_array_equal(find_quartiles(curves), expected)

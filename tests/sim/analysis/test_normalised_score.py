@@ -6,15 +6,15 @@ import pytest
 from helpers.trials import failed, row
 
 from sim.analysis.groups import group_rows
-from sim.analysis.intervals import means
-from sim.analysis.metric_choice import metric_shown
-from sim.analysis.normalised_score import find_score_ends, scores
+from sim.analysis.intervals import estimate_means
+from sim.analysis.metric_choice import find_shown_metric
+from sim.analysis.normalised_score import compute_scores, find_score_ends
 from sim.analysis.normalised_score import score_planners as scored_study
-from sim.analysis.planner_labels import baseline_of, parse_labels, planner_labels
+from sim.analysis.planner_labels import find_baseline, label_planners, parse_labels
 from sim.study.study import ScoreScale
 from tracking.errors import InputError
 
-GOSPA, SHARE = metric_shown("gospa.mean_m"), metric_shown("ospa.share_under_1m")
+GOSPA, SHARE = find_shown_metric("gospa.mean_m"), find_shown_metric("ospa.share_under_1m")
 SCORED = ScoreScale(floor="hover", bound="sma-nbo")
 VIEW = ("view", "unlimited")
 
@@ -24,7 +24,7 @@ def flown(planner, values, factors=(), name="gospa.mean_m"):
 
 
 def scored(rows, metric=GOSPA):
-    return scores(group_rows(rows, "hover"), metric, find_score_ends(rows, SCORED))
+    return compute_scores(group_rows(rows, "hover"), metric, find_score_ends(rows, SCORED))
 
 
 def cell(own, floor=(8.0, 10.0, 12.0), bound=(2.0, 2.0, 2.0), factors=(), name="gospa.mean_m"):
@@ -37,7 +37,7 @@ def test_a_score_is_the_share_of_the_way_from_floor_to_bound():
     assert score.planner == "sma-nbo" and score.cell == () and score.maps == 3
     assert score.estimate.value == pytest.approx((10 - 6) / (10 - 2))
     residuals = np.array([2.0, 4.0, 6.0]) - 0.5 * np.array([6.0, 8.0, 10.0])
-    assert score.estimate == means((0.5 + residuals / 8)[:, None])[0]
+    assert score.estimate == estimate_means((0.5 + residuals / 8)[:, None])[0]
     (ends,) = scored(cell((8.0, 10.0, 12.0)))
     assert ends.estimate.value == 0 and ends.estimate.low == ends.estimate.high == 0
     (ends,) = scored(cell((2.0, 2.0, 2.0)))
@@ -96,17 +96,17 @@ def test_ends_are_found_where_options_follow_the_cell_and_by_their_own_labels():
         factors, planner = (("H", h),), f"sma-nbo(horizon={h})"
         rows += flown("hover", (8.0,), factors) + flown(planner, (2.0,), (*factors, VIEW))
     ends = "hover", "sma-nbo(view=unlimited), upper bound"
-    assert find_score_ends(rows, SCORED) == ends and baseline_of(rows, ends[1]) == ends[1]
+    assert find_score_ends(rows, SCORED) == ends and find_baseline(rows, ends[1]) == ends[1]
     given = parse_labels(rows, ["best=sma-nbo(view=unlimited)"])
-    assert set(planner_labels(rows, given).values()) == {"hover", "best, upper bound"}
+    assert set(label_planners(rows, given).values()) == {"hover", "best, upper bound"}
     for named in ("best", "sma-nbo(horizon=3, view=unlimited)"):
-        assert baseline_of(rows, named, given) == "best, upper bound"
+        assert find_baseline(rows, named, given) == "best, upper bound"
     assert find_score_ends(rows, SCORED, given) == ("hover", "best, upper bound")
 
 
 def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
     rows = cell((6.0, 6.0, 6.0))
-    labels = set(planner_labels(rows).values())
+    labels = set(label_planners(rows).values())
     assert labels == {"hover", "sma-nbo", "sma-nbo(view=unlimited), upper bound"}
     assert {group.cell for group in group_rows(rows)} == {()}
     with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is not one of the study's planners"):

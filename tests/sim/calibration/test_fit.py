@@ -9,7 +9,7 @@ from helpers.views import CAMERA
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from sim.calibration.consistency import Bin, nees, nees_bins, pair_bins, tilt_bins
+from sim.calibration.consistency import Bin, bin_nees, bin_pairs, bin_tilts, compute_nees
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
 from sim.calibration.scenes import draw_tilted_attitudes
 from tracking.detection.blob_detector import find_blobs, locate_people
@@ -59,7 +59,7 @@ def errors(population, found):
 @pytest.mark.parametrize("frames", [50, pytest.param(165, marks=pytest.mark.slow)])
 def test_nees_lies_in_its_95_percent_interval_at_all_angles_and_hidden_shares(frames):
     """Of fifty frames it finds covariances that are wrong by a tenth over all, or by a third in one bin."""
-    bins = nees_bins(fifty_frames() if frames == 50 else sample_forests(2, frames))
+    bins = bin_nees(fifty_frames() if frames == 50 else sample_forests(2, frames))
     assert bins[-1].count > 30 * frames and all(row.count > 1.5 * frames for row in bins)
     assert [row for row in bins if not row.holds] == []
 
@@ -90,9 +90,9 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
 @pytest.mark.parametrize("pixels", [96, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 192, 256))])
 def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
     population = sample_forests(3, 30, pixels)
-    assert 1.8 < nees(population).mean() < 2.2
+    assert 1.8 < compute_nees(population).mean() < 2.2
     for low, high in ((0.0, 0.5), (0.5, 1.0)):
-        parts = nees([s for s in population if low < s.hidden <= high])
+        parts = compute_nees([s for s in population if low < s.hidden <= high])
         assert len(parts) > 80
         interval = chi2.ppf((0.025, 0.975), 2 * len(parts)) / len(parts)
         assert interval[0] <= parts.mean() <= interval[1]
@@ -187,7 +187,7 @@ def test_only_people_told_apart_are_less_certain_the_more_the_nearer():
 
 @pytest.mark.parametrize("frames", [35, pytest.param(70, marks=pytest.mark.slow)])
 def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt(frames):
-    bins = tilt_bins(0, frames)
+    bins = bin_tilts(0, frames)
     assert len(bins) == 6 and all(row.count > 5.7 * frames for row in bins)
     assert [row for row in bins if not row.holds] == []
 
@@ -195,7 +195,7 @@ def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt(frames):
 @pytest.mark.parametrize("pairs", [400, pytest.param(1200, marks=pytest.mark.slow)])
 def test_nees_of_people_told_apart_lies_in_its_interval(pairs):
     """Of 400 pairs it finds covariances that are wrong by a fifth or more, of 1200 by a tenth."""
-    bins = pair_bins(0, pairs)
+    bins = bin_pairs(0, pairs)
     assert all(row.count > pairs / 4 for row in bins) and [row for row in bins if not row.holds] == []
 
 
@@ -203,7 +203,7 @@ def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():
     values = []
     for tilt in (15.0, 30.0, 45.0):
         views = draw_tilted_attitudes(np.random.default_rng(0), tilt, 30)
-        values.append(nees([s for s in sample_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
+        values.append(compute_nees([s for s in sample_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
     assert all(len(x) > 250 and 1.5 < x.mean() < 2.6 for x in values)
     assert Bin.of("in part", np.concatenate(values)).holds
 

@@ -5,14 +5,14 @@ from helpers.trials import row
 
 from sim.analysis.answers import find_answers
 from sim.analysis.groups import group_rows
-from sim.analysis.metric_choice import metric_shown
-from sim.analysis.planner_labels import baseline_of, parse_labels, short_labels
+from sim.analysis.metric_choice import find_shown_metric
+from sim.analysis.planner_labels import find_baseline, parse_labels, shorten_labels
 from sim.study.cells import add_trackers, list_cells
 from sim.study.study import Study
 from tracking.errors import InputError
 
 MINE = "mine:Mine"
-MEAN = metric_shown("ospa.mean_m")
+MEAN = find_shown_metric("ospa.mean_m")
 FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--metric", "ospa.mean_m"]
 SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
@@ -29,7 +29,7 @@ def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L"
 
 
 def test_differences_of_trackers_are_paired_by_map():
-    baseline = baseline_of(rows(), "jpda")
+    baseline = find_baseline(rows(), "jpda")
     found = find_answers(group_rows(rows(), baseline), [MEAN], baseline)
     assert baseline == "greedy(tracker=jpda)"
     assert [(a.cell, a.planner) for a in found] == [
@@ -48,13 +48,13 @@ def test_labels_of_planners_and_trackers_say_what_differs():
     every = rows(("greedy", "sma-nbo(horizon=3)"))
     labels = {g.planner for g in group_rows(every)}
     assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
-    assert short_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
+    assert shorten_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
     one, other = "greedy(tracker=jpda)", "greedy(tracker=mine:Mine)"
-    assert short_labels([one, other]) == {one: "jpda", other: "Mine"}
-    assert short_labels([one, "nearest"]) == {one: one, "nearest": "nearest"} and short_labels([one]) == {one: one}
+    assert shorten_labels([one, other]) == {one: "jpda", other: "Mine"}
+    assert shorten_labels([one, "nearest"]) == {one: one, "nearest": "nearest"} and shorten_labels([one]) == {one: one}
     with pytest.raises(InputError, match="--baseline: 'jpda' stands for several of the study's planners: greedy"):
-        baseline_of(every, "jpda")
-    assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
+        find_baseline(every, "jpda")
+    assert find_baseline(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
     levels = [(("H", h), ("tracker", t)) for h in "13" for t in ("jpda", MINE)]
     varied = [row(f"sma-nbo(horizon={level[0][1]})", 0, level, {"ospa.mean_m": 1.0}) for level in levels]
     assert {g.planner for g in group_rows(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}

@@ -11,8 +11,8 @@ from helpers.films import decoded
 from msgspec import structs
 
 from sim.drawing.film import HEIGHT, WIDTH, Film, Video
-from sim.drawing.layout import Box, parts_in
-from sim.drawing.lettering import TextStyle, width, write
+from sim.drawing.layout import Box, arrange_parts
+from sim.drawing.lettering import TextStyle, measure_width, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mix, track_colour, uav_colour, uav_dashes
 from sim.evaluation.holding import HOLDS
@@ -194,7 +194,9 @@ def test_in_a_crowd_uavs_have_names_and_no_two_names_overlap(monkeypatch):
     written = []
 
     def note(image, text, at, style):
-        written.append((text, at[0], at[1] - style.size / 2, at[0] + width(text, style), at[1] + style.size / 2))
+        written.append(
+            (text, at[0], at[1] - style.size / 2, at[0] + measure_width(text, style), at[1] + style.size / 2)
+        )
 
     monkeypatch.setattr("sim.drawing.labels.write", note)
     rng = np.random.default_rng(3)
@@ -257,7 +259,7 @@ def test_any_team_and_area_can_be_drawn(options, area):
 def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect, layout):
     panel = Box(10, 48, 1260, 632)
     for uavs in range(1, 21):
-        view = parts_in(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
+        view = arrange_parts(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
         assert list(view.tiles) == {"map": [], "last": [uavs - 1]}.get(layout, list(range(uavs)))
         assert (view.map is None) == (layout == "cameras")
         taken = np.zeros((720, 1280), dtype=np.int8)
@@ -296,4 +298,4 @@ def test_text_is_moved_inside_the_image(at):
     assert (255.0 - image).sum() == (255.0 - free).sum() > 0
     columns = np.flatnonzero((free < 128).any(axis=(0, 2)))
     # Ink and advance differ by the side bearings: 2 pixels with one version of FreeType, 3 with another.
-    assert abs(columns[-1] + 1 - columns[0] - width("UAV 7", style)) <= 3
+    assert abs(columns[-1] + 1 - columns[0] - measure_width("UAV 7", style)) <= 3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.drawing.labels import Labels, track_name
-from sim.drawing.lettering import TextStyle, width
+from sim.drawing.lettering import TextStyle, measure_width
 from sim.drawing.palette import INK, PANEL
 from tracking.filter.kalman import Gaussian
 from tracking.track import Track
@@ -56,7 +56,7 @@ def test_names_stand_where_trying_every_place_finds_that_they_cover_least(monkey
     taken = [(x - 8, y - 8, x + 8, y + 8) for x, y in marks.tolist()]
     sides = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (-1, 1)]
     for n in range(20):
-        at, wide, high = rng.uniform([-20, -20], [520, 320]), width(f"person {n}", NAME), NAME.size + 4.0
+        at, wide, high = rng.uniform([-20, -20], [520, 320]), measure_width(f"person {n}", NAME), NAME.size + 4.0
         tried = []
         for away in (11.0, 27.0, 47.0, 72.0):
             for dx, dy in sides:

@@ -18,7 +18,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import understory
 from sim.mission import mission as mission_module
-from sim.recording.archive import digest
+from sim.recording.archive import compute_digest
 from sim.scenario.loading import SCENARIOS, load
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError
@@ -114,7 +114,7 @@ def test_eighty_steps_are_the_same_again():
         told = one.step(actions)
         assert equal(told, other.step({agent: action.copy() for agent, action in actions.items()})), step
     assert not one.agents and set(told[3].values()) == {True}
-    assert digest(one.flight().recording) == digest(other.flight().recording)
+    assert compute_digest(one.flight().recording) == compute_digest(other.flight().recording)
 
 
 def test_a_copy_of_an_environment_goes_on_as_it_does():
@@ -126,7 +126,7 @@ def test_a_copy_of_an_environment_goes_on_as_it_does():
     other = copy.deepcopy(env)
     while env.agents:
         assert equal(env.step(given), other.step(given)) and np.array_equal(env.render(), other.render())
-    assert digest(env.flight().recording) == digest(other.flight().recording)
+    assert compute_digest(env.flight().recording) == compute_digest(other.flight().recording)
 
 
 def test_vectors_of_environments_step_as_single_ones():
@@ -454,7 +454,7 @@ def test_an_episode_has_the_settings_of_its_reset_and_the_next_one_has_not(scena
             each.reset(seed=3, options=options if each is env else None)
             while each.agents:
                 each.step(dict.fromkeys(each.agents, np.array([1.0, 0.5])))
-        digests = [digest(each.flight().recording) for each in (env, own)]
+        digests = [compute_digest(each.flight().recording) for each in (env, own)]
         assert (digests[0] == digests[1]) == (options is not None)
         if options is None:
             assert env.flight().scenario == setting_of() and plain in (None, digests[0])
@@ -489,7 +489,7 @@ def test_a_saved_episode_is_explained_replayed_and_exported(call, tmp_path):
     flight = env.flight()
     flight.save(tmp_path / "episode.npz")
     again = understory.load(tmp_path / "episode.npz")
-    assert digest(again.recording) == digest(flight.recording) and again.recording.interrupted
+    assert compute_digest(again.recording) == compute_digest(flight.recording) and again.recording.interrupted
     for arguments in (
         ("explain", "episode.npz", "--target", "1", "--time", "2", "--out", "explained.png"),
         ("replay", "episode.npz", "--page", "--out", "page.html"),

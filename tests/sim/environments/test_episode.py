@@ -5,7 +5,7 @@ import pytest
 from helpers.clients import open_clients
 from helpers.flights import fly
 
-from sim.drawing.film import Film, parts_of
+from sim.drawing.film import Film, lay_out_parts
 from sim.environments.episode import Episode
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
@@ -30,7 +30,7 @@ def test_a_slow_camera_shows_the_frame_it_took_between_two_decisions(drawn):
     frames, tiles = [], []
     mission, snapshots = fly(*options, see=lambda mission: frames.append(list(mission.frames)))
     film = Film(mission.scenario, mission.forest, planner="hover")
-    boxes = parts_of(mission.scenario).tiles.values()
+    boxes = lay_out_parts(mission.scenario).tiles.values()
     for snapshot, images in zip(snapshots, frames, strict=True):
         image = film.draw(snapshot, images)
         tiles.append([image[box.slices] for box in boxes])

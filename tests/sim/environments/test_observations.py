@@ -9,7 +9,7 @@ from helpers.flights import fly_ideal
 from helpers.teams import Spy
 
 from sim.environments.observations import Observations
-from sim.environments.rewards import expected_gospa, trace, true_gospa
+from sim.environments.rewards import compute_expected_gospa, compute_true_gospa, trace
 from sim.mission.snapshot import find_reported_positions
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera
@@ -115,11 +115,13 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
         squares.append(
             gospa(find_reported_positions(tracks), np.array([*there, *undetected]).reshape(-1, 2)).distance ** 2
         )
-    reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
+    reward = compute_expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
     assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
     assert reward < 0
     vague = tuple(Track(t.id, Gaussian(t.belief.mean, 1e9 * np.eye(4)), 1.0) for t in tracks)
-    assert expected_gospa(believed(teams[0][0], vague, 0.0), np.zeros((0, 2))) == pytest.approx(-math.sqrt(300.0))
+    assert compute_expected_gospa(believed(teams[0][0], vague, 0.0), np.zeros((0, 2))) == pytest.approx(
+        -math.sqrt(300.0)
+    )
 
 
 def test_the_other_rewards_are_the_trace_and_the_gospa_to_the_true_people(teams):
@@ -127,8 +129,8 @@ def test_the_other_rewards_are_the_trace_and_the_gospa_to_the_true_people(teams)
     situation = believed(teams[0][0], tracks * 1, 0.0)
     assert trace(situation, np.zeros((5, 2))) == -3.0
     lost = believed(teams[0][0], (), 4.0)
-    assert trace(lost, np.zeros((4, 2))) == 0.0 and expected_gospa(lost, np.zeros((4, 2))) == -math.sqrt(200.0)
+    assert trace(lost, np.zeros((4, 2))) == 0.0 and compute_expected_gospa(lost, np.zeros((4, 2))) == -math.sqrt(200.0)
     people = np.array([[3.0, 4.0], [90.0, 0.0]])
-    assert true_gospa(situation, people) == pytest.approx(-math.sqrt(25.0 + 50.0))
+    assert compute_true_gospa(situation, people) == pytest.approx(-math.sqrt(25.0 + 50.0))
     doubted = (Track(0, tracks[0].belief, 0.5),)
-    assert true_gospa(believed(teams[0][0], doubted, 0.0), people) == pytest.approx(-math.sqrt(50.0 + 50.0))
+    assert compute_true_gospa(believed(teams[0][0], doubted, 0.0), people) == pytest.approx(-math.sqrt(50.0 + 50.0))

@@ -8,7 +8,7 @@ from helpers.recordings import bare
 from helpers.summaries import hand_made, summary
 
 from sim.evaluation.score import score
-from sim.evaluation.searching import times_to_find
+from sim.evaluation.searching import measure_times_to_find
 
 
 def test_times_to_find_match_the_hand_count():
@@ -27,11 +27,11 @@ def test_times_to_find_match_the_hand_count():
     held[1][0] = {2: (0.5, 0.0, 0.0, 0.0)}
     held[6][0] = {3: (0.0, 40.0, 0.0, 0.0), 4: (20.0, 1.1, 0.0, 0.0)}
     recording = dataclasses.replace(bare(people, held), trees=np.array([[0.0, 0.0, 5.0, 3.0, 6.0, 0.2]]))
-    found = times_to_find(recording, [score(recording, uav) for uav in range(2)])
+    found = measure_times_to_find(recording, [score(recording, uav) for uav in range(2)])
     np.testing.assert_allclose(found, [4 / 5, 5 / 5, 0.0, 1 / 5])
 
 
 def test_the_summary_has_the_mean_over_people():
     recording = hand_made()
-    expected = times_to_find(recording, [score(recording, uav) for uav in range(recording.poses.shape[1])])
+    expected = measure_times_to_find(recording, [score(recording, uav) for uav in range(recording.poses.shape[1])])
     assert summary(recording)["time_to_find_s"] == pytest.approx(float(expected.mean())) and expected.mean() > 0

@@ -18,7 +18,7 @@ from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.replay.frames.frame_panels import scans_between
+from sim.replay.frames.frame_panels import find_scans
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
@@ -151,12 +151,12 @@ def test_map_and_tile_cross_out_a_uav_that_broke_down():
 def test_frames_after_a_breakdown_are_refused_and_the_command_says_when(call, refused):
     recording = recording_of(*fly("uavs.1.fails_at=0.5", "uavs.2.fails_at=0", duration=2))
     assert recording.setting.uavs[1].fails_at == 0.5
-    assert scans_between(recording, 0.0, 0.4, 1) == [0, 1, 2]
-    assert scans_between(recording, 0.0, 2.0, 0) == list(range(11))
+    assert find_scans(recording, 0.0, 0.4, 1) == [0, 1, 2]
+    assert find_scans(recording, 0.0, 2.0, 0) == list(range(11))
     with pytest.raises(InputError, match=r"^--time: at 0\.6 s UAV 1 had broken down; its last scan is that at 0\.4 s$"):
-        scans_between(recording, 0.4, 0.8, 1)
+        find_scans(recording, 0.4, 0.8, 1)
     with pytest.raises(InputError, match=r"^--time: at 0 s UAV 2 had broken down; it never worked$"):
-        scans_between(recording, 0.0, None, 2)
+        find_scans(recording, 0.0, None, 2)
     options = ["--duration", "1", "--set", "sensing.mode=ideal", "--set", "uavs.2.fails_at=0.4", "--no-video"]
     assert f"fault at 0.4 s, UAV 2: {BROKEN}" in call("run", "--out", "out", "--planner", "hover", *options)[1]
     told = refused("frames", "out", "--uav", "2", "--time", "0.8")

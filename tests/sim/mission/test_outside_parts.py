@@ -14,7 +14,7 @@ from helpers.processes import python
 from helpers.studies import task_of
 
 from sim.mission.trial import Trial
-from sim.recording.archive import digest, load
+from sim.recording.archive import compute_digest, load
 from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
 from sim.study.trial_flight import fly_trial
@@ -86,7 +86,7 @@ def test_one_file_from_outside_changes_the_tracks(tmp_path, module, override):
         module(name, code)
     recording, summary = flown(tmp_path / "theirs", *SHORT, override, planner="hover")
     assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
-    assert digest(recording) == digest_of(override) != digest_of()
+    assert compute_digest(recording) == digest_of(override) != digest_of()
 
 
 SUMS = """

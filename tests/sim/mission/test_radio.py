@@ -13,7 +13,7 @@ from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
 from planning.planner import Exchange
-from sim.evaluation.fleet_facts import disagreement
+from sim.evaluation.fleet_facts import measure_disagreement
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.archive import load as load_recording
@@ -122,11 +122,11 @@ def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
     held = [[track(0, 0, 0, 0, 0)], [track(0, 3, 4, 0, 0)], [track(0, 0, 0, 0, 0), track(1, 9, 9, 0, 0)]]
     alone = ospa(np.zeros((1, 2)), np.array([[0.0, 0], [9, 9]])).distance
     third = ospa(np.array([[3.0, 4]]), np.array([[0.0, 0], [9, 9]])).distance
-    assert disagreement(held) == pytest.approx((5.0 + alone + third) / 3)
-    assert disagreement(held[:1]) == disagreement([]) == disagreement([[], []]) == 0.0
+    assert measure_disagreement(held) == pytest.approx((5.0 + alone + third) / 3)
+    assert measure_disagreement(held[:1]) == measure_disagreement([]) == measure_disagreement([[], []]) == 0.0
     mission, snapshots = fly_ideal("network.loss=0.9", seed=1, duration=3)
     row = fly_trial(task_of(mission.scenario, "hover", 1)).row
-    assert row.metrics["network.disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
+    assert row.metrics["network.disagreement_m"] == np.mean([measure_disagreement(s.tracks) for s in snapshots]) > 0.01
     whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
     assert whole.metrics["network.disagreement_m"] < 1e-9
 
@@ -160,7 +160,7 @@ def test_bytes_count_rounds_to_linked_uavs_and_survive_the_disk(tmp_path):
         "bytes_total": 1400, "bytes_per_scan_mean": 350.0, "bytes_per_scan_max": 1000
     }  # fmt: skip
     held = [recording.tracks_at(k, i) for k in range(2) for i in range(2)]
-    assert network["disagreement_m"] == (disagreement(held[:2]) + disagreement(held[2:])) / 2
+    assert network["disagreement_m"] == (measure_disagreement(held[:2]) + measure_disagreement(held[2:])) / 2
     (line,) = [line for line in shown(summary(recording)).splitlines() if "sent by a UAV per scan" in line]
     assert "0.3 kB" in line or "0.4 kB" in line
     save(record(), tmp_path / "mission.npz")
@@ -177,7 +177,7 @@ def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
     for s in snapshots:
         ids = [[t.id for t in held] for held in s.tracks]
         assert all(len(set(held)) == len(held) <= 4 for held in ids)
-        between = disagreement(s.tracks)
+        between = measure_disagreement(s.tracks)
         if 1 <= s.time < 3:
             np.testing.assert_array_equal(s.bytes_sent[2], 0)
             assert between > 1e-3
@@ -193,7 +193,7 @@ def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):
     _, snapshots = fly_ideal(*overrides, seed=0, duration=12)
     alike = [len({tuple(t.id for t in held) for held in s.tracks}) == 1 for s in snapshots]
     assert np.mean(alike) > 0.95
-    gaps = [disagreement(s.tracks) for s, same in zip(snapshots, alike, strict=True) if same]
+    gaps = [measure_disagreement(s.tracks) for s, same in zip(snapshots, alike, strict=True) if same]
     assert 0.0 < np.mean(gaps) < 0.05
 
 

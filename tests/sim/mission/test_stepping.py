@@ -11,7 +11,7 @@ from helpers.teams import Spy
 from planning.planner import Plan
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
-from sim.recording.archive import digest
+from sim.recording.archive import compute_digest
 from sim.running.results import record
 from sim.scenario.loading import load
 from tracking.errors import InputError
@@ -25,7 +25,7 @@ FLIGHTS = [
 
 
 def hash_of(mission, snapshots, **named):
-    return digest(recording_of(mission, snapshots, **named))
+    return compute_digest(recording_of(mission, snapshots, **named))
 
 
 def stepped(mission, planner):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from helpers.hostile_stores import recording
 
-from sim.recording.atomic_files import claim_place, new_folder
+from sim.recording.atomic_files import claim_place, make_new_folder
 
 SHORT = "--duration 0.2 --planner hover --set sensing.mode=ideal"
 COMMANDS = {  # words, default place, suffix
@@ -32,7 +32,7 @@ def test_of_eight_at_a_time_each_gets_a_place_of_its_own_and_leaves_nothing_else
             if suffix:
                 place.write_text(str(number))
             else:
-                with new_folder(place) as folder:
+                with make_new_folder(place) as folder:
                     (folder / str(number)).touch()
             places.append(place)
 

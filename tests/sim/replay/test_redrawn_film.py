@@ -197,6 +197,6 @@ def test_the_window_opens_and_ends_with_the_last_scan(flown, display):
 def test_between_scans_everything_moves_evenly(flown):
     rows, following = load(flown / "mission.npz").poses[4:6]
     for share in (0.0, 0.25, 1.0):
-        for pose, one, other in zip(window._poses(rows, following, share), rows, following, strict=True):
+        for pose, one, other in zip(window._interpolate_poses(rows, following, share), rows, following, strict=True):
             np.testing.assert_allclose(pose.position, one[:3] + share * (other[:3] - one[:3]), atol=1e-12)
             assert np.linalg.norm(pose.quaternion) == pytest.approx(1.0)

@@ -8,12 +8,12 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.answers import map_points
-from sim.analysis.distributions import bands
+from sim.analysis.distributions import find_quartiles
 from sim.analysis.groups import drop_constant_factors, group_rows
-from sim.analysis.metric_choice import metric_shown
-from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
+from sim.analysis.metric_choice import find_shown_metric
+from sim.report.figures.charts import AT, draw_ecdf_figure, draw_runtime_figure, draw_scatter_figure, draw_time_figure
 from sim.report.figures.panels import lay_out_figures
-from sim.report.figures.pictures import content, draw_pictures
+from sim.report.figures.pictures import draw_pictures, encode_figure
 
 
 def groups(rows=None, baseline="sma-nbo"):
@@ -28,7 +28,7 @@ def lines(axes):
 def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
     found = groups()
     (layout,) = lay_out_figures(found)
-    figure = ecdf_figure(layout)
+    figure = draw_ecdf_figure(layout)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["λ = 15", "λ = 75"]
     for axes, panel in zip(figure.axes, layout.panels, strict=True):
         for line, curve in zip(lines(axes), panel.curves, strict=True):
@@ -36,10 +36,10 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
             brute = [100 * np.mean(pooled <= x) for x in AT]
             np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
         assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
-    figure = time_figure(layout)
+    figure = draw_time_figure(layout)
     for axes, panel in zip(figure.axes, layout.panels, strict=True):
         for line, shade, curve in zip(lines(axes), axes.collections, panel.curves, strict=True):
-            low, median, high = bands(np.array([r.ospa for r in curve.group.done], dtype=float))
+            low, median, high = find_quartiles(np.array([r.ospa for r in curve.group.done], dtype=float))
             np.testing.assert_allclose(line.get_ydata(), median)
             np.testing.assert_allclose(line.get_xdata(), np.arange(26) / 5)
             drawn = set(np.round(shade.get_paths()[0].vertices[:, 1], 9))
@@ -49,15 +49,15 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
 def test_texts_of_figures_count_scans_and_maps_and_ties_as_neither(without_pictures):
     values = {"sma-nbo": (1.0, 1.0, 1.0), "greedy": (2.0, 1.0, 0.5)}
     rows = [row(p, s, metrics={"ospa.mean_m": v}) for p, own in values.items() for s, v in enumerate(own)]
-    found = {p.name: p.alt for p in draw_pictures(groups(rows), "sma-nbo", [metric_shown("ospa.mean_m")])}
+    found = {p.name: p.alt for p in draw_pictures(groups(rows), "sma-nbo", [find_shown_metric("ospa.mean_m")])}
     assert "sma-nbo 0.0%; greedy 33.3%." in found["ecdf"] and "sma-nbo 1.00 m; greedy 1.00 m." in found["time"]
     assert "greedy: 1 of 3 maps above sma-nbo." in found["maps-ospa-mean-m"]
 
 
 def test_points_are_maps_that_both_flew():
     found = groups()
-    shown = metric_shown("ospa.share_under_1m")
-    figure = scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown)
+    shown = find_shown_metric("ospa.share_under_1m")
+    figure = draw_scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["greedy", "hover"]
     by_seed = {(g.cell, g.planner, r.seed): 100 * r.metrics[shown.name] for g in found for r in g.done}
     for axes, planner in zip(figure.axes, ("greedy", "hover"), strict=True):
@@ -72,7 +72,7 @@ def test_points_are_maps_that_both_flew():
 
 def test_run_times_are_means_in_their_unit():
     found = groups()
-    figure = runtime_figure(found, metric_shown("planning_s_per_decision"))
+    figure = draw_runtime_figure(found, find_shown_metric("planning_s_per_decision"))
     marks = [line for line in figure.axes[0].get_lines() if line.get_marker() in tuple("oD^s")]
     dots = sorted(float(line.get_xdata()[0]) for line in marks)
     np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
@@ -83,12 +83,12 @@ def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     (layout,) = lay_out_figures(found)
     colours = [{c.label: c.style for c in panel.curves} for panel in layout.panels]
     assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
-    legend = [text.get_text() for text in ecdf_figure(layout).legends[0].get_texts()]
+    legend = [text.get_text() for text in draw_ecdf_figure(layout).legends[0].get_texts()]
     assert legend == ["sma-nbo", "greedy", "hover"]
     (layout,) = lay_out_figures(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
     styles = [curve.style for curve in layout.panels[0].curves]
     assert len({(s.colour, s.dash) for s in styles}) == 9
-    figure = ecdf_figure(layout)
+    figure = draw_ecdf_figure(layout)
     assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
     assert words(figure, figure.legends[0]) == [f"p{i}" for i in range(9)]
 
@@ -122,14 +122,14 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
     rows = [*study(), row("late", 0, (("lambda", "15"), ("R", "5")), {"ospa.mean_m": np.nan})]
     found = groups(rows)
     (layout,) = lay_out_figures(found)
-    shown = metric_shown("ospa.mean_m")
+    shown = find_shown_metric("ospa.mean_m")
     for figure in (
-        ecdf_figure(layout),
-        time_figure(layout),
-        scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
-        runtime_figure(found, metric_shown("planning_s_per_decision")),
+        draw_ecdf_figure(layout),
+        draw_time_figure(layout),
+        draw_scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
+        draw_runtime_figure(found, find_shown_metric("planning_s_per_decision")),
     ):
-        assert content(figure, "svg").startswith(b"<?xml")
+        assert encode_figure(figure, "svg").startswith(b"<?xml")
 
 
 def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own(without_pictures):

@@ -16,8 +16,8 @@ from helpers.trials import failed, row, study
 from planning.planner_loading import load_planner
 from sim.__main__ import COMMANDS
 from sim.analysis.differences import Difference
-from sim.analysis.intervals import Estimate, maps_needed, means, p_values
-from sim.analysis.metric_choice import metric_shown
+from sim.analysis.intervals import Estimate, compute_p_values, count_maps_needed, estimate_means
+from sim.analysis.metric_choice import find_shown_metric
 from sim.report.report import About, format_duration, format_ranges, make_files, write
 from sim.report.sentences import write_verdict
 from sim.scenario.loading import load
@@ -209,16 +209,16 @@ def test_studies_with_nothing_to_compare_have_a_report(given, without_pictures):
 
 
 def gap_of(values, shown=1):
-    (mean,), (p_value,) = means(values), p_values(values)
+    (mean,), (p_value,) = estimate_means(values), compute_p_values(values)
     signs = np.sign(values)
     counts = [int(np.sum(signs == sign)) for sign in (1, 0, -1)]
     return Difference(
-        mean, len(values), 0, *counts, p_value=p_value, needed=maps_needed(values)[0], survives=shown == 1
+        mean, len(values), 0, *counts, p_value=p_value, needed=count_maps_needed(values)[0], survives=shown == 1
     )
 
 
 def test_verdicts_follow_the_interval():
-    share = metric_shown("ospa.share_under_1m")
+    share = find_shown_metric("ospa.share_under_1m")
     spread = np.linspace(-0.05, 0.05, 9)[:, None]
     one = "mine and base cannot be told apart: scans with OSPA under 1 m +1.0 points (95 %: -1.6 to +3.6)"
     for middle, told in ((0.1, "mine is better than base: "), (-0.1, "mine is worse than base: ")):
@@ -237,7 +237,7 @@ def test_verdicts_follow_the_interval():
 
 @pytest.mark.parametrize("maps", [1, 2, 3, 4, 5])
 def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
-    share = metric_shown("ospa.share_under_1m")
+    share = find_shown_metric("ospa.share_under_1m")
     for values in (np.full((maps, 1), 0.5), 0.5 + 1e-3 * np.arange(maps)[:, None]):
         text = write_verdict("mine", "base", share, gap_of(values))
         assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
@@ -262,9 +262,9 @@ def test_repeats_are_told_and_flown_again(without_pictures):
 
 
 def test_numbers_read_as_people_write_them():
-    shown = [metric_shown("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
+    shown = [find_shown_metric("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
     assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
-    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00" and format_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert find_shown_metric("ospa.mean_m").text(-1e-6) == "0.00" and format_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert [format_duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 
 

@@ -15,17 +15,17 @@ from rich.console import Console
 from sim.analysis.answers import find_answers
 from sim.analysis.groups import group_rows
 from sim.analysis.intervals import Estimate
-from sim.analysis.metric_choice import metric_shown
+from sim.analysis.metric_choice import find_shown_metric
 from sim.report.answer_columns import Entry, make_entries
-from sim.report.csv_table import comma_separated
-from sim.report.html_parts import bullet_list, make_titled_tables
+from sim.report.csv_table import format_csv
+from sim.report.html_parts import make_bullet_list, make_titled_tables
 from sim.report.report import About, make_files
-from sim.report.sentences import notes, shortfalls
+from sim.report.sentences import list_shortfalls, write_notes
 from sim.report.tables import make_answer_tables
 from sim.report.terminal import show
 from tracking.errors import InputError
 
-MEAN = metric_shown("ospa.mean_m")
+MEAN = find_shown_metric("ospa.mean_m")
 ENDS = ("", "_low", "_high")  # of names of an estimate in table.csv
 
 
@@ -39,7 +39,7 @@ def everywhere(rows):
     """The texts of the terminal and of the page."""
     found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
     tables = make_titled_tables(make_answer_tables(found, "sma-nbo"))
-    return shown(rows, 120), tables + unescape(bullet_list([*notes(found), *shortfalls(found)]))
+    return shown(rows, 120), tables + unescape(make_bullet_list([*write_notes(found), *list_shortfalls(found)]))
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -163,7 +163,7 @@ def test_tables_say_where_intervals_hold_less_often_than_they_claim():
 @pytest.mark.parametrize("rows", [study(), repeated(), study(planners=("sma-nbo",))])
 def test_the_csv_holds_every_number_in_full_and_nothing_where_there_is_none(rows):
     found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
-    lines = list(csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo"))))
+    lines = list(csv.DictReader(io.StringIO(format_csv(found, "sma-nbo"))))
     factors = dict.fromkeys(name for row in rows for name, _ in row.factors)
     for line, answer in zip(lines, found, strict=True):
         cell, gap = answer.cell, answer.difference

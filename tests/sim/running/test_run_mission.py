@@ -13,7 +13,7 @@ from helpers.processes import python
 from planning.planners import DEFAULT_PLANNER
 from sim.mission.trial import ScanProgress, Trial
 from sim.recording.archive import load as load_recording
-from sim.recording.atomic_files import PlaceTaken, new_folder
+from sim.recording.atomic_files import PlaceTaken, make_new_folder
 from sim.replay import events
 from sim.running import results as module
 from sim.running.results import run_mission
@@ -138,7 +138,7 @@ def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_p
 
 
 def test_a_folder_appears_whole(tmp_path):
-    with new_folder(tmp_path / "a" / "b") as part:
+    with make_new_folder(tmp_path / "a" / "b") as part:
         (part / "file").write_text("content")
         assert not (tmp_path / "a" / "b").exists()
     assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
@@ -148,10 +148,10 @@ def test_of_two_folders_of_one_name_at_a_time_both_are_kept(tmp_path):
     out = tmp_path / "out"
     with (
         pytest.raises(PlaceTaken, match="made by another program meanwhile; the results are in out-2"),
-        new_folder(out) as part,
+        make_new_folder(out) as part,
     ):
         (part / "mine").touch()
-        with new_folder(out) as other:
+        with make_new_folder(out) as other:
             (other / "theirs").touch()
     assert names(tmp_path) == ["out", "out-2"]
     assert names(out) == ["theirs"] and names(tmp_path / "out-2") == ["mine"]
@@ -161,28 +161,28 @@ def test_links_to_folders_are_followed_and_roots_of_file_systems_refused(tmp_pat
     (tmp_path / "empty").mkdir()
     for link, place in (("link", "empty"), ("dangling", "new")):
         (tmp_path / link).symlink_to(tmp_path / place)
-        with new_folder(tmp_path / link) as part:
+        with make_new_folder(tmp_path / link) as part:
             (part / "file").touch()
         assert names(tmp_path / place) == ["file"] and (tmp_path / link).is_symlink()
     (tmp_path / "disk").mkdir()
     monkeypatch.setattr("pathlib.Path.is_mount", lambda path: True)
-    with pytest.raises(InputError, match="disk is where a file system is mounted"), new_folder(tmp_path / "disk"):
+    with pytest.raises(InputError, match="disk is where a file system is mounted"), make_new_folder(tmp_path / "disk"):
         pass
 
 
 def test_folders_that_were_there_survive_a_failure_and_runs_are_refused(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
-    with pytest.raises(RuntimeError), new_folder(out):
+    with pytest.raises(RuntimeError), make_new_folder(out):
         raise RuntimeError
     assert names(tmp_path) == ["out"] and names(out) == []
-    with new_folder(out) as part:
+    with make_new_folder(out) as part:
         (part / "summary.json").touch()
     assert names(tmp_path) == ["out"] and names(out) == ["summary.json"]
-    with pytest.raises(InputError, match="already holds a run"), new_folder(out):
+    with pytest.raises(InputError, match="already holds a run"), make_new_folder(out):
         pass
     assert names(out) == ["summary.json"]
-    with pytest.raises(RuntimeError), new_folder(tmp_path / "runs" / "mine"):
+    with pytest.raises(RuntimeError), make_new_folder(tmp_path / "runs" / "mine"):
         (tmp_path / "runs" / "theirs").mkdir()
         raise RuntimeError
     assert names(tmp_path / "runs") == ["theirs"]

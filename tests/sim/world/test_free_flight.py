@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import fly, recording_of
 
 from planning.planner import Plan
-from sim.recording.archive import digest
+from sim.recording.archive import compute_digest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.world.attitude import settle
@@ -161,8 +161,8 @@ def test_missions_without_an_engine_have_the_bytes_of_those_with_one(overrides, 
     duration = 6 if MEETING in overrides and IDEAL[0] in overrides else 4  # kinematic ones part again after 5 s
     mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
     assert any(snapshot.contacts for snapshot in snapshots) == met and mission._world._made == engine
-    found = digest(recording_of(mission, snapshots))
+    found = compute_digest(recording_of(mission, snapshots))
     for move in ("fly", "glide"):
         monkeypatch.setattr(f"sim.world.world.{move}", lambda *_: 0)
     mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
-    assert mission._world._made and digest(recording_of(mission, snapshots)) == found
+    assert mission._world._made and compute_digest(recording_of(mission, snapshots)) == found

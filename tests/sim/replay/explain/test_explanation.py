@@ -12,7 +12,7 @@ from helpers.flights import IDEAL, recorded
 from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
 
-from sim.drawing.lettering import width
+from sim.drawing.lettering import measure_width
 from sim.recording.archive import save
 from sim.replay.explain import picture
 from sim.replay.explain.explanation import explain_person, find_stretches, percent_text
@@ -287,7 +287,7 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
     def written(image, text, at, style, align=0.0):
         if len(image) > 512:  # no frame
             reach = np.array([0.0, style.size / 2])
-            boxes[text] = (at - reach, at + reach + (width(text, style), 0.0))
+            boxes[text] = (at - reach, at + reach + (measure_width(text, style), 0.0))
 
     monkeypatch.setattr("sim.drawing.labels.write", written)
     with Observer(Flight(recording)) as observer:

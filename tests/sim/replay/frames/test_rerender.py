@@ -18,7 +18,7 @@ from sim.recording.archive import save
 from sim.recording.recording import Recording
 from sim.replay.frames import frame_panels
 from sim.replay.frames.annotation import annotate
-from sim.replay.frames.frame_panels import _draw_panel, _field_of_view, scans_between, write_frames
+from sim.replay.frames.frame_panels import _describe_view, _draw_panel, find_scans, write_frames
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
 from sim.world.world import World
@@ -154,18 +154,18 @@ def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
 def test_numbers_of_the_view_are_those_of_the_geometry():
     altitude = 20 / (2 * math.tan(math.radians(30)))
     camera = Camera(math.radians(60), 128)
-    assert _field_of_view(camera, Pose.level(5.0, 0.0, altitude)) == [
+    assert _describe_view(camera, Pose.level(5.0, 0.0, altitude)) == [
         "128 pixels, 60°",
         "altitude 17.3 m, 0.0° off nadir",
         "edges 20.0 m on the ground",
         "15.6 × 15.6 cm a pixel in the middle",
     ]
     # Tilted by 30 degrees to the north, the lower edge looks straight down.
-    told = _field_of_view(camera, northwards(30))
+    told = _describe_view(camera, northwards(30))
     bottom, top = 2 * 10 * math.tan(math.radians(30)) * math.cos(math.radians(30)) / np.array([1.0, 0.5])
     assert told[1] == "altitude 10.0 m, 30.0° off nadir"
     assert f"bottom {bottom:.1f}, " in told[3] and f"top {top:.1f}, " in told[3]
-    assert _field_of_view(camera, northwards(90))[-1] == "reaches the horizon"
+    assert _describe_view(camera, northwards(90))[-1] == "reaches the horizon"
 
 
 @pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
@@ -225,11 +225,11 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
 
 def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp_path, monkeypatch):
     recording, _ = mission
-    assert scans_between(recording, 0.0, None) == [0] and scans_between(recording, 1.07, None) == [5]
-    assert scans_between(recording, 4.0, None) == [20] and scans_between(recording, 0.6, 1.2) == [3, 4, 5, 6]
-    assert scans_between(recording, 3.9, 4.0) == [20]
+    assert find_scans(recording, 0.0, None) == [0] and find_scans(recording, 1.07, None) == [5]
+    assert find_scans(recording, 4.0, None) == [20] and find_scans(recording, 0.6, 1.2) == [3, 4, 5, 6]
+    assert find_scans(recording, 3.9, 4.0) == [20]
     with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
-        scans_between(recording, 1.05, 1.15)
+        find_scans(recording, 1.05, 1.15)
     monkeypatch.setattr(
         frame_panels, "draw", lambda rerenderer, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
     )

@@ -16,13 +16,13 @@ from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
 
 from sim.__main__ import COMMANDS
-from sim.drawing.film import parts_of
+from sim.drawing.film import lay_out_parts
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
 from sim.mission.trial import Trial
 from sim.recording.fault_text import encode_faults
 from sim.replay.flight import Flight
-from sim.replay.frames.frame_panels import scans_between
+from sim.replay.frames.frame_panels import find_scans
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.page.data import page_data
@@ -94,7 +94,7 @@ def test_commands_name_the_scan_of_an_event_at_any_rate():
     times = {line[line.index("--time") + 1] for line in lines if "--time" in line}
     assert "0.15" in times
     firsts = {int(given["data-first"]) for given, _ in sheet.of("li") if "data-person" in given}
-    assert {scans_between(recording, float(time), None)[0] for time in times} == firsts
+    assert {find_scans(recording, float(time), None)[0] for time in times} == firsts
 
 
 def test_the_data_are_those_of_the_recording(mission, text):
@@ -121,7 +121,9 @@ def test_the_data_are_those_of_the_recording(mission, text):
     assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
     assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
-    assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in parts_of(recording.setting).tiles.values()]
+    assert data["film"]["tiles"] == [
+        [b.x, b.y, b.width, b.height] for b in lay_out_parts(recording.setting).tiles.values()
+    ]
 
 
 def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():

@@ -14,7 +14,7 @@ from helpers.flown_pages import EVIL
 from helpers.identities import SWAP, swapping
 from helpers.recordings import record
 
-from sim.drawing.film import parts_of
+from sim.drawing.film import lay_out_parts
 from sim.drawing.palette import LOST
 from sim.evaluation.holding import HOLDS
 from sim.replay.event import IDENTITIES
@@ -67,7 +67,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
 def _follows_the_slider(browser, mission, folder):
     with av.open(str(folder / "mission.mp4")) as container:
         images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    box = parts_of(mission.setting).tiles[1]
+    box = lay_out_parts(mission.setting).tiles[1]
     maps = []
     for k in (13, 6, 20, 0):
         browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")
