@@ -71,8 +71,8 @@ def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[
 
     A score is (m - f) / (b - f), where m, f and b are the means of planner, floor and bound over the maps that all
     three flew. Its interval is that of `estimate_means` for the linearised ratio: a map's value is the score plus the
-    residual (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores. The mean
-    over cells counts the seeds that have a value in all of them.
+    residual (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores.
+    The mean over cells counts the seeds that have a value in all of them.
     """
     by_key = {(group.cell, group.planner): group for group in groups}
     cells = list(dict.fromkeys(group.cell for group in groups))

@@ -178,7 +178,7 @@ def test_failed_and_refused_exports_leave_nothing_and_say_why(recording, tmp_pat
     def broken(*arguments):
         raise OSError("disk full")
 
-    monkeypatch.setattr(module, "_truth", broken)
+    monkeypatch.setattr(module, "_list_truth", broken)
     for target in module.TARGETS:
         with pytest.raises(OSError, match="disk full"):
             export(recording, target, tmp_path / "new" / target)
