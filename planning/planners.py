@@ -97,7 +97,7 @@ def _find_package(point: EntryPoint) -> str:
 
 
 def list_planners() -> dict[str, dict[str, str]]:
-    """Planners and their descriptions under a heading for each package, and their options under one more."""
+    """Descriptions of the planners by package, and their options under a last heading."""
     ours: dict[str, str] = {}
     groups = {"Built in": ours}
     for name, spec in PLANNERS.items():

@@ -20,7 +20,7 @@ from tracking.numerics.arrays import Array, Indices
 
 @dataclass(frozen=True)
 class DecMCTS:
-    """Search of each UAV in a tree of its own sequences of controls, of which it sends the likely ones to the others.
+    """Each UAV searches a tree of its own sequences of controls, and sends the likely ones to the others.
 
     In each of `rounds` rounds a UAV grows its tree, with the others' sequences drawn from the distributions that it
     has received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The

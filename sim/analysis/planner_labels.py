@@ -27,7 +27,7 @@ def label_planners(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dic
 
 
 def _make_labels(rows: Sequence[Placed]) -> dict[str, str]:
-    """Label of each entrant: its text without the options that follow the cell.
+    """Label of each entrant: its text, without options that change from cell to cell.
 
     A planner has such options if its texts differ from cell to cell, with one text in each cell.
     """
@@ -108,7 +108,7 @@ def _find_named(labels: Mapping[str, str], asked: str, option: str, given: Mappi
 
 
 def shorten_labels(labels: Sequence[str]) -> dict[str, str]:
-    """Labels for a narrow table: without modules, and without options other than a tracker that planners share.
+    """Labels for a narrow table: modules are left out, and options that planners of one name share, except trackers.
 
     Trackers of a single planner are labelled by their own names. Labels that would be equal are not shortened.
     """

@@ -63,7 +63,7 @@ def _make_grid(panel: Box, tiles: int) -> list[Box]:
 
 
 def _arrange(panel: Box, aspect: float, tiles: int) -> Parts:
-    """The arrangement of a map (width over height `aspect`) and square tiles that is largest, mainly in the map.
+    """The arrangement with the largest map (width over height `aspect`) and square tiles; the map counts more.
 
     Tiles are in columns right of the map or in rows below it, whichever is better; right if both are equal.
     """

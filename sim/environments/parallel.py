@@ -37,7 +37,7 @@ class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observation, NDArray[
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
+        """Start the mission of a seed. Without a seed one is drawn, in a sequence that the last given seed decides."""
         asked = self._read_reset(seed, options)
         if asked.seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(asked.seed)

@@ -32,7 +32,7 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start the mission of a seed; by default of one drawn from the generator that the last given seed started."""
+        """Start the mission of a seed. Without a seed one is drawn, in a sequence that the last given seed decides."""
         asked = self._read_reset(seed, options)
         super().reset(seed=asked.seed)
         self._start(asked, self.np_random)

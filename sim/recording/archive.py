@@ -30,7 +30,7 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
 
 
 def compute_digest(recording: Recording) -> str:
-    """SHA-256 of the bytes that `save` writes, or of a large recording, those it would write without compression."""
+    """SHA-256 of the recording's bytes before compression; `save` writes these bytes unless the recording is large."""
     return hashlib.sha256(_pack(recording, zipfile.ZIP_STORED)).hexdigest()
 
 

@@ -36,7 +36,7 @@ class _ScanRows(NamedTuple):
     """Rows of one UAV's scan."""
 
     pose: list[float]  # position and quaternion of the camera
-    # Line of each measurement, a position and covariance, which is empty in the row of a scan without any
+    # Line of each measurement by its position and covariance; the key is empty if the scan has no measurement
     measurements: dict[tuple[float, ...], str]
 
 

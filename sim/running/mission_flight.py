@@ -25,9 +25,9 @@ def fly_mission(
 ) -> Outcome:
     """Fly a mission; it is marked as interrupted if it ends before its last scan.
 
-    watching: context of all scans, whose value gets each of them. prepare: called before the mission is built; its
-    time counts as start-up. planner: object to use; by default it is loaded by the trial's text. InputError if the
-    mission cannot be built.
+    watching: a context around all scans; its value is called with each of them. prepare: called before the mission is
+    built; its time counts as start-up. planner: object to use; by default it is loaded by the trial's text. InputError
+    if the mission cannot be built.
     """
     start = time.perf_counter()
     prepare()

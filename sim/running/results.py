@@ -76,7 +76,7 @@ def fly_into(
 ) -> dict[str, Any]:
     """Fly a mission like `run_mission`, into a folder that exists.
 
-    stopping: entered at take-off; its value tells when the mission should end. It is left when all files are written.
+    stopping: a context from take-off until all files are written; its value says when the mission should end.
     """
     _check_plug_ins(trial, results.metrics)
     film = results.folder / "mission.mp4" if results.video else None

@@ -64,7 +64,7 @@ class Row:
 
 
 class RowErrors:
-    """Errors of the rows of one table, which are told of together."""
+    """Errors of a table's rows, collected so that one error tells of all."""
 
     def __init__(self, name: str) -> None:
         """Errors begin with a name, which is removed from all but the first."""
@@ -103,8 +103,8 @@ def read_csv(
     """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
     Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
-    commas, numbers may have a decimal comma. aliases: other names of columns. nameless: a first line of as many numbers
-    as there are `columns` is a row, not their names. hints: what to do if a column is missing. InputError begins with
+    commas, numbers may have a decimal comma. aliases: other names of columns. nameless: a first line that consists of
+    numbers, as many as there are `columns`, is a row. hints: what to do if a column is missing. InputError begins with
     `field` and names file, line and column.
     """
     name = f"{field}: {path}"

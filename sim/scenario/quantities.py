@@ -27,15 +27,15 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
 def parse_number(text: str) -> float:
-    """The number that a text such as -1.5e3 writes in ASCII digits; NaN for any other text, also for 1_0 or inf.
+    """The number in a text such as -1.5e3; NaN for any other text.
 
-    Python's `float` reads these, too, and the digits of all scripts, which a reader may take for something else.
+    Python's `float` also reads 1_0, inf and the digits of other scripts, which are more likely mistakes.
     """
     return float(text) if _NUMBER.fullmatch(text) else math.nan
 
 
 def simplify_number(value: float) -> float:
-    """An integral number as an integer, so that recordings have the bytes of one, however it was written."""
+    """A whole number as an integer, so that 1 and 1.0 in a file give the same recording."""
     return int(value) if value == int(value) else value
 
 

@@ -82,7 +82,7 @@ def describe_small_people(uav: Uav) -> str:
     return f"a person covers {spell(covered, 2) if covered >= 0.01 else 'less than 0.01'} pixels"
 
 
-# Keys of trees that the key gives an end to, and what it gives.
+# For a key of trees: the keys that have no effect if it is set, and what it gives in their place.
 _TREES = {
     "file": (("density", "per_hectare", "largest_radius", "height", "crown_ratio", "overlap"), "all trees"),
     "height": (("canopy_radius", "largest_radius", "canopy_base", "canopy_top", "trunk_radius"), "the sizes of trees"),

@@ -29,7 +29,7 @@ _KINDS = {
     **dict.fromkeys(_UTF_32, ("text in UTF-32", _SAVE)),
     **dict.fromkeys(_UTF_16, ("text in UTF-16", _SAVE)),
 }
-# Characters of no text: the control characters of Latin-1 but for tabs and ends of lines.
+# Control characters of Latin-1 except tabs and ends of lines; no text has them.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f]")
 _BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, which are parsed at about a megabyte per second

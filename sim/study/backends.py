@@ -107,12 +107,12 @@ class Cluster(Backend):
         return hanging
 
     def describe_loss(self) -> str:
-        """That the scheduler no longer answers; its futures are then cancelled."""
+        """Why no trial can be flown: the scheduler no longer answers, and its futures are cancelled."""
         lost = self._client.status != "running"
         return f"--dask: {self._address!r} no longer answers" if lost else ""
 
     def describe_wait(self) -> str:
-        """That the cluster has no workers."""
+        """Why trials wait: the cluster has no workers."""
         with suppress(OSError):  # of a scheduler that is being lost
             if self._client.status == "running" and not self._client.nthreads():
                 return "no workers, waiting"

@@ -95,7 +95,7 @@ def make_command_group(start: Callable[..., None], commands: Mapping[str, tuple[
 
 
 def _hide_types(params: list[Any]) -> list[Any]:
-    """The parameters, without the names of Python types in place of missing names of values."""
+    """Hide the Python type that is shown for a parameter whose value has no name; return the parameters."""
     for param in params:
         if param.param_type_name == "argument" or getattr(param, "is_flag", False):
             param.display_type_rich = lambda ctx: ""

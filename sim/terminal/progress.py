@@ -85,10 +85,10 @@ class StudyProgress:
 
 @contextmanager
 def show_progress(*, time_left: bool = True) -> Iterator[Show]:
-    """Yield a function that shows how much is done; when that does not grow, another stage has begun.
+    """Yield a function that shows how much is done. If that is no more than before, another stage has begun.
 
-    A terminal has a bar, from the first call on, so that none precedes an error of the start. Any other output gets a
-    line now and then, for the log of a long run: each after another 10 s, or after a tenth of the time so far.
+    A terminal has a bar from the first call on, so that an error at the start is printed without one. Any other output
+    gets a line now and then, for the log of a long run: each after another 10 s, or after a tenth of the time so far.
     time_left: False if the words tell how long the rest will take.
     """
     bar = Progress(SpinnerColumn(), BarColumn(bar_width=16), TextColumn("{task.description}"), console=console)

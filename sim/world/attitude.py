@@ -11,7 +11,7 @@ from tracking.numerics.trigonometry import cos, sin
 
 @compiled
 def matrix_of(x: float, y: float, z: float, w: float) -> Array:
-    """Rotation matrix (3, 3) from body to world, to the bits of the engine, of a quaternion of any length."""
+    """Rotation matrix (3, 3) from body to world of a quaternion of any length, with the same bits as the engine's."""
     s = 2.0 / (x * x + y * y + z * z + w * w)
     xs, ys, zs = x * s, y * s, z * s
     wx, wy, wz = w * xs, w * ys, w * zs

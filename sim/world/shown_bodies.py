@@ -13,10 +13,10 @@ _KEPT = 25  # frames of each camera for which a body stays although none shows i
 
 
 class ShownBodies:
-    """Bodies that cameras show or showed lately, in one client, because an image costs time for each body there is."""
+    """The bodies that cameras show or lately showed, in one client; an image takes longer with each body in it."""
 
     def __init__(self, client: int, looks: tuple[Look, ...], moving: int, cameras: int) -> None:
-        """Begin without bodies; people and UAVs, the last of them, are `moving`, and `cameras` take turns."""
+        """Begin without bodies. The last `moving` of the `looks` are people and UAVs; so many `cameras` take turns."""
         self.client, self._engine, self._looks, self._cameras = client, Engine(client), looks, cameras
         self._first = len(looks) - moving  # of those that move
         self._meshes: dict[object, int] = {}
