@@ -20,7 +20,7 @@ from sim.analysis.planner_labels import find_baseline, format_entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.csv_table import format_csv
-from sim.report.figures.pictures import Picture, draw_pictures, draw_runtime_pictures, draw_score_picture
+from sim.report.figures.pictures import Picture, draw_pictures, draw_score_picture
 from sim.report.html_parts import (
     Section,
     make_bullet_list,
@@ -108,7 +108,7 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     times = find_answers(
         groups, [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)], baseline
     )
-    drawn, timing = draw_pictures(groups, baseline, metrics), draw_runtime_pictures(groups)
+    drawn = draw_pictures(groups, baseline, metrics)
     scores = score_planners(rows, groups, about.score, about.labels)
     scoring = [draw_score_picture(scores.scores, scores.ends)] if scores else []
     table = make_score_table(scores, groups) if scores else None
@@ -128,11 +128,7 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
             f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
         ),
         Section("Figures", _embed_figures(drawn)),
-        *(
-            [Section("Run time", _embed_figures(timing) + make_titled_tables(make_runtime_tables(times)))]
-            if times
-            else []
-        ),
+        *([Section("Run time", make_titled_tables(make_runtime_tables(times)))] if times else []),
         *_make_trial_sections(groups, every, metrics[0]),
         Section("How to read this", make_bullet_list(_HOW_TO_READ)),
     ]
@@ -141,7 +137,7 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         "report.html": make_page(f"{about.study}: understory", opening, sections).encode(),
         "table.csv": format_csv(full_answers, baseline).encode(),
     }
-    for picture in (*drawn, *timing, *scoring):
+    for picture in (*drawn, *scoring):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
 

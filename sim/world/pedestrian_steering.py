@@ -157,7 +157,7 @@ def _wrap(angle: float) -> float:
 
 @compiled
 def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
-    """Cost of turning to `heading`; it grows with nearness to the border, and to hazards if these keep their velocity."""
+    """Cost of turning to `heading`; it grows with nearness to the border and to hazards at constant velocity."""
     ahead = state.copy()
     cost = 0.0
     for n in range(_HORIZON):

@@ -1,19 +1,17 @@
-"""The figures of a study: distributions of OSPA, OSPA over time, run times, scores, and planners compared by map."""
+"""The figures of a study: distributions of OSPA, OSPA over time, scores, and planners compared by map."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
-from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.distributions import compute_ecdf, find_quartiles
-from sim.analysis.groups import Group
 from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import open_figure, order_by_rows, rgb
@@ -97,63 +95,26 @@ def _draw_grid(
     return figure
 
 
-class _Dot(NamedTuple):
-    """A planner's value in a cell, and its interval, in the unit of the axis."""
-
-    cell: Cell | None  # None means all cells
-    planner: str
-    value: float
-    low: float
-    high: float
-
-
-def draw_runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
-    """Means over the maps with intervals, on a logarithmic axis, with a line per cell and a dot per planner."""
-
-    def dot(group: Group) -> _Dot:
-        mean = map_means(group, metric)
-        scale = metric.scale if mean.value > 0 else np.nan  # zero has no place on a logarithmic axis
-        return _Dot(group.cell, group.planner, scale * mean.value, scale * mean.low, scale * mean.high)
-
-    def dress(axes: Axes) -> None:
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel(f"{metric.title}, logarithmic")
-
-    return _draw_dot_figure([dot(group) for group in groups], dress)
-
-
 def draw_score_figure(found: Sequence[NormalisedScore]) -> Figure:
-    """Normalised scores with intervals, with a line per cell and a dot per planner."""
-    dots = [_Dot(s.cell, s.planner, 100 * s.estimate.value, 100 * s.estimate.low, 100 * s.estimate.high) for s in found]
-
-    def dress(axes: Axes) -> None:
-        for end in (0, 100):
-            axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        values = [dot.value for dot in dots]
-        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
-        axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
-
-    return _draw_dot_figure(dots, dress)
-
-
-def _draw_dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
-    """Dots with intervals: a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
-    cells = list(dict.fromkeys(dot.cell for dot in dots))
-    planners = list(dict.fromkeys(dot.planner for dot in dots))
+    """Normalised scores with intervals: a line per cell, a colour and shape per planner."""
+    cells = list(dict.fromkeys(score.cell for score in found))
+    planners = list(dict.fromkeys(score.planner for score in found))
     looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
     each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
     with _open_drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
-        for dot in dots:
-            index = planners.index(dot.planner)
-            height = cells.index(dot.cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
-            colour, shape = looks[dot.planner]
-            axes.plot([dot.low, dot.high], [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(dot.value, height, shape, color=colour, ms=5)
-        dress(axes)
+        for score in found:
+            index = planners.index(score.planner)
+            height = cells.index(score.cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
+            colour, shape = looks[score.planner]
+            ends = [100 * score.estimate.low, 100 * score.estimate.high]
+            axes.plot(ends, [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(100 * score.estimate.value, height, shape, color=colour, ms=5)
+        for end in (0, 100):
+            axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+        values = [100 * score.estimate.value for score in found]
+        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
+        axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
         axes.set_yticks(range(len(cells)), [_format_row(cell) for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)

@@ -9,17 +9,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.analysis.answers import map_means, map_points
+from sim.analysis.answers import map_points
 from sim.analysis.cell_text import append_cell, make_slug
 from sim.analysis.distributions import compute_share_under, find_quartiles
 from sim.analysis.groups import Group
-from sim.analysis.metric_choice import DECISION, find_shown_metric
 from sim.analysis.normalised_score import SCORE, Ends, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import (
     LOOK,
     draw_ecdf_figure,
-    draw_runtime_figure,
     draw_scatter_figure,
     draw_score_figure,
     draw_time_figure,
@@ -59,24 +57,6 @@ def _rename_equal_ones(found: Sequence[Picture]) -> list[Picture]:
         name = next(name for name in chain([picture.name], numbered) if name not in named)
         named[name] = replace(picture, name=name)
     return list(named.values())
-
-
-def draw_runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
-    """Picture of the time that a decision takes, if it was measured."""
-    shown = {name: [group for group in groups if np.any(group.values(name) > 0)] for name in DECISION}
-    name = next((name for name, flown in shown.items() if flown), None)
-    if name is None:
-        return []
-    flown = shown[name]
-    timed = find_shown_metric(name)
-    lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
-    caption = (
-        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these contain the true mean was not "
-        "counted. Processor times depend on the machine, wall times also on its load."
-    )
-    return [
-        _make_picture("runtime", "Time for a decision", caption, "; ".join(lines), draw_runtime_figure(flown, timed))
-    ]
 
 
 def draw_score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:

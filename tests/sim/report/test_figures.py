@@ -11,7 +11,7 @@ from sim.analysis.answers import map_points
 from sim.analysis.distributions import find_quartiles
 from sim.analysis.groups import drop_constant_factors, group_rows
 from sim.analysis.metric_choice import find_shown_metric
-from sim.report.figures.charts import AT, draw_ecdf_figure, draw_runtime_figure, draw_scatter_figure, draw_time_figure
+from sim.report.figures.charts import AT, draw_ecdf_figure, draw_scatter_figure, draw_time_figure
 from sim.report.figures.panels import lay_out_figures
 from sim.report.figures.pictures import draw_pictures, encode_figure
 
@@ -70,14 +70,6 @@ def test_points_are_maps_that_both_flew():
         assert axes.get_xlim() == axes.get_ylim()
 
 
-def test_run_times_are_means_in_their_unit():
-    found = groups()
-    figure = draw_runtime_figure(found, find_shown_metric("planning_s_per_decision"))
-    marks = [line for line in figure.axes[0].get_lines() if line.get_marker() in tuple("oD^s")]
-    dots = sorted(float(line.get_xdata()[0]) for line in marks)
-    np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
-
-
 def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     found = groups(study(densities=("15", "45", "75")))
     (layout,) = lay_out_figures(found)
@@ -127,7 +119,6 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
         draw_ecdf_figure(layout),
         draw_time_figure(layout),
         draw_scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
-        draw_runtime_figure(found, find_shown_metric("planning_s_per_decision")),
     ):
         assert encode_figure(figure, "svg").startswith(b"<?xml")
 
