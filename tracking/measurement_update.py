@@ -8,10 +8,10 @@ import numpy as np
 
 from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
-from tracking.filter.negative_information import negative_information_update
+from tracking.filter.negative_information import negative_information_update, temper
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp, power_each
+from tracking.numerics.exponential import exp
 from tracking.parameters import AssociationSettings, TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
@@ -59,11 +59,11 @@ def predict_scan(
     existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
     `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(*beliefs, power_each(missed, p.negative_information))
-    detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
+    undetected = negative_information_update(*beliefs, temper(missed, p.negative_information))
+    detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.detection_probability
     if p.management == "existence":
         detectable *= 1.0 - _unresolved_probability(beliefs[0], existence)
-    return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
+    return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
 
 
 @compiled
@@ -78,8 +78,9 @@ def _unresolved_probability(means: Array, existence: Array) -> Array:
         for b in range(len(means)):
             if a != b:
                 x, y = means[a, 0] - means[b, 0], means[a, 1] - means[b, 1]
-                near = existence[b] * exp(-0.5 / (_RESOLUTION * _RESOLUTION) * (x * x + y * y))
-                nearest[a] = max(nearest[a], near)
+                power = -0.5 / (_RESOLUTION * _RESOLUTION) * (x * x + y * y)
+                if power > -800.0:  # of others the exponential is zero
+                    nearest[a] = max(nearest[a], existence[b] * exp(power))
     return _UNRESOLVED * nearest
 
 

@@ -1,6 +1,6 @@
 """Settings of a tracker, and the parameters with which one is made."""
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -140,13 +140,19 @@ class TrackerParameters:
     @cached_property
     def match_gate(self) -> float:
         """Squared distance within which two tracks of one person are with `gate_probability` (four degrees)."""
-        # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
-        gate, before = self.measurement_gate, 0.0
-        while abs(gate - before) > 1e-15 * gate:
-            before, gate = gate, self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
-        return gate
+        return _find_match_gate(self.measurement_gate)
 
     @cached_property
     def step_survival(self) -> float:
         """Probability that a person in the area is still there one step of motion later."""
         return power(self.survival, self.motion.dt) if self.management == "existence" else 1.0
+
+
+@cache  # because each UAV has its own parameters
+def _find_match_gate(gate: float) -> float:
+    """Squared distance in four dimensions that is exceeded as seldom as this one in two."""
+    # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
+    wider, before = gate, 0.0
+    while abs(wider - before) > 1e-15 * wider:
+        before, wider = wider, gate + 2.0 * log(1.0 + wider / 2.0)
+    return wider

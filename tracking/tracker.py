@@ -7,7 +7,7 @@ import numpy as np
 
 from tracking.account import Association, Birth, Deletion, DeletionReason, Reacquisition, ScanAccount
 from tracking.filter.motion import count_steps, predict_steps
-from tracking.filter.negative_information import miss_likelihood, negative_information_update
+from tracking.filter.negative_information import miss_likelihood, negative_information_update, temper
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
 from tracking.fusion.message import Message
 from tracking.fusion.track_ids import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, is_new_id, new_id
@@ -21,7 +21,7 @@ from tracking.management.scan_check import check_scan
 from tracking.management.track_check import check_tracks
 from tracking.measurement_update import predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.exponential import power, power_each
+from tracking.numerics.exponential import power
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.track import (
     DETECTED_AT,
@@ -44,7 +44,7 @@ _VIEWED = 1e-4  # weight of a belief in view without a detection, which matters 
 _SHARED_WITHIN = 1.0  # s since the last detection of each of two tracks that share one person
 _MOST_NEW = IDS_PER_SCAN // 2  # largest number of new tracks in a scan
 _NEW_FOR = 1.0  # s for which a new track takes the id of an older one of the same person
-_BITS = np.arange(len(SAMPLES))  # bit of each sample of a belief in a number that says which are in view
+_BITS = 1 << np.arange(len(SAMPLES))  # of the samples of a belief, in a number that says which are in view
 
 
 class Tracker:
@@ -75,6 +75,7 @@ class Tracker:
         self._first, self._steps = 0.0, 0.0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
+        self._tracks: tuple[Track, ...] | None = None  # of the table, once somebody has asked for them
         self._evidence = NO_EVIDENCE  # of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0.0  # steps of motion since tentative tracks were last predicted
@@ -82,8 +83,10 @@ class Tracker:
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
-        table = self._table
-        return make_tracks(table.ids, table.means, table.covariances, table.existence, table.sightings)
+        if self._tracks is None:
+            table = self._table
+            self._tracks = make_tracks(table.ids, table.means, table.covariances, table.existence, table.sightings)
+        return self._tracks
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
@@ -135,7 +138,7 @@ class Tracker:
     def _predict(self, time: float, frame: Lens | None) -> Flags:
         """Predict to a scan's time; returns `visible_samples` of its frame, if there is one, and of the one before."""
         self._messenger.begin(time)
-        self.account = ScanAccount()
+        self.account, self._tracks = ScanAccount(), None
         if self._messenger.scans == 1:  # initial tracks are of this time
             self._first = time
             self._table.sightings[:, SIGHTED_AT] = time
@@ -147,9 +150,9 @@ class Tracker:
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
         views = visible_samples(self._forest, table.means, table.covariances, frame, before)
-        table.views = (views << _BITS).sum(axis=2)
+        table.views = views @ _BITS
         table.times = table.times.copy()  # a message may hold the former ones
-        table.times[:, FRAME_AT] = np.where(views[:, FRAME_BEFORE].any(axis=1), last, -math.inf)
+        table.times[:, FRAME_AT] = np.where(table.views[:, FRAME_BEFORE] > 0, last, -math.inf)
         self._last_frame = (time, frame) if frame else self._last_frame
         return views
 
@@ -192,7 +195,7 @@ class Tracker:
                 )
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
-        self._table = self._reacquire(table)
+        self._table, self._tracks = self._reacquire(table), None
         detected = self._table.sightings[:, SIGHTED_AT] >= now
         if detected.any() and hasattr(self.motion, "learn"):
             self.motion = self.motion.learn(self._table.means[detected, 2:])
@@ -203,10 +206,10 @@ class Tracker:
         detected = message.times[:, DETECTED_AT] >= now
         if detected.all():
             return message.beliefs
-        views = (message.views[..., None] >> _BITS) & 1 > 0
+        views = message.views[..., None] & _BITS > 0
         views[detected] = False
         missed = miss_likelihood(*message.beliefs, views, now - message.times[:, FRAME_AT], p.detection_probability)
-        return negative_information_update(*message.beliefs, power_each(missed, p.negative_information))
+        return negative_information_update(*message.beliefs, temper(missed, p.negative_information))
 
     def _reacquire(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.

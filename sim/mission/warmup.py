@@ -1,5 +1,6 @@
 """Compilation of the numerical kernels before the clock starts."""
 
+import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -89,3 +90,4 @@ def warm_up() -> None:
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
     under = Forest((Tree(4.0, 0.0),))
     BlobDetector(under).detect(Frame(0, 0.0, Camera(1.0, 64), Pose.level(0.0, 0.0, 20.0), image))  # only images need it
+    gc.freeze()  # a compiler's objects stay; else each full collection goes through them all

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +58,7 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
 
     @cached_property
     def _scan(self) -> _Scan:
-        dt = self.dt / self.scans
-        Q = NearlyConstantVelocity(dt, self.sigma_a).Q
-        return _Scan(dt, _reversion(dt, 2.0 * _MEMORY), Q, _reversion(dt, _MEMORY), self.walking_speed)
+        return _make_scan(self.dt / self.scans, self.sigma_a)._replace(walking_speed=self.walking_speed)
 
     def learn(self, velocities: Array) -> "MeanRevertingVelocity":
         """The model after a scan in which people of these velocities (N, 2) m/s were detected.
@@ -98,6 +96,13 @@ def make_mean_reverting_model(
 ) -> MeanRevertingVelocity:
     """The model with the arguments that `motion.MOTION_MODELS` passes; the largest speed is not used."""
     return MeanRevertingVelocity(dt, sigma_a, walking_speed=walking_speed)
+
+
+@cache  # because a model that learns is made anew in each scan
+def _make_scan(dt: float, sigma_a: float) -> _Scan:
+    """The model over a scan of `dt` s, without its walking speed."""
+    Q = NearlyConstantVelocity(dt, sigma_a).Q
+    return _Scan(dt, _reversion(dt, 2.0 * _MEMORY), Q, _reversion(dt, _MEMORY), math.nan)
 
 
 def _reversion(dt: float, memory: float) -> Transition:

@@ -60,9 +60,8 @@ def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: 
 
     Up to a thousand whole steps are predicted one by one; others at once, if the model can.
     """
-    dt = motion.dt
-    if isinstance(motion, StretchableMotion) and (steps > _ONE_BY_ONE or not float(steps).is_integer()):
-        return motion.stretch(steps * dt).predict_all(means, covariances)
+    if (steps > _ONE_BY_ONE or not float(steps).is_integer()) and isinstance(motion, StretchableMotion):
+        return motion.stretch(steps * motion.dt).predict_all(means, covariances)
     for _ in range(round(steps)):
         means, covariances = motion.predict_all(means, covariances)
     return means, covariances

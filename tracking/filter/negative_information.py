@@ -7,7 +7,7 @@ import numpy as np
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp
+from tracking.numerics.exponential import exp, power_each
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
 # of the mean velocity that counts as crossing: a motion of the whole belief crosses only one of its edges. With these
@@ -40,6 +40,11 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
                 if views[t, 1, k]:
                     missed[t, k] = max(missed[t, k], again)
     return missed
+
+
+def temper(missed: Array, exponent: float) -> Array:
+    """Likelihoods to the power of the setting `negative_information`; below 1 it makes less of them."""
+    return missed if exponent == 1.0 else power_each(missed, exponent)
 
 
 @compiled

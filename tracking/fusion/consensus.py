@@ -62,15 +62,27 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     """Message of a UAV in the next round, from its own message and those received in this round."""
     if not received:
         return own
-    same = associate_tracks(own, received, max_speed)
-    return _mix(same, np.arange(len(same))[None, None] > 0)[0][0]
+    messages = [own, *received]
+    joint = associate_tracks(messages, max_speed)
+    novel = np.zeros((len(joint.ids), max(m.novel.shape[1] for m in messages)))
+    partition = _join_partitions([m.partition for m in messages])
+    rest = {"ids": joint.ids, "keys": joint.keys, "deleted": joint.deleted, "partition": partition, "novel": novel}
+    mixed = own.select(joint.rows[0], **rest)
+    there = joint.rows[0] >= 0
+    novel[there, : own.novel.shape[1]] = own.novel[joint.rows[0][there]]
+    shares, before, history = mixed.shares.copy(), novel.copy(), _history_of(mixed)
+    for m, rows in zip(received, joint.rows[1:], strict=True):
+        divisor = 1.0 + max(own.degree, m.degree)
+        _add_shares(mixed.shares, shares, m.shares, rows, divisor)
+        _add_shares(novel, before, m.novel, rows, divisor)
+        _take_latest(history, _history_of(m), rows)
+    return mixed
 
 
 def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
-    """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (M,).
+    """Messages after R rounds, from N messages with the same tracks in the same rows, and bytes sent by each UAV (N,).
 
-    heard (R, M, N): flags of the UAVs that each of the first M UAVs heard in each round. If M is less than N, there is
-    one round.
+    heard (R, N, N): flags of the UAVs that each UAV heard in each round.
     """
     # Columns of shares stand for UAVs; a message lacks the columns of the last UAVs if it holds none of their shares.
     novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
@@ -78,73 +90,88 @@ def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indi
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
     shares = np.array([m.shares for m in messages])
-    history = _History(*(np.array([getattr(m, name) for m in messages]) for name in _History._fields))
+    history = _History(*map(np.array, zip(*map(_history_of, messages), strict=True)))
     novel, shares, history, numbers = _after_rounds(novel, shares, history, degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
-            partitions = _joint_partitions(partitions, of)
+            known = [
+                [partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(of)
+            ]
+            partitions = list(map(_join_partitions, known))
     mixed = [
         Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
-        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *history, strict=False)
+        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *history, strict=True)
     ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
+
+
+def _history_of(m: Message) -> _History:
+    return _History(m.times, m.views, m.misses, m.sightings)
+
+
+def _join_partitions(partitions: Sequence[Partition]) -> Partition:
+    """The smallest leader that a UAV has or hears of, and the time of the leader's last message."""
+    return min(partitions, key=lambda partition: (partition.leader, -partition.time))
 
 
 @compiled
 def _after_rounds(
     novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
 ) -> tuple[Array, Array, _History, Indices]:
-    """Columns of M messages after rounds `heard` (R, M, N), and count (M,) of the numbers of novel information sent."""
-    numbers = np.zeros(heard.shape[1], np.int64)
+    """Columns of N messages after rounds `heard` (R, N, N), and count (N,) of the numbers of novel information sent."""
+    (count, tracks, width), columns = novel.shape, shares.shape[2]
+    rows, single, numbers = np.arange(tracks), np.zeros(1, np.int64), np.zeros(count, np.int64)
+    # All tracks of a message as one row, because the innermost loop is fast.
+    novel = novel.reshape(count, 1, tracks * width)
+    shares = shares.reshape(count, 1, tracks * columns)
     for k in range(len(heard)):
-        for i in range(len(numbers)):
-            numbers[i] += count_novel_numbers(novel[i])
-        shares = _average(shares, degrees, heard[k])
-        novel = _average(novel, degrees, heard[k])
-        history = _take_latest(history, heard[k])
-    return novel[: len(numbers)], shares, history, numbers
-
-
-def _joint_partitions(partitions: Sequence[Partition], heard: Flags) -> list[Partition]:
-    """Partition of each UAV: the smallest leader that it has or hears of, and the time of the leader's last message."""
-    known = [[partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(heard)]
-    return [min(each, key=lambda partition: (partition.leader, -partition.time)) for each in known]
-
-
-@compiled
-def _average(tables: Array, degrees: Array, heard: Flags) -> Array:
-    """Tables (M, T, W) after one round: each UAV heard hands over its share of the difference of tables (N, T, W)."""
-    count, tracks, width = tables.shape
-    rows = tables.reshape(count, tracks * width)  # plain rows, so that the innermost loop is vectorised
-    out = rows[: len(heard)].copy()
-    for i in range(len(heard)):
-        for j in range(count):
-            if heard[i, j]:
-                there, here, divisor = rows[j], rows[i], 1.0 + max(degrees[i], degrees[j])
-                for w in range(len(there)):
-                    out[i, w] += (there[w] - here[w]) / divisor
-    return out.reshape(len(heard), tracks, width)
+        sums, added = shares.copy(), novel.copy()
+        times, views, misses, sightings = history
+        latest = _History(times.copy(), views.copy(), misses.copy(), sightings.copy())
+        for i in range(count):
+            numbers[i] += count_novel_numbers(novel[i].reshape(tracks, width))
+            for j in range(count):
+                if heard[k, i, j]:
+                    divisor = 1.0 + max(degrees[i], degrees[j])
+                    _add_shares(sums[i], shares[i], shares[j], single, divisor)
+                    _add_shares(added[i], novel[i], novel[j], single, divisor)
+                    ours = _History(latest.times[i], latest.views[i], latest.misses[i], latest.sightings[i])
+                    _take_latest(ours, _History(times[j], views[j], misses[j], sightings[j]), rows)
+        novel, shares, history = added, sums, latest
+    return novel.reshape(count, tracks, width), shares.reshape(count, tracks, columns), history, numbers
 
 
 @compiled
-def _take_latest(history: _History, heard: Flags) -> _History:
-    """History of M messages after one round: the latest times and sightings, all views, and the common misses."""
-    times, views, misses, sightings = history
-    last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
-    common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()
-    for i in range(len(heard)):
-        for j in range(len(times)):
-            if heard[i, j]:
-                for t in range(times.shape[1]):
-                    for c in range(4):
-                        last[i, t, c] = max(last[i, t, c], times[j, t, c])
-                    seen[i, t, 0] |= views[j, t, 0]
-                    seen[i, t, 1] |= views[j, t, 1]
-                    common[i, t] &= misses[j, t]
-                    for c in range(3 if sightings[j, t, SIGHTED_AT] > places[i, t, SIGHTED_AT] else 0):
-                        places[i, t, c] = sightings[j, t, c]
-    return _History(last, seen, common, places)
+def _add_shares(sums: Array, here: Array, there: Array, rows: Indices, divisor: float) -> None:
+    """Add to sums (T, W) what a message hands over: its share of the difference to the table `here` (T, W).
+
+    rows (T,): the message's row in its table `there` for each track; -1 for none, which counts as zeros.
+    """
+    for t in range(len(rows)):
+        known, total, own = 0, sums[t], here[t]
+        if rows[t] >= 0:
+            known, other = there.shape[1], there[rows[t]]
+            for w in range(known):
+                total[w] += (other[w] - own[w]) / divisor
+        for w in range(known, len(own)):
+            total[w] += (0.0 - own[w]) / divisor
+
+
+@compiled
+def _take_latest(latest: _History, heard: _History, rows: Indices) -> None:
+    """Take over from a message the latest times and sightings, all views, and the common misses; rows as above."""
+    for t in range(len(rows)):
+        r = rows[t]
+        if r < 0:
+            continue
+        for c in range(4):
+            latest.times[t, c] = max(latest.times[t, c], heard.times[r, c])
+        latest.views[t, 0] |= heard.views[r, 0]
+        latest.views[t, 1] |= heard.views[r, 1]
+        latest.misses[t] &= heard.misses[r]
+        for c in range(3 if heard.sightings[r, SIGHTED_AT] > latest.sightings[t, SIGHTED_AT] else 0):
+            latest.sightings[t, c] = heard.sightings[r, c]
 
 
 def _check(messages: Sequence[Message]) -> None:

@@ -20,7 +20,17 @@ from tracking.track import SIGHTED_AT, SURE_AT, Beliefs
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
-_COLUMNS = ("ids", "keys", "shares", "times", "views", "misses", "sightings", "novel")
+# Columns of tracks, and what they hold of a track that a message lacks; -1 has all bits.
+_COLUMNS = {
+    "ids": -1,
+    "keys": -1,
+    "shares": 0,
+    "times": -np.inf,
+    "views": 0,
+    "misses": -1,
+    "sightings": -np.inf,
+    "novel": 0,
+}
 _PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and key, shares, and the rest
 
 
@@ -31,7 +41,7 @@ class Partition(NamedTuple):
     time: float  # s, of the leader's last message
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # a frozen one takes four times as long to make
 class Message:
     """Message of a UAV to its neighbours in one round of consensus, about T tracks by ascending id.
 
@@ -70,7 +80,13 @@ class Message:
     @cached_property
     def beliefs(self) -> Beliefs:
         """Beliefs of the tracks."""
-        return Beliefs(*_find_beliefs(np.ascontiguousarray(self.shares), np.ascontiguousarray(self.novel)))
+        return Beliefs(*find_beliefs(np.ascontiguousarray(self.shares), np.ascontiguousarray(self.novel)))
+
+    @cached_property
+    def table(self) -> tuple[object, ...]:
+        """What messages have in common if their tracks need no association, as numbers and bytes."""
+        sighted = self.sightings[:, SIGHTED_AT]
+        return self.partition.leader, self.deleted, self.ids.tobytes(), self.keys.tobytes(), sighted.tobytes()
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
@@ -78,26 +94,22 @@ class Message:
 
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
-        return _latest_sightings(self.sightings, self.times, self.beliefs.means, self.time)
+        return find_latest_sightings(self.sightings, self.times, self.beliefs.means, self.time)
 
-    def select(self, rows: Indices) -> Message:
-        """The message with only some rows of its tracks."""
-        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
-        return replace(self, **columns)
-
-    def spread(self, rows: Indices, ids: Indices, keys: Indices) -> Message:
-        """The message with its tracks moved to `rows` of a table of these ids and keys; other rows are empty."""
-        empty = {"times": -np.inf, "sightings": -np.inf, "misses": -1}  # -1 has all bits
-        columns: dict[str, Any] = {}
-        for name in _COLUMNS:
-            column = getattr(self, name)
-            columns[name] = np.full((len(ids), *column.shape[1:]), empty.get(name, 0), column.dtype)
-            columns[name][rows] = column
-        return replace(self, **{**columns, "ids": ids, "keys": keys})
+    def select(self, rows: Indices, **changed: Any) -> Message:  # noqa: ANN401 - as many types as fields
+        """A copy with these rows of its tracks, where a row of -1 is empty, and with other fields changed."""
+        there = rows >= 0
+        for name, empty in _COLUMNS.items():
+            if name not in changed:
+                column = getattr(self, name)
+                changed[name] = np.full((len(rows), *column.shape[1:]), empty, column.dtype)
+                changed[name][there] = column[rows[there]]
+        return replace(self, **changed)
 
 
 @compiled
-def _find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
+def find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
+    """Means (T, 4) and covariances (T, 4, 4) from columns of messages."""
     packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
     for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
         # Mixing has left a share of each UAV's information. Division by the largest share undoes the mixing if it has
@@ -110,7 +122,8 @@ def _find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def _latest_sightings(sightings: Array, times: Array, means: Array, now: float) -> Array:
+def find_latest_sightings(sightings: Array, times: Array, means: Array, now: float) -> Array:
+    """Last sure detections (T, 3), those of the scan at `now` s included, from columns of messages and means (T, 4)."""
     latest = sightings.copy()
     for t in range(len(latest)):
         if times[t, SURE_AT] >= now:
@@ -120,10 +133,7 @@ def _latest_sightings(sightings: Array, times: Array, means: Array, now: float) 
 
 def are_alike(messages: Sequence[Message]) -> bool:
     """True if messages have the same tracks in the same rows, with the same times of sightings before this scan."""
-    same = [
-        (m.partition.leader, m.deleted, m.ids.tobytes(), m.keys.tobytes(), m.sightings[:, SIGHTED_AT].tobytes())
-        for m in messages
-    ]
+    same = [m.table for m in messages]
     return not same or same.count(same[0]) == len(same)
 
 

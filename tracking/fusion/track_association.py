@@ -1,27 +1,48 @@
 """Track-to-track association: tracks of different UAVs that are of one person, and their common id."""
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.message import Message, are_alike
+from tracking.fusion.message import Message, are_alike, find_beliefs, find_latest_sightings
 from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
-from tracking.numerics.compiled import compiled, elementwise
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import log
-from tracking.track import DETECTED_AT, SIGHTED_AT
+from tracking.numerics.stacks import elementwise
+from tracking.track import DETECTED_AT, SIGHTED_AT, SURE_AT
 
 _SAME_ID = 1.5  # log-likelihood ratio of a common id, which partitions give more likely to one person than to two
 _UNKNOWN = 1e-5  # 1/m², density of people for which only one of two UAVs has a track
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
+_IDS = 1 << 52  # above all ids, so that one number stands for a leader and an id
+
+
+class JointTracks(NamedTuple):
+    """The tracks of N messages after their association."""
+
+    ids: Indices  # (T,), ascending
+    keys: Indices  # (T, 2), as in messages
+    rows: Indices  # (N, T) row of each track in each message; -1 in a message that has it not, or not its latest state
+    deleted: tuple[tuple[int, float], ...]  # deletions that any message tells of, as in a message
+
+
+class _Table(NamedTuple):
+    """The tracks of N messages before their association, G in all: one for each key, in the order of keys."""
+
+    keys: Indices  # (G, 2)
+    rows: Indices  # (N, G), as in `JointTracks`
+    # (N, G) messages that have a track's latest sighting before this scan; if there are two, only the later one counts
+    valid: Flags
+    seen: Array  # (G,) s, last sure detection
+    source: Indices  # (G,) first of the messages with that detection
+    named: Indices  # (P,) tracks, ascending, again for each id that messages give it
+    given: Indices  # (P,) these ids
 
 
 class LatestTracks(NamedTuple):
@@ -32,46 +53,70 @@ class LatestTracks(NamedTuple):
     sightings: Array  # (G, 3) position [m] and time [s] of the last sure detection
 
 
-def associate_tracks(own: Message, received: Sequence[Message], max_speed: float) -> list[Message]:
-    """Associate the tracks of messages; returns the messages, own first, with the same tracks in the same rows.
+def associate_tracks(messages: Sequence[Message], max_speed: float) -> JointTracks:
+    """Associate the tracks of messages.
 
     Within a partition of the fleet, tracks of one id are of one person. Other tracks are joined by the ratio of the
     likelihoods that both are of one person and that they are of two, but never if one UAV made the last detection of
     both. The order of messages has no influence. max_speed: largest speed of people [m/s].
     """
-    messages = [own, *received]
     if are_alike(messages):
-        return messages
-    # `dict` keeps the latest time of each id, because the last of equal keys counts.
-    deleted = tuple(dict(sorted(deletion for m in messages for deletion in m.deleted)).items())
-    messages = [_drop_deleted(m, deleted) for m in messages]
-    keys, rows = np.unique(np.concatenate([m.keys for m in messages]), axis=0, return_inverse=True)
-    tracks = np.split(rows.reshape(-1), np.cumsum([len(m.keys) for m in messages])[:-1])
+        own = messages[0]
+        return JointTracks(own.ids, own.keys, np.tile(np.arange(len(own.ids)), (len(messages), 1)), own.deleted)
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(keys))
-    times = _latest_times(tracks, [m.sightings[:, SIGHTED_AT] for m in messages], len(keys))
-    # If UAVs have different times of a person's last sighting, only tracks with the latest time count.
-    valid = [m.sightings[:, SIGHTED_AT] >= times[of] for m, of in zip(messages, tracks, strict=True)]
-    holders = np.array([np.isin(np.arange(len(keys)), tracks[k][valid[k]]) for k in order]).T
-    given = _given_ids(messages, tracks, len(keys))
-    group, ends = _join(states, given, holders, is_new_id(keys[:, 1], own.scan), max_speed)
-    ids = _choose_ids(keys, given, group, ends, own.scan)
+    ordered = [messages[k] for k in order]
+    # `dict` keeps the latest time of each id, because the last of equal keys counts.
+    deleted = tuple(dict(sorted({deletion for m in messages for deletion in m.deleted})).items())
+    table = _tabulate(ordered, deleted)
+    group, ends = _group(ordered, table, max_speed)
+    ids = _choose_ids(table, group, ends, messages[0].scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    seen = states.sightings[:, SIGHTED_AT]
-    current = seen >= _latest_times([group], [seen], len(keys))[group]
-    out = []
-    for m, of, last in zip(messages, tracks, valid, strict=True):
-        left = np.flatnonzero((ids[of] >= 0) & current[of] & last)
-        out.append(m.select(left).spread(np.searchsorted(kept, ids[of[left]]), kept, keys[first]))
-    return out
+    latest = np.full(len(ids), -np.inf)  # of each group
+    np.maximum.at(latest, group, table.seen)
+    sender, track = np.nonzero(table.valid & (~ends & (table.seen >= latest[group])))
+    rows = np.full((len(messages), len(kept)), -1)
+    rows[np.array(order)[sender], np.searchsorted(kept, ids)[track]] = table.rows[sender, track]
+    return JointTracks(kept, table.keys[first], rows, deleted)
 
 
-def _latest_times(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
-    """Latest (count,) of the times that are given for each row of a table."""
-    latest = np.full(count, -np.inf)
-    np.maximum.at(latest, np.concatenate(rows), np.concatenate(times))
-    return latest
+def _tabulate(messages: Sequence[Message], deleted: tuple[tuple[int, float], ...]) -> _Table:
+    """Tabulate the tracks of messages, without those whose last detection a deletion voids.
+
+    A message that tells of all deletions has no such tracks.
+    """
+    counts = [len(m.ids) for m in messages]
+    sender, row = np.repeat(np.arange(len(counts)), counts), np.concatenate([np.arange(count) for count in counts])
+    ids, keys, times, sightings = (
+        np.concatenate([getattr(m, name) for m in messages]) for name in ("ids", "keys", "times", "sightings")
+    )
+    uninformed = np.array([m.deleted != deleted for m in messages])[sender]
+    if uninformed.any():
+        gone, until = np.array(deleted).T
+        at = np.minimum(np.searchsorted(gone, ids), len(gone) - 1)
+        stays = ~(uninformed & (gone[at] == ids) & (times[:, DETECTED_AT] < until[at]))
+        sender, row, ids, keys, times, sightings = (x[stays] for x in (sender, row, ids, keys, times, sightings))
+    codes, track = np.unique(keys[:, 0] * _IDS + keys[:, 1], return_inverse=True)
+    shape = len(messages), len(codes)
+    rows, before = np.full(shape, -1), np.full(shape, -np.inf)
+    rows[sender, track], before[sender, track] = row, sightings[:, SIGHTED_AT]
+    now, after = messages[0].time, before.copy()
+    after[sender, track] = np.where(times[:, SURE_AT] >= now, now, sightings[:, SIGHTED_AT])
+    held, seen = rows >= 0, after.max(axis=0, initial=-np.inf)
+    named = np.full(shape, -1)
+    named[sender, track] = ids
+    named.sort(axis=0)
+    new = named >= 0
+    new[1:] &= named[1:] != named[:-1]
+    return _Table(
+        keys=np.column_stack(np.divmod(codes, _IDS)),
+        rows=rows,
+        valid=held & (before >= before.max(axis=0, initial=-np.inf)),
+        seen=seen,
+        source=(held & (after >= seen)).argmax(axis=0),
+        named=np.nonzero(new.T)[0],
+        given=named.T[new.T],
+    )
 
 
 class Pairs(NamedTuple):
@@ -103,10 +148,12 @@ def likelihood_ratios(states: LatestTracks, pairs: Pairs, max_speed: float) -> A
 
 @elementwise
 @compiled
-def _turned(reach: Array, out: Array) -> None:
+def _turned(reach: Array) -> Array:
     """Logarithm of the likelihood ratio of a person that has turned and is anywhere within reach [m]."""
+    out = np.empty(len(reach))
     for k in range(len(reach)):
         out[k] = log(_TURNED / (math.pi * reach[k] * reach[k] * _UNKNOWN))
+    return out
 
 
 def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array, Flags]:
@@ -121,45 +168,65 @@ def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array,
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
-def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> LatestTracks:
-    """Tracks, each from the first of the messages with its last detection."""
-    states = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
-    known = np.zeros(count, dtype=np.bool_)
-    for message, rows in zip(messages, tracks, strict=True):
-        columns = *message.beliefs, message.latest_sightings()
-        later = ~known[rows] | (columns[2][:, SIGHTED_AT] > states.sightings[rows, SIGHTED_AT])
-        for state, column in zip(states, columns, strict=True):
-            state[rows[later]] = column[later]
-        known[rows] = True
+def _last_seen(messages: Sequence[Message], table: _Table, tracks: Indices) -> LatestTracks:
+    """Some of the tracks, each from the first of the messages with its last detection."""
+    count, source = len(tracks), table.source[tracks]
+    states = LatestTracks(np.empty((count, 4)), np.empty((count, 4, 4)), np.empty((count, 3)))
+    for k in np.unique(source).tolist():
+        m, of = messages[k], np.flatnonzero(source == k)
+        rows = table.rows[k, tracks[of]]
+        means, covariances = find_beliefs(m.shares[rows], m.novel[rows])
+        states.means[of], states.covariances[of] = means, covariances
+        states.sightings[of] = find_latest_sightings(m.sightings[rows], m.times[rows], means, m.time)
     return states
 
 
-def _given_ids(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
-    """Ids that messages give to each track."""
-    given: list[set[int]] = [set() for _ in range(count)]
-    every = zip(np.concatenate(tracks).tolist(), np.concatenate([m.ids for m in messages]).tolist(), strict=True)
-    for row, id in every:
-        given[row].add(id)
-    return given
+def _group(messages: Sequence[Message], table: _Table, max_speed: float) -> tuple[Indices, Flags]:
+    """Group (G,) of each track, given by one of its tracks, and flags (G,) of tracks that end.
+
+    A group out of sight ends if its only id has another track that was seen later, within reach.
+    """
+    group, ends = np.arange(len(table.seen)), np.zeros(len(table.seen), dtype=np.bool_)
+    alike = _find_common_ids(table)
+    # A track that all UAVs hold can be joined with none.
+    alone = np.asarray(table.valid.all(axis=0))
+    alone[alike.first] = False
+    if alone.all():
+        return group, ends
+    some, place = np.flatnonzero(~alone), np.cumsum(~alone) - 1
+    alike, holders = Pairs(place[alike.first], place[alike.second]), table.valid[:, some].T
+    apart = _find_apart(holders)
+    if len(apart.first) == len(alike.first) == 0:
+        return group, ends
+    states = _last_seen(messages, table, some)
+    ratios = _rate_pairs(states, apart, alike, max_speed)
+    joined = _join(states, ratios, holders, is_new_id(table.keys[some, 1], messages[0].scan))
+    group[some] = some[joined]
+    others = joined[alike.first] != joined[alike.second]
+    later = np.zeros(len(some), dtype=np.bool_)
+    later[alike.first[others & _reach(states, alike, max_speed)[1]]] = True
+    for rows in [joined == g for g in np.unique(joined[later])]:
+        if later[rows].all() and len(np.unique(table.given[np.isin(table.named, some[rows])])) == 1:
+            ends[some[rows]] = True
+    return group, ends
 
 
-def _join(
-    states: LatestTracks, given: Sequence[set[int]], holders: Flags, begun: Flags, max_speed: float
-) -> tuple[Indices, Flags]:
-    """Group (G,) of each track, given by its first track, and flags (G,) of tracks that end.
+def _join(states: LatestTracks, ratios: Array, holders: Flags, begun: Flags) -> Indices:
+    """Group (G,) of each track, given by one of its tracks.
 
-    given: ids that messages give to each track; holders (G, N): flags of the UAVs that hold each track; begun (G,):
-    flags of tracks that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to
-    existing groups. New tracks come last, because a UAV's new track and its lost one may both be of a person that
-    another UAV tracks. A group out of sight ends if its only id has another track that was seen later, within reach.
+    ratios (G, G) as from `_rate_pairs`; holders (G, N): flags of the UAVs that hold each track; begun (G,): flags of
+    tracks that began in this scan. UAV by UAV, one assignment joins the tracks that no earlier UAV holds to existing
+    groups. New tracks come last, because a UAV's new track and its lost one may both be of a person that another UAV
+    tracks.
     """
     seen = states.sightings[:, SIGHTED_AT]
-    alike = _find_common_ids(given)
-    ratios = _rate_pairs(states, alike, holders, max_speed)
-    group, known = np.arange(len(given)), np.zeros(len(given), dtype=np.bool_)
+    group, known = np.arange(len(seen)), np.zeros(len(seen), dtype=np.bool_)
     for held in (*(holders & ~begun[:, None]).T, *(holders & begun[:, None]).T):
         new = np.flatnonzero(held & ~known)
         old = np.unique(group[known & np.any(ratios[new] >= 0.0, axis=0)])  # groups that a new track may join
+        known[new] = True
+        if len(old) == 0:
+            continue
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
             last = members[seen[members] == seen[members].max()]
@@ -167,71 +234,59 @@ def _join(
             cost[free, b] = -ratios[np.ix_(new[free], last)].max(axis=1, initial=-np.inf)
         for a, b in pairs_within(cost, 0.0):
             group[new[a]] = old[b]
-        known[new] = True
-    others = group[alike.first] != group[alike.second]
-    later = np.zeros(len(given), dtype=np.bool_)
-    later[alike.first[others & _reach(states, alike, max_speed)[1]]] = True
-    ends = np.zeros(len(given), dtype=np.bool_)
-    for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group[later])]:
-        ends[rows] = later[rows].all() and len({id for k in rows for id in given[k]}) == 1
-    return group, ends
+    return group
 
 
-def _find_common_ids(given: Sequence[set[int]]) -> Pairs:
+def _find_common_ids(table: _Table) -> Pairs:
     """All pairs of different tracks, in either order, to which messages give a common id."""
-    tracks = defaultdict[int, list[int]](list)
-    for row, ids in enumerate(given):
-        for id in ids:
-            tracks[id].append(row)
-    pairs = sorted({pair for rows in tracks.values() for pair in permutations(rows, 2)})
-    return Pairs(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T)
+    order = np.argsort(table.given, kind="stable")
+    named, given = table.named[order], table.given[order]
+    first, second = [named[:0]], [named[:0]]
+    for k in range(1, len(given)):
+        same = given[k:] == given[:-k]
+        if not same.any():
+            break
+        ends = named[:-k][same], named[k:][same]
+        first += ends
+        second += ends[::-1]
+    return Pairs(np.concatenate(first), np.concatenate(second))
 
 
-def _rate_pairs(states: LatestTracks, alike: Pairs, holders: Flags, max_speed: float) -> Array:
-    """Log-likelihood ratios (G, G) of one person, with that of a common id; -inf for two tracks that one UAV holds.
-
-    alike: the pairs of tracks with a common id; holders (G, N): flags of the UAVs that hold each track.
-    """
+def _find_apart(holders: Flags) -> Pairs:
+    """All pairs of tracks that no UAV holds both of; holders (G, N): flags of the UAVs that hold each track."""
     apart = np.ones((len(holders),) * 2, dtype=np.bool_)
     for bits in np.packbits(holders, axis=1).T:
         apart &= bits[:, None] & bits == 0
-    pairs = Pairs(*np.nonzero(np.triu(apart, 1)))
-    ratios = np.full(apart.shape, -np.inf)
-    ratios[pairs] = ratios.T[pairs] = likelihood_ratios(states, pairs, max_speed)
+    return Pairs(*np.nonzero(np.triu(apart, 1)))
+
+
+def _rate_pairs(states: LatestTracks, apart: Pairs, alike: Pairs, max_speed: float) -> Array:
+    """Log-likelihood ratios (G, G) of one person, with that of a common id; -inf for two tracks that one UAV holds.
+
+    apart: the other pairs of tracks; alike: those with a common id, in either order.
+    """
+    ratios = np.full((len(states.means),) * 2, -np.inf)
+    ratios[apart] = ratios.T[apart] = likelihood_ratios(states, apart, max_speed)
     seen = states.sightings[:, SIGHTED_AT]
     ratios[alike] += _SAME_ID * (seen[alike.first] == seen[alike.second])
     return ratios
 
 
-def _choose_ids(keys: Indices, given: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
+def _choose_ids(table: _Table, group: Indices, ends: Flags, scan: int) -> Indices:
     """Id of each track, the same within a group; -1 for tracks that end.
 
     A group keeps its smallest id. If two people would have the same id, the partition of the smaller UAV keeps it. The
     other track takes another of its ids or a new one, which is the same for all UAVs of its partition.
     """
-    owners: dict[int, int] = {}  # the group of each id
-    for k in np.flatnonzero(~ends).tolist():
-        for id in sorted(given[k]):
-            owners.setdefault(id, int(group[k]))
-    # The smallest id of each group, because the last of equal keys counts.
-    least = {owner: id for id, owner in sorted(owners.items(), reverse=True)}
-    ids = np.full(len(keys), -1)
-    for g in np.unique(group[~ends]).tolist():
-        if g not in least:
-            partition, id = keys[np.flatnonzero(group == g)[0]].tolist()
-            rank = int(np.sum((keys[:, 0] == partition) & (keys[:, 1] < id)))
-            fresh = new_id(scan, partition, IDS_PER_SCAN - 1 - rank % (IDS_PER_SCAN // 2))
-            while fresh in owners:
-                fresh -= 1
-            least[g], owners[fresh] = fresh, g
-        ids[group == g] = least[g]
-    return ids
-
-
-def _drop_deleted(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
-    """The message without tracks with a last detection before the time up to which a deletion voids sightings."""
-    if message.deleted == deleted:
-        return message
-    deletions = dict(deleted)
-    until = np.array([deletions.get(id, -np.inf) for id in message.ids.tolist()])
-    return replace(message.select(np.flatnonzero(message.times[:, DETECTED_AT] >= until)), deleted=deleted)
+    keys, stays = table.keys, ~ends[table.named]
+    given, first = np.unique(table.given[stays], return_index=True)
+    least = np.full(len(keys), -1)  # id of each group: the smallest that it owns, because the last assignment counts
+    least[group[table.named[stays][first]][::-1]] = given[::-1]
+    for g in np.unique(group[~ends & (least[group] < 0)]).tolist():
+        partition, id = keys[np.flatnonzero(group == g)[0]].tolist()
+        rank = int(np.sum((keys[:, 0] == partition) & (keys[:, 1] < id)))
+        fresh = new_id(scan, partition, IDS_PER_SCAN - 1 - rank % (IDS_PER_SCAN // 2))
+        while fresh in given or fresh in least:
+            fresh -= 1
+        least[g] = fresh
+    return np.where(ends, -1, least[group])

@@ -7,7 +7,6 @@ import numpy as np
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length
 from tracking.track import Scan
 
 # Largest difference of a covariance's off-diagonal elements, by rounding, as a share of its trace.
@@ -37,10 +36,10 @@ def check_scan(scan: Scan) -> tuple[Array, Array]:
 
 
 def _check_pose(pose: Pose) -> None:
-    position, quaternion = (_floats(f"pose.{name}", getattr(pose, name)) for name in ("position", "quaternion"))
+    position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= QUATERNION_TOLERANCE:
+    if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 

@@ -12,15 +12,11 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache, wraps
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-import numpy as np
-from numpy.typing import ArrayLike
-
-from tracking.numerics.arrays import Array
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -43,22 +39,6 @@ def compiled(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """As `compiled`, and copied into compiled callers, for functions that take less time than a call."""
     return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
-
-
-def elementwise(loop: Callable[..., None]) -> Callable[..., Array]:
-    """Make a function of arrays that broadcast from a `compiled` loop over flat arrays, the last one its result.
-
-    Numba's own universal functions take 0.03 s each to load, in every process.
-    """
-
-    @wraps(loop)
-    def each(*values: ArrayLike) -> Array:
-        arrays = np.broadcast_arrays(*values)
-        out = np.empty(arrays[0].shape)
-        loop(*(np.array(one, dtype=float, order="C").ravel() for one in arrays), out.reshape(-1))
-        return out
-
-    return each
 
 
 def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:

@@ -10,7 +10,8 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, elementwise, inlined
+from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.stacks import elementwise
 
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
@@ -98,15 +99,19 @@ def power(x: float, y: float) -> float:
 
 @elementwise
 @compiled
-def exp_each(x: Array, out: Array) -> None:
+def exp_each(x: Array) -> Array:
     """Exponentials of an array."""
+    out = np.empty(len(x))
     for k in range(len(x)):
         out[k] = exp(x[k])
+    return out
 
 
 @elementwise
 @compiled
-def power_each(x: Array, y: Array, out: Array) -> None:
+def power_each(x: Array, y: Array) -> Array:
     """Powers of arrays that broadcast."""
+    out = np.empty(len(x))
     for k in range(len(x)):
         out[k] = power(x[k], y[k])
+    return out

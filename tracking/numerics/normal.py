@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, elementwise
+from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, log, polynomial
+from tracking.numerics.stacks import elementwise
 
 _MIDDLE = 0.425  # distance from one half
 _LEAST = 0.5 / (1 << 53)  # half the step between uniform random numbers
@@ -42,11 +43,12 @@ _FARTHER = (
 
 @elementwise
 @compiled
-def normal_cdf_each(x: Array, out: Array) -> None:
+def normal_cdf_each(x: Array) -> Array:
     """Probability that a standard normal variable is below each x, to an absolute error of 1e-15.
 
     Source: G. West, Better approximations to cumulative normal functions, Wilmott, 2005.
     """
+    out = np.empty(len(x))
     for k in range(len(x)):
         z = abs(x[k])
         if z < 7.07106781186547:
@@ -54,6 +56,7 @@ def normal_cdf_each(x: Array, out: Array) -> None:
         else:
             tail = exp(-0.5 * z * z) / (z + 1.0 / (z + 2.0 / (z + 3.0 / (z + 4.0 / (z + 0.65))))) / 2.506628274631
         out[k] = 1.0 - tail if x[k] > 0.0 else tail
+    return out
 
 
 def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:

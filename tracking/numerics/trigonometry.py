@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, elementwise
+from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import polynomial
+from tracking.numerics.stacks import elementwise
 
 # π/2 as a sum. The first parts have so few bits that their products with small integers are exact.
 _HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624871116645580e-21, 8.47842766036889956997e-32)
@@ -98,23 +99,29 @@ def hypot(x: float, y: float) -> float:
 
 @elementwise
 @compiled
-def sin_each(x: Array, out: Array) -> None:
+def sin_each(x: Array) -> Array:
     """Sines of an array."""
+    out = np.empty(len(x))
     for k in range(len(x)):
         out[k] = sin(x[k])
+    return out
 
 
 @elementwise
 @compiled
-def cos_each(x: Array, out: Array) -> None:
+def cos_each(x: Array) -> Array:
     """Cosines of an array."""
+    out = np.empty(len(x))
     for k in range(len(x)):
         out[k] = cos(x[k])
+    return out
 
 
 @elementwise
 @compiled
-def arctan2_each(y: Array, x: Array, out: Array) -> None:
+def arctan2_each(y: Array, x: Array) -> Array:
     """Directions [rad] of (x, y), arrays that broadcast."""
+    out = np.empty(len(y))
     for k in range(len(x)):
         out[k] = arctan2(y[k], x[k])
+    return out

@@ -212,8 +212,11 @@ def test_a_fresh_id_does_not_depend_on_which_partitions_a_uav_hears():
     """UAVs 2 and 3 hear of other people by the ids 3 and 4, the one of both, the other of 4 alone."""
     own = [told(u, [0.0, 20.0], [0.05, 0.05], [3, 4], [NOW, NOW]) for u in (2, 3)]
     both, one = (told(0, [50.0, 70.0][-n:], [0.05] * n, [3, 4][-n:], [NOW] * n) for n in (2, 1))
-    heard = [associate_tracks(m, [other], 3.0)[0] for m, other in zip(own, (both, one), strict=True)]
-    fresh = [dict(zip(m.beliefs[0][:, 0].round(3).tolist(), m.ids.tolist(), strict=True)) for m in heard]
+    fresh = []
+    for m, other in zip(own, (both, one), strict=True):
+        joint = associate_tracks([m, other], 3.0)
+        held, places = joint.rows[0] >= 0, m.beliefs.means[joint.rows[0], 0].round(3)
+        fresh.append(dict(zip(places[held].tolist(), joint.ids[held].tolist(), strict=True)))
     assert fresh[0][20.0] == fresh[1][20.0] and fresh[0][0.0] != fresh[0][20.0]
 
 

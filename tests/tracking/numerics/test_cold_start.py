@@ -162,6 +162,7 @@ from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.mission.warmup import warm_up
 def signatures():
+    gc.unfreeze()  # `warm_up` takes objects out of the sight of `gc`
     compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
     return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
 warm_up()
