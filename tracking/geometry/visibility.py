@@ -10,10 +10,10 @@ import numpy as np
 from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, free_share, make_grid
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled, elementwise
+from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp_each, power
 from tracking.numerics.normal import normal_quantiles
-from tracking.numerics.stacks import cholesky_factors
+from tracking.numerics.stacks import cholesky_factors, elementwise
 
 # m, height of the one point that stands for a person: half of a walking person's 1.7 m.
 TARGET_HEIGHT = 0.85
@@ -137,10 +137,12 @@ def detectable_share(free: float) -> float:
 
 @elementwise
 @compiled
-def detectable_shares(free: Array, out: Array) -> None:
+def detectable_shares(free: Array) -> Array:
     """`detectable_share` of an array."""
+    out = np.empty(len(free))
     for k in range(len(free)):
         out[k] = detectable_share(free[k])
+    return out
 
 
 def _centroids(count: int) -> Array:
