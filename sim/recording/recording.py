@@ -83,7 +83,7 @@ class Recording:
         _check_setting(self, found)
         return found
 
-    @property
+    @cached_property
     def forest(self) -> Forest:
         """The map of trees with exact occlusion; the model that trackers and planners assumed is in the scenario."""
         return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
@@ -100,7 +100,7 @@ class Recording:
         due = [[self.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
         return np.logical_and(self.working, due)
 
-    @property
+    @cached_property
     def hiding_forest(self) -> Forest:
         """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
         sensing, exact = self.setting.sensing, self.forest
