@@ -2,14 +2,8 @@
 
 import gc
 import signal
-from collections.abc import Callable
 
 import pytest
-
-from planning import made_up_teams
-from planning.planner import Situation
-
-Team = Callable[..., list[Situation]]
 
 # Modules and tests are some hundred thousand objects that stay. The garbage collector walks over them rarely while
 # they are made, and no more afterwards; it took a sixth of the tests' time.
@@ -22,14 +16,17 @@ def pytest_collection_finish():
 
 
 @pytest.fixture
-def random_team() -> Team:
-    """Situations of a team with the same beliefs in all its members, in a random forest."""
+def random_team():
+    """Makes situations of a team with the same beliefs in all its members, in a random forest."""
+    from planning import made_up_teams  # not at the top, as the process that only hands out the tests needs none of it
+
     return made_up_teams.random_team
 
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    """Figures of runs and reports are laid out, but their files are empty: each would take a third of a second."""
+    """Figures of runs and reports are made, but not laid out, and their files are empty: a third of a second each."""
+    monkeypatch.setattr("matplotlib.figure.Figure.draw_without_rendering", lambda figure: None)
     monkeypatch.setattr("sim.report.figures.pictures.encode_figure", lambda figure, kind: b"")
     monkeypatch.setattr("sim.running.results.save_figure", lambda figure, path: path.touch())
 

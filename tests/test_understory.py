@@ -16,7 +16,6 @@ from sim.scenario.environment import People, Trees
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
-from sim.study import backends
 
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
 
@@ -152,7 +151,7 @@ def test_an_error_of_a_planner_names_no_scenario_file(tmp_path):
     ],
 )
 def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message, monkeypatch):
-    monkeypatch.setattr(backends, "Pool", Here)
+    monkeypatch.setattr(understory, "Pool", Here)
     with pytest.raises(understory.InputError, match=f"^{message}"):
         understory.compare(**{"planners": "hover", "settings": SHORT, **arguments})
 
@@ -171,7 +170,7 @@ def test_a_scenario_made_in_python_is_that_of_the_command():
 
 
 def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monkeypatch):
-    monkeypatch.setattr(backends, "Pool", Here)
+    monkeypatch.setattr(understory, "Pool", Here)
     other = tmp_path / "other.toml"
     other.write_text("trees.density = 5")
     scenarios = ["forest", str(other)]

@@ -68,6 +68,7 @@ def test_scenes_have_births_deaths_misses_and_false_alarms_and_come_again():
     assert np.mean([len(scan) for scan in one.detections]) - detected == pytest.approx(10, abs=1)
 
 
+@pytest.mark.docs
 def test_the_comparison_runs_and_pairs_scenes(capsys):
     peers.main(["compare", *SMALL])
     lines = table(capsys.readouterr().out)
@@ -81,6 +82,7 @@ def test_the_comparison_runs_and_pairs_scenes(capsys):
         np.testing.assert_allclose(gap, (ours - theirs)[:4], atol=0.006)
 
 
+@pytest.mark.docs
 def test_thresholds_are_varied(capsys, monkeypatch):
     names = ("default", "confirmed at 0.5 (0.99)", "births x 10", "reported above 0.1 (0.5)")
     monkeypatch.setattr(peers, "VARIED", {name: peers.VARIED[name] for name in names})
@@ -91,6 +93,7 @@ def test_thresholds_are_varied(capsys, monkeypatch):
     assert np.all(missed["confirmed at 0.5 (0.99)"] < missed["default"])
 
 
+@pytest.mark.docs
 def test_tuning_finds_the_least_gospa(monkeypatch):
     monkeypatch.setattr(peers, "TRIED", {"points": (2, 3), "steps": (3, 5)})
     scene = peers.simulate(CELL, 0, 10)
@@ -99,6 +102,7 @@ def test_tuning_finds_the_least_gospa(monkeypatch):
     assert costs[peers.tune(CELL, [0], 10)] == min(costs.values())
 
 
+@pytest.mark.docs
 def test_the_page_shows_what_our_tracker_scores_with_and_without_early_confirmation():
     scenes = [peers.simulate(CELL, seed) for seed in range(1000, 1006)]
     for name in ("default", "confirmed at 0.5 (0.99)"):

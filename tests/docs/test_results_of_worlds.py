@@ -22,6 +22,8 @@ from sim.study.trial_flight import fly_trial
 sys.path.append(str(DOCS))
 import scores
 
+pytestmark = pytest.mark.docs
+
 WORLDS = 10
 SEARCHING, AHEAD = "mcr(samples=10, search=0.1)", "mcr(samples=4, beta=0.5, evaluations=9216)"
 GOSPA = find_shown_metric("gospa.mean_m")

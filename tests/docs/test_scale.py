@@ -23,6 +23,7 @@ def test_fleets_grow_at_constant_density_and_start_apart_within_the_area(uavs):
     assert min(gaps) > 90 and max(abs(x) for start in starts for x in start) < scenario.area.width / 2
 
 
+@pytest.mark.docs
 def test_each_curve_has_its_points_and_all_forests_can_grow():
     points = list(scale.list_points())
     assert len(points) == len(scale.FLEETS) + 3 * len(scale.FACTORS)

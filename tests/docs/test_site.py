@@ -10,6 +10,7 @@ pytest.importorskip("mkdocs")
 pytest.importorskip("mkdocstrings")
 
 
+@pytest.mark.docs
 def test_the_site_builds_without_a_warning(tmp_path):
     words = ["-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")]
     done = python(*words, http_proxy="http://127.0.0.1:9", https_proxy="http://127.0.0.1:9")

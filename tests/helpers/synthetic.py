@@ -29,11 +29,12 @@ def forest(setting, count=45, seed=0):
     rng = np.random.default_rng(seed)
     half = np.array([setting.area.width, setting.area.height]) / 2 - 5
     places = []
-    for _ in range(5000):
-        place = rng.uniform(-half, half)
-        if len(places) < count and all(np.hypot(*(place - other)) > 10 for other in places):
+    for place in rng.uniform(-half, half, (5000, 2)).tolist():
+        if len(places) == count:
+            break
+        if all(math.dist(place, other) > 10 for other in places):
             places.append(place)
-    return Forest(tuple(Tree(float(x), float(y)) for x, y in places))
+    return Forest(tuple(Tree(x, y) for x, y in places))
 
 
 def snapshots(setting, trees, scans=21, seed=0):

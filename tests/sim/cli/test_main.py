@@ -142,13 +142,11 @@ def test_the_command_to_the_longest_loss_names_its_scan(call, tmp_path):
     assert (code, err) == (0, "") and "understory explain . --target 0 --time 0.15\n" in out
 
 
-def test_help_imports_nothing_heavy_and_the_engine_says_nothing(tmp_path):
+def test_help_imports_nothing_heavy(tmp_path):
     heavy = "{'numpy', 'numba', 'pybullet', 'scipy', 'cv2', 'av', 'matplotlib'} & set(sys.modules)"
     light = f"import sys, sim.__main__; sim.__main__.app(['--help'], standalone_mode=False); print({heavy})"
-    flight = "sys.argv[1:] = ['run', '--set', 'trees.density=9000']; sim.__main__.main()"
-    done = python("-c", f"{light}; {flight}", cwd=tmp_path)
-    assert done.returncode == 2 and done.stdout.splitlines()[-1] == "set()"
-    assert done.stderr.startswith("understory: trees.density = 9000") and done.stderr.count("\n") == 1
+    done = python("-c", light, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.splitlines()[-1] == "set()"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,13 +11,13 @@ from sim.recording.atomic_files import claim_place, make_new_folder
 SHORT = "--duration 0.2 --planner hover --set sensing.mode=ideal"
 COMMANDS = {  # words, default place, suffix
     "run": (f"run {SHORT} --no-video", "runs/forest-hover-seed0", ""),
-    "run with a limit of time": (f"run {SHORT} --no-video --timeout 99", "runs/forest-hover-seed0", ""),
     "frames": ("frames run --uav 0 --time 0", "run/frames-uav0-0s", ""),
     "export": ("export run --to csv", "run/export-csv", ""),
     "film": ("replay run --layout map --time 0:0.2", "run/replay", ".mp4"),
     "page": ("replay run --page", "run/mission", ".html"),
     "picture": ("explain run --target 1 --time 0.4", "run/explain-target1-0.4s", ".png"),
 }
+TIMED = (f"run {SHORT} --no-video --timeout 99", "runs/forest-hover-seed0", "")
 
 
 @pytest.mark.parametrize("suffix", ["", ".png"])
@@ -48,7 +48,13 @@ def test_of_eight_at_a_time_each_gets_a_place_of_its_own_and_leaves_nothing_else
     assert sorted(found) == [str(k) for k in range(8)]
 
 
-@pytest.mark.parametrize(("words", "stem", "suffix"), COMMANDS.values(), ids=COMMANDS)
+@pytest.mark.parametrize(
+    ("words", "stem", "suffix"),
+    [
+        *(pytest.param(*values, id=name) for name, values in COMMANDS.items()),
+        pytest.param(*TIMED, id="run with a limit of time", marks=pytest.mark.slow),  # starts a process
+    ],
+)
 def test_a_command_takes_the_next_place_if_another_writes_to_the_first(call, tmp_path, words, stem, suffix):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mission.npz").write_bytes(recording())

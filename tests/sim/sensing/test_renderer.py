@@ -56,7 +56,7 @@ def test_hiding_what_is_out_of_view_changes_no_pixel(monkeypatch, trees):
     forest = grow(trees, Area(60.0, 60.0), rng) if trees else random_forest(rng, 40, 5.0)
     with World(Scenario(), forest, 12) as world:
         place_at_random(rng, world, 12, around=np.zeros(2), half=20.0)
-        places = [[*rng.uniform(-20, 20, 2), rng.uniform(8, 22)] for _ in range(60)]
+        places = [[*rng.uniform(-20, 20, 2), rng.uniform(8, 22)] for _ in range(40)]
         # A camera aboard a UAV must not see its carrier; oblique ones may see far.
         places[0] = world.poses()[0].position
         poses = [tilted(rng, place, (0.0, 0.3, 1.5)[k % 3]) for k, place in enumerate(places)]
@@ -70,7 +70,7 @@ def test_hiding_what_is_out_of_view_changes_no_pixel(monkeypatch, trees):
             whole = culling.render(CAMERA, pose)
             assert culled.image.tobytes() == whole.image.tobytes()
             assert culled.people.tobytes() == whole.people.tobytes()
-    assert np.median(hidden) > 0.7 and sum((frame.people >= 0).any() for frame in seen) > 20
+    assert np.median(hidden) > 0.7 and sum((frame.people >= 0).any() for frame in seen) > 13
 
 
 def test_pixels_show_a_known_body_exactly_where_the_camera_model_projects_it():
@@ -215,9 +215,9 @@ def compare_sight(rng, bare, full, forest, pose):
     return np.column_stack([person, shown, free, near_silhouettes(trees)[rows, columns]])
 
 
-@pytest.mark.parametrize("views", [15, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("views", [10, pytest.param(60, marks=pytest.mark.slow)])
 def test_line_of_sight_agrees_with_the_rendered_segmentation(views):
-    """Away from silhouettes to the last pixel, of which 15 views of each forest have thousands."""
+    """Away from silhouettes to the last pixel, of which 10 views of each forest have thousands."""
     rng = np.random.default_rng(0)
     pairs, rows = 0, []
     forests = [random_forest(rng, count, radius) for count, radius in ((28, 5.0), (100, 1.0), (55, 3.0), (36, 4.0))]
@@ -246,7 +246,7 @@ def hidden_by_geometry(forest: Forest, pose: Pose) -> np.ndarray:
     return ~forest.visible(pose.position, np.column_stack([ground, np.zeros(len(ground))]))[0]
 
 
-@pytest.mark.parametrize("views", [12, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("views", [8, pytest.param(50, marks=pytest.mark.slow)])
 def test_image_and_line_of_sight_hide_the_same_ground(views):
     """In any view that a tree or a camera half a pixel off its place would spoil by one part in a hundred."""
     rng = np.random.default_rng(0)

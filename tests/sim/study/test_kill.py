@@ -193,37 +193,29 @@ def join(cluster, address):
     return cluster._client.sync(start)
 
 
-def test_a_scheduler_that_dies_in_mid_study_is_told_of_and_no_trial_blamed(tmp_path, scheduler, capfd):
+def test_a_study_waits_for_workers_and_if_its_scheduler_dies_no_trial_is_blamed(tmp_path, scheduler, capfd):
     process, address = scheduler
     tasks = short(["hover", "greedy"], "0-3")
-
-    def kill(task, row, fresh):
-        process.kill()
-
-    with connect(address) as cluster, Store.open(tmp_path, "short") as store:
-        worker = join(cluster, address)
-        with pytest.raises(StoreError, match=f"^--dask: '{address}' no longer answers$"):
-            complete(tasks, store, cluster, on_row=kill)
-        cluster._client.sync(worker.close)
-    rows = read_rows(tmp_path)
-    assert "distributed.client" not in capfd.readouterr().err
-    assert 1 <= len(rows) < len(tasks) and {row.status for row in rows} == {"done"}
-
-
-def test_trials_wait_for_workers_and_say_so(tmp_path, scheduler):
-    _, address = scheduler
-    told = []
+    told, workers = [], []
 
     def wait(why):
         told.append(why)
         if len(told) == 1:
             workers.append(join(cluster, address))
 
-    workers = []
+    def kill(task, row, fresh):
+        if fresh:
+            process.kill()
+
     with connect(address) as cluster, Store.open(tmp_path, "short") as store:
-        rows = complete(short(["hover"], "0"), store, cluster, on_wait=wait)
+        (row,) = complete(tasks[:1], store, cluster, on_wait=wait)
+        assert row.status == "done" and told[0] == "no workers, waiting" and set(told[1:]) <= {""}
+        with pytest.raises(StoreError, match=f"^--dask: '{address}' no longer answers$"):
+            complete(tasks, store, cluster, on_row=kill)
         cluster._client.sync(workers[0].close)
-    assert [row.status for row in rows] == ["done"] and told[0] == "no workers, waiting" and set(told[1:]) <= {""}
+    rows = read_rows(tmp_path)
+    assert "distributed.client" not in capfd.readouterr().err
+    assert 2 <= len(rows) < len(tasks) and {row.status for row in rows} == {"done"}
 
 
 def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):

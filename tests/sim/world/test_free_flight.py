@@ -144,18 +144,15 @@ LOW = ("trees.density=60", "uavs=[{start=[-2, 0], footprint=8.1}]")  # at 7.01 m
 @pytest.mark.parametrize(
     ("overrides", "met", "engine"),
     [
-        (IDEAL, False, False),
         ((*IDEAL, "wind.gust=2"), False, False),
         ((*IDEAL, *LOW), False, False),
         ((*IDEAL, MEETING), True, True),
-        (GLIDING, False, False),
         ((*GLIDING, *(f"uavs.{i}.mount=body" for i in range(3)), "uavs.0.tilt_deg=20"), False, False),
         ((*GLIDING, MEETING), True, True),
         ((*GLIDING, *LOW), False, False),
-        (("dynamics=kinematic", MEETING), True, True),
         ((MEETING,), True, True),
     ],
-    ids="apart,wind,low,meeting,glide,glide on mounts,glide and meet,glide low,seen glide,seen".split(","),
+    ids="wind,low,meeting,glide on mounts,glide and meet,glide low,seen".split(","),
 )
 def test_missions_without_an_engine_have_the_bytes_of_those_with_one(overrides, met, engine, monkeypatch):
     duration = 6 if MEETING in overrides and IDEAL[0] in overrides else 4  # kinematic ones part again after 5 s

@@ -192,9 +192,8 @@ def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():
         load("forest", ["trees.file=prk"])
 
 
-def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, call):
+def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, call, compare):
     path = stems(table(";", ","))
     settings = ["--set", f"trees.file={path}", "--duration", "0.4", "--planner", "hover"]
-    for command in (["run", *settings, "--no-video"], ["compare", *settings, "--seeds", "0-1"]):
-        code, _, err = call(*command, "--out", str(tmp_path / command[0]))
-        assert code == 0 and err.count("trees.file: not used: column species") == 1
+    for ended in (call("run", *settings, "--no-video"), compare(*settings, "--seeds", "0-1")):
+        assert ended[0] == 0 and ended[2].count("trees.file: not used: column species") == 1

@@ -150,13 +150,13 @@ def test_speeds_that_are_not_those_of_people_are_doubted(csv_file, rows, doubt):
     assert described(path)[1] == ([] if doubt is None else [f"people.trajectories: {path}: {doubt}"])
 
 
-def test_commands_tell_of_the_file_and_doubt_it(call, csv_file):
+def test_commands_tell_of_the_file_and_doubt_it(call, compare, csv_file):
     path = csv_file(table([(25 * t, i, x, y) for t, i, x, y in walks([1.0, 1.4])]))
     words = ["--planner", "hover", "--set", "sensing.mode=ideal", "--set", f"people.trajectories={path}"]
+    words += ["--duration", "0.4"]
     told = f"people.trajectories: {path}: 2 people, from 0 to 500 s, at 0.04 to 0.06 m/s, 0.05 m/s in the median\n"
-    for command, line in (("run", told), ("compare", "")):
-        more = ["--no-video"] if command == "run" else ["--seeds", "0", "--workers", "1"]
-        code, out, err = call(command, *words, "--duration", "0.4", *more)
+    for line, ended in ((told, call("run", *words, "--no-video")), ("", compare(*words, "--seeds", "0"))):
+        code, out, err = ended
         assert code == 0 and out.startswith(line)
         assert err == f"understory: people.trajectories: {path}: half of the people move at 0.05 m/s or less; {UNITS}\n"
 

@@ -75,7 +75,7 @@ def test_random_half_planes_give_the_moments_of_weighted_samples():
         means, covariances = negative_information_update(
             mean[None], covariance[None], 1 - 0.9 * seen_where(visible, mean, covariance)[None]
         )
-        states = rng.multivariate_normal(mean, covariance, 100_000)
+        states = rng.multivariate_normal(mean, covariance, 20_000)
         weights = 1 - 0.9 * visible(states[:, :2])
         expected = np.average(states, axis=0, weights=weights)
         spread = np.cov(states.T, aweights=weights)

@@ -152,29 +152,6 @@ def test_the_temporary_folder_holds_code_of_this_user_alone(tmp_path):
     assert not subject._is_private(tmp_path / "link") and not subject._is_private(tmp_path / "no" / "folder")
 
 
-def test_a_mission_compiles_nothing_in_flight():
-    code = """
-import gc
-from numba.core.dispatcher import Dispatcher
-from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
-from sim.scenario.loading import load
-from sim.mission.mission import Mission
-from sim.mission.warmup import warm_up
-def signatures():
-    gc.unfreeze()  # `warm_up` takes objects out of the sight of `gc`
-    compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
-    return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
-warm_up()
-before = signatures()
-for _ in Mission(load("forest", ["duration=6"]), load_planner(DEFAULT_PLANNER)).fly():
-    pass
-print(len(before) > 20, signatures() - before)
-"""
-    done = python("-c", code)
-    assert done.stdout == "True set()\n"
-
-
 def flown(folder, name, **environment):
     words = ["-m", "sim", "run", "--duration", "1", "--no-video", "--out", name]
     done = python(*words, cwd=folder, **environment)
