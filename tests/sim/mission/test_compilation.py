@@ -104,6 +104,7 @@ from sim.mission.warmup import warm_up
 from sim.scenario.loading import load
 from tracking.numerics.compiled import functions
 def signatures():
+    gc.unfreeze()  # `warm_up` takes objects out of the sight of `gc`
     compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
     return {(f"{d.py_func.__module__}.{d.py_func.__qualname__}", s) for d in compiled for s in d.overloads}
 warm_up()
