@@ -69,7 +69,7 @@ class Film:
         self._sparkline = _Sparkline(header[6:-4, -300:].copy(), scenario.duration)
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
-        draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
+        draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale, forest=forest)
 
     @property
     def cameras(self) -> tuple[int, ...]:

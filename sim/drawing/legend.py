@@ -8,22 +8,27 @@ import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.marks import cross, detection, draw_person_mark, quadrotor
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, TRUNK, UNHELD_COLOURS, track_colour
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, PANEL, TRUNK, UNHELD_COLOURS, mix, track_colour
 from sim.drawing.strokes import disc, stroke
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 _TEXT = TextStyle(13)
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -> None:
+def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float, forest: Forest) -> None:
     """Fill an RGB strip with the marks that are shown, and a scale bar for the map's `scale` in pixels per metre.
 
     owner: the UAV whose tracks are on the map; None for a film without the map.
     """
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
     if owner:
-        entries.append((_draw_tree, "tree"))
+        porous = [tree.cover for tree in forest.trees if tree.cover < 1.0]
+        if len(porous) < max(len(forest.trees), 1):
+            entries.append((partial(_draw_tree, cover=1.0), "tree"))
+        if porous:
+            entries.append((partial(_draw_tree, cover=min(porous)), "porous tree"))
         for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
             entries.append((partial(draw_person_mark, heading=0.0, view=view), text))
         for hold in UNHELD_COLOURS:
@@ -53,8 +58,8 @@ def _draw_scale_bar(image: Image, scale: float, right: Array) -> None:
     write(image, f"{metres} m", ((left[0] + right[0]) / 2, right[1] - 11), _TEXT, align=0.5)
 
 
-def _draw_tree(image: Image, at: Array) -> None:
-    disc(image, at, 10.0, CANOPY)
+def _draw_tree(image: Image, at: Array, *, cover: float) -> None:
+    disc(image, at, 10.0, mix(CANOPY, PANEL, cover))
     disc(image, at, 10.0, CANOPY_EDGE, 1)
     disc(image, at, 2.0, TRUNK)
 

@@ -153,7 +153,8 @@ class MapView:
                 stroke(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
-            disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, palette.CANOPY)
+            colour = mix(palette.CANOPY, PANEL, tree.cover)
+            disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, colour)
         cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
         for tree in forest.trees:
             place = self.pixels(np.array([tree.x, tree.y]))

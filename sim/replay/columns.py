@@ -120,8 +120,9 @@ def _plans(r: Recording) -> Columns:
 
 def _trees(r: Recording) -> Columns:
     parts = ["x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m"]
-    parts += ["leaf_area_density_m2_per_m3"]  # recorded if any canopy is porous; infinite for those that are opaque
-    return {"tree": np.arange(len(r.trees)), **dict(zip(parts, r.trees.T, strict=False))}
+    parts += ["leaf_area_density_m2_per_m3"]
+    rows = np.column_stack([r.trees, np.full(len(r.trees), np.inf)])[:, : len(parts)]  # recorded if any is porous
+    return {"tree": np.arange(len(rows)), **dict(zip(parts, rows.T, strict=True))}
 
 
 def _xy(prefix: str, unit: str, values: Column) -> Columns:

@@ -11,7 +11,7 @@ from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, free_share, make_grid
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp_each, power
+from tracking.numerics.exponential import exp, exp_each, power
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors, elementwise
 
@@ -42,6 +42,18 @@ class Tree:
     trunk_radius: float = 0.2
     leaf_area_density: float = math.inf  # m²/m³, leaf area in the canopy's volume; infinite if the canopy is opaque
 
+    @property
+    def extinction(self) -> float:
+        """Extinction [1/m] of lines of sight through the canopy; infinite if it is opaque."""
+        return EXTINCTION * self.leaf_area_density
+
+    @property
+    def cover(self) -> float:
+        """Share of the ground below the canopy that it hides from straight above."""
+        if self.leaf_area_density == math.inf:
+            return 1.0
+        return 1.0 - exp(-self.extinction * (self.canopy_top - self.canopy_base))
+
 
 @dataclass(frozen=True, eq=False)
 class Forest:
@@ -66,7 +78,7 @@ class Forest:
         """All trunks and canopies (2 T, 6): x, y, radius, bottom, top [m], extinction [1/m], infinite if opaque."""
         rows = [(t.x, t.y, t.trunk_radius, 0.0, t.canopy_base, math.inf) for t in self.trees]
         for t in self.trees:
-            rows.append((t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, EXTINCTION * t.leaf_area_density))
+            rows.append((t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, t.extinction))
         return np.array(rows, dtype=float).reshape(-1, 6)
 
     @cached_property

@@ -104,9 +104,11 @@ def _observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
 def _view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera"]
-    for tree in sighting.hidden_by:
+    for tree, share in sighting.hidden_by.items():
         trunk, radius = recording.trees[tree, :2], recording.trees[tree, 2]
-        lines.append(f"tree {tree} stands at {format_place(trunk)}, its canopy reaches {radius:.1f} m")
+        text = f"tree {tree} stands at {format_place(trunk)}, its canopy reaches {radius:.1f} m"
+        part = f", and it hides {100 * share:.0f} %" if share < 1.0 and len(sighting.hidden_by) > 1 else ""
+        lines.append(text + part)
     if w.whole == 0 and (small := describe_small_people(recording.setting.uavs[w.uav])):
         lines.append(f"{small} of its image")
     elif w.whole:

@@ -1,8 +1,8 @@
 """Observation of one person by one UAV at one scan: view, pixels, detection and data association."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
-from sim.sensing.detection_truth import count_visible_pixels, match_detections
+from sim.sensing.detection_truth import match_detections
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
@@ -72,11 +72,6 @@ class Observer(ExitStack):
             association=self.replay.association(k, uav),
         )
 
-    @cached_property
-    def _treeless(self) -> Rerenderer:
-        """Renderer of the same world without trees."""
-        return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
-
     def _renders(self, k: int, uav: int) -> bool:
         return self.recording.setting.sensing.renders and self.recording.setting.has_frame(uav, k)
 
@@ -84,8 +79,7 @@ class Observer(ExitStack):
         """Number of pixels of the person in the same frame without trees."""
         if not self._renders(k, uav) or not sighting.in_image:
             return None
-        people = self._treeless.rendered(k, uav).people
-        return int(count_visible_pixels(people, self.recording.people.shape[1])[sighting.person])
+        return int(self.again.count_whole(k, uav)[sighting.person])
 
     def _owners(self, k: int, uav: int) -> Indices:
         """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.

@@ -42,7 +42,9 @@ def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
         notes.append("ideal sensing: this image was not used")
     elif not scenario.has_frame(uav, k):
         notes.append("the camera took no image at this scan")
-    panel = _draw_panel(sight, notes, shown, height=side)
+    looked = scenario.sensing.renders and scenario.has_frame(uav, k)
+    whole = rerenderer.count_whole(k, uav).tolist() if looked else None
+    panel = _draw_panel(sight, notes, whole, shown, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
     page[GAP:-GAP, -GAP - _WIDTH : -GAP] = panel
     framed = page[GAP : GAP + side, GAP : GAP + side]
@@ -115,12 +117,13 @@ def _describe_view(camera: Camera, pose: Pose) -> list[str]:
     return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
 
 
-def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int) -> Image:
+def _draw_panel(sight: Sight, notes: list[str], whole: list[int] | None, shown: set[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high.
 
-    notes: the beginning of its first section; shown: the names of the marks in its legend.
+    notes: the beginning of its first section; whole: pixels of each person without trees, None if the camera took no
+    image; shown: the names of the marks in its legend.
     """
-    lines, bottom = lay_out_groups(_make_sections(sight, notes), _WIDTH - 28, 44.0)
+    lines, bottom = lay_out_groups(_make_sections(sight, notes, whole), _WIDTH - 28, 44.0)
     marks = find_marks(shown)
     image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
@@ -134,10 +137,9 @@ def _draw_panel(sight: Sight, notes: list[str], shown: set[str], *, height: int)
     return image
 
 
-def _make_sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
+def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> list[TextGroup]:
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
-    ideal = not sight.scenario.sensing.renders
     tracks = [
         f"track {track_name(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
@@ -146,29 +148,29 @@ def _make_sections(sight: Sight, notes: list[str]) -> list[TextGroup]:
     return [
         TextGroup("mission", [*notes, *error]),
         TextGroup("field of view", _describe_view(sight.camera, sight.pose)),
-        TextGroup("truth", _describe_people(sight, ideal)),
+        TextGroup("truth", _describe_people(sight, whole)),
         TextGroup("tracks, 95 %", _shorten(tracks)),
     ]
 
 
-def _describe_people(sight: Sight, ideal: bool) -> list[str]:
+def _describe_people(sight: Sight, whole: list[int] | None) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
-    lines = _shorten([_describe_sighting(sighting, ideal) for sighting in near])
+    lines = _shorten([_describe_sighting(sighting, whole[sighting.person] if whole else None) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
         lines += [f"{status}: {', '.join(others)}"] if others else []
     return lines
 
 
-def _describe_sighting(sighting: Sighting, ideal: bool) -> str:
+def _describe_sighting(sighting: Sighting, whole: int | None) -> str:
     text = f"person {sighting.person}: {sighting.status}"
     if not sighting.looked:
         return text
-    if sighting.pixels and not ideal:
-        text += f", {sighting.pixels} px"
+    if sighting.pixels and whole:
+        text += f", {sighting.pixels} px, {100 * sighting.pixels / whole:.0f} % visible"
     if sighting.detected:
-        return text + (", measured" if ideal else ", detected")
+        return text + (", detected" if whole else ", measured")
     return text + (", missed" if sighting.pixels else "")
 
 

@@ -2,12 +2,18 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
 
 from sim.drawing.lettering import Image
 from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
+from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.numerics.arrays import Indices
 
 
 class Rerenderer(ExitStack):
@@ -36,6 +42,15 @@ class Rerenderer(ExitStack):
         self._world.place_uavs(r.poses_at(k))
         camera = camera_of(r.setting.uavs[uav])
         return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
+
+    def count_whole(self, k: int, uav: int) -> Indices:
+        """Number of pixels (M,) of each person in the same image without trees."""
+        return count_visible_pixels(self._treeless.rendered(k, uav).people, self.recording.people.shape[1])
+
+    @cached_property
+    def _treeless(self) -> "Rerenderer":
+        """Renderer of the same world without trees."""
+        return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
         """The images that the given UAVs took at scan k, by UAV of the mission; None for a UAV without one.

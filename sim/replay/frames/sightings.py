@@ -14,10 +14,11 @@ from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.line_of_sight import is_blocked
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
+from tracking.geometry.line_of_sight import is_blocked, length_inside
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp
 
 NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
 PERSON_RADIUS = 0.25  # m, radius of the cylinder that represents a person
@@ -31,7 +32,8 @@ class Sighting:
     person: int
     place: tuple[float, float]  # m; NaN if absent
     inside: bool  # the mid-height lies inside the image, hidden or not
-    hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
+    # Trees between the camera and the mid-height, if inside, and the share that each hides: 1 if it is opaque.
+    hidden_by: dict[int, float]
     pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
     detected: bool
     looked: bool = True  # the camera took a frame
@@ -49,7 +51,9 @@ class Sighting:
         if not self.inside:
             return "cut by the edge" if self.pixels else "outside the view"
         if self.hidden_by:
-            return f"{'partly ' * bool(self.pixels)}hidden by {list_numbers('tree', self.hidden_by)}"
+            free = math.prod(1.0 - share for share in self.hidden_by.values())
+            part = f"{100 * (1.0 - free):.0f} % " if free > 0.0 else "partly " * bool(self.pixels)
+            return f"{part}hidden by {list_numbers('tree', list(self.hidden_by))}"
         return "in view" if self.pixels else f"not shown, {NO_TREE}"
 
     @staticmethod
@@ -59,14 +63,15 @@ class Sighting:
         people = recording.people[k]
         looked = recording.setting.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, recording.hiding_forest)
-        # Without a frame, geometry decides who would have been shown.
-        pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
+        # Without a frame, geometry decides who would rather have been shown than not.
+        free = detectable_shares(np.prod(1.0 - hiding, axis=1))
+        pixels = recording.visible[k, uav] if looked else inside & (free >= 0.5)
         return tuple(
             Sighting(
                 person=m,
                 place=(float(people[m, 0]), float(people[m, 1])),
                 inside=bool(inside[m]),
-                hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
+                hidden_by={tree: float(hiding[m, tree]) for tree in np.flatnonzero(hiding[m]).tolist()},
                 pixels=int(pixels[m]),
                 detected=bool(recording.matched[k, uav, m]),
                 looked=looked,
@@ -105,25 +110,27 @@ class Sight:
         return Sight(scenario, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
-def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
-    """Masks (M,) of people (M, 2) m, NaN if absent, inside a frame, and (M, T) of the trees that hide each of them."""
+def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:
+    """Mask (M,) of people (M, 2) m, NaN if absent, inside a frame, and shares (M, T) of them that each tree hides."""
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    hiding = np.zeros((len(points), len(forest.trees)), dtype=np.bool_)
-    hiding[inside] = _hiding_trees(
+    hiding = np.zeros((len(points), len(forest.trees)))
+    hiding[inside] = _find_hidden_shares(
         pose.position, points[inside], forest.blockers, forest.tree_of_blockers, len(forest.trees)
     )
     return inside, hiding
 
 
 @compiled
-def _hiding_trees(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Flags:
-    """Mask (M, T) of the trees, `tree_of` cylinders (B, 5), that segments from a camera (3,) to points (M, 3) touch."""
-    hiding = np.zeros((len(points), trees), dtype=np.bool_)
+def _find_hidden_shares(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Array:
+    """Shares (M, T) of segments from a camera (3,) to points (M, 3) that trees, `tree_of` cylinders (B, 6), hide."""
+    free = np.ones((len(points), trees))
     for j in range(len(points)):
         for b in range(len(cylinders)):
-            hiding[j, tree_of[b]] |= is_blocked(camera, points[j], cylinders[b])
-    return hiding
+            if is_blocked(camera, points[j], cylinders[b]):
+                depth = cylinders[b, 5] * length_inside(camera, points[j], cylinders[b], 0.0, 1.0)
+                free[j, tree_of[b]] *= 0.0 if cylinders[b, 5] == math.inf else exp(-depth)
+    return 1.0 - free
 
 
 def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

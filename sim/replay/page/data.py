@@ -57,7 +57,7 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "rate": rate,
         "trail": round(TRAIL * rate),
         "times": _round(recording.times[every], 3),
-        "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in recording.forest.trees],
+        "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius, t.cover]) for t in recording.forest.trees],
         "people": _with_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
         "headings": _round(np.nan_to_num(recording.headings[every])),
         "uavs": _round(recording.poses[every, :, :3]),

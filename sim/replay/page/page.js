@@ -217,7 +217,10 @@ const known = { // views on the map, states in the lanes and in the bars, kinds 
   holds: new Set(data.holds.flat()),
   kinds: new Set(data.unmatched.map((event) => event[0])),
 };
+const sparsest = data.trees.reduce((least, tree) => Math.min(least, tree[4]), 1);
 legend("map-legend", [
+  ["porous tree", (ctx) => { ctx.globalAlpha = 0.6 * sparsest; disc(ctx, 13, 10, 8, colours.canopy); ctx.globalAlpha = 1; ring(ctx, 13, 10, 8, colours.canopy_edge, 1); },
+    sparsest < 1],
   ["person", mark(SEEN), known.views.has(SEEN)], ["hidden", mark(HIDDEN), known.views.has(HIDDEN)],
   ["outside every view", mark(OUT), known.views.has(OUT)],
   ["lost", mark(SEEN, colours.lost), known.holds.has(LOST)],

@@ -168,7 +168,9 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
     trees = recording.forest.trees
-    yield "trees", str(len(trees)) + (f", canopies of {_span(t.canopy_radius for t in trees)}" if trees else "")
+    porous = [t.leaf_area_density for t in trees if math.isfinite(t.leaf_area_density)]
+    leaves = f", leaf area {_span(porous)}²/m³ in {len(porous)}" if porous else ""
+    yield "trees", str(len(trees)) + (f", canopies of {_span(t.canopy_radius for t in trees)}{leaves}" if trees else "")
     yield "people", str(recording.people.shape[1])
     limited = scenario.sensing.field_of_view == "camera"
     views = f"views of {_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"

@@ -70,8 +70,8 @@ function drawGround(ctx) {
   ctx.strokeStyle = colours.faint;
   ctx.lineWidth = 1;
   ctx.strokeRect(px(-w), py(h), 2 * w * map.scale, 2 * h * map.scale);
-  for (const [x, y, canopy, trunk] of data.trees) {
-    ctx.globalAlpha = 0.6;
+  for (const [x, y, canopy, trunk, cover] of data.trees) {
+    ctx.globalAlpha = 0.6 * cover;
     disc(ctx, px(x), py(y), canopy * map.scale, colours.canopy);
     ctx.globalAlpha = 1;
     ring(ctx, px(x), py(y), canopy * map.scale, colours.canopy_edge, 1);
@@ -220,7 +220,10 @@ function named(u, v) {
   const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];
   if (near) return near[1];
   const t = data.trees.findIndex(([x, y, r]) => Math.hypot(px(x) - u, py(y) - v) < r * map.scale);
-  return t < 0 ? "" : `tree ${t}, canopy of ${data.trees[t][2]} m radius`;
+  if (t < 0) return "";
+  const [, , radius, , cover] = data.trees[t];
+  const hides = cover < 1 ? `, hides ${Math.round(100 * cover)} % from above` : "";
+  return `tree ${t}, canopy of ${radius} m radius${hides}`;
 }
 
 function line(ctx, points) {

@@ -19,7 +19,7 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.flight import Flight
 from sim.sensing.cameras import camera_of
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
 
@@ -56,7 +56,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
     edge = np.vstack([corners, corners[:1]])
     stream.log("world/area/edge", rr.LineStrips3D([_lift(edge, 0.0)], colors=[FAINT], radii=0.1), static=True)
     if len(recording.trees):
-        _log_trees(stream, recording.trees)
+        _log_trees(stream, recording.forest)
     for i, uav in enumerate(scenario.uavs):
         camera, colour = camera_of(uav), uav_colour(i)
         lens = rr.Pinhole(
@@ -73,22 +73,21 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
         stream.log(f"world/uav/{i}", rr.LineStrips3D(_outline_quadrotor(), colors=[colour], radii=0.06), static=True)
 
 
-def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
-    x, y, canopy_radius, base, top, trunk_radius = trees.T
-    for name, radius, (low, high), colour in (
-        ("canopies", canopy_radius, (base, top), (*CANOPY, _SEE_THROUGH)),
-        ("trunks", trunk_radius, (np.zeros_like(base), base), TRUNK),
-    ):
-        cylinders = rr.Cylinders3D(
+def _log_trees(stream: rr.RecordingStream, forest: Forest) -> None:
+    trunks, canopies = np.split(forest.cylinders, 2)
+    shades = [(*CANOPY, round(_SEE_THROUGH * tree.cover)) for tree in forest.trees]
+    for name, cylinders, colours in (("canopies", canopies, shades), ("trunks", trunks, [TRUNK])):
+        x, y, radius, low, high, _ = cylinders.T
+        shown = rr.Cylinders3D(
             lengths=high - low,
             radii=radius,
             centers=np.column_stack([x, y, (low + high) / 2]),
-            colors=[colour],
+            colors=colours,
             fill_mode="solid",
-            labels=[f"tree {t}" for t in range(len(trees))],
+            labels=[f"tree {t}" for t in range(len(forest.trees))],
             show_labels=False,
         )
-        stream.log(f"world/forest/{name}", cylinders, static=True)
+        stream.log(f"world/forest/{name}", shown, static=True)
 
 
 class Scene:

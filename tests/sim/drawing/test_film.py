@@ -1,6 +1,7 @@
 """The video plays in browsers, shows things where they are, and is there whole or not at all."""
 
 import dataclasses
+import math
 import os
 
 import av
@@ -14,7 +15,18 @@ from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, arrange_parts
 from sim.drawing.lettering import TextStyle, measure_width, write
 from sim.drawing.map_view import MARGIN, MapView
-from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, mix, track_colour, uav_colour, uav_dashes
+from sim.drawing.palette import (
+    CANOPY,
+    FAINT,
+    INK,
+    LOST,
+    NOT_FOUND_YET,
+    PANEL,
+    mix,
+    track_colour,
+    uav_colour,
+    uav_dashes,
+)
 from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -228,6 +240,18 @@ def test_no_name_covers_a_person():
         for place in people:
             x, y = pixel(*place)
             assert np.abs(image[y, x].astype(int) - INK).max() < 60
+
+
+def test_porous_crowns_are_paler_the_more_ground_shows_through_them():
+    trees = [
+        Tree(x, 0.0, 5.0, 3.0, 6.0, 0.2, density) for x, density in ((-33, 0.0), (-11, 0.3), (11, 1.5), (33, math.inf))
+    ]
+    view = MapView(synthetic.scenario(), Forest(tuple(trees)), (900, 640))
+    shades = [view._ground[tuple(view.pixels(np.array([tree.x, 2.5]))[::-1].astype(int))].astype(int) for tree in trees]
+    paper, full = np.array(PANEL), 0.6 * np.array(CANOPY) + 0.4 * np.array(PANEL)
+    for tree, shade in zip(trees, shades, strict=True):
+        cover = 1.0 - math.exp(-0.5 * tree.leaf_area_density * 3.0)
+        assert tree.cover == pytest.approx(cover) and np.abs(shade - (cover * full + (1 - cover) * paper)).max() <= 2
 
 
 def test_trees_are_discs_of_the_canopys_size():

@@ -116,7 +116,7 @@ def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
     """Its first place would be to the right of the track's mark, where the person is."""
     person, beside = np.array([1.2, 0.0]), Gaussian(np.zeros(4), np.diag([0.01, 0.01, 1.0, 1.0]))
     seen = bare(scene(people=[person]))
-    seen = dataclasses.replace(seen, people=(Sighting(0, person, True, (), 10, True),))
+    seen = dataclasses.replace(seen, people=(Sighting(0, person, True, {}, 10, True),))
     named = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, tracks=[(Track(2, beside),)]))
     without, view = (annotate(np.full((128, 128, 3), 90, np.uint8), each, 1024)[0] for each in (seen, named))
     x, y = np.round(8 * seen.camera.project(seen.pose, np.array([[*person, TARGET_HEIGHT]]))[0][0]).astype(int)
@@ -191,7 +191,7 @@ def test_views_of_anything_can_be_drawn():
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
-    assert view.shape == (256, 256, 3) and _draw_panel(seen, [], shown, height=100).shape[0] > 200
+    assert view.shape == (256, 256, 3) and _draw_panel(seen, [], None, shown, height=100).shape[0] > 200
 
 
 def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypatch):
@@ -202,9 +202,9 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
     scan = dataclasses.replace(seen.snapshot.scans[0], measurements=place[None], covariances=0.1 * np.eye(2)[None])
     pixels = seen.camera.project(seen.pose, np.array([[*place, TARGET_HEIGHT]]))[0]
     seen = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, scans=[scan], pixels=[pixels]))
-    in_view = dataclasses.replace(seen, people=(Sighting(0, place, True, (), 10, True),))
+    in_view = dataclasses.replace(seen, people=(Sighting(0, place, True, {}, 10, True),))
     tree = scene(people=[place], trees=[Tree(*place, 3.0)])
-    hidden = dataclasses.replace(bare(tree), people=(Sighting(0, place, True, (0,), 0, False),))
+    hidden = dataclasses.replace(bare(tree), people=(Sighting(0, place, True, {0: 1.0}, 0, False),))
     two = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(-6.0, 6.0, 2.0))))
     beside = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(10.0, 10.0, 2.0))))
     away = Track(0, Gaussian(np.array([30.0, 0.0, 0.0, 0.0]), np.eye(4)))
@@ -219,7 +219,7 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
         assert annotate(blank, sight, 512)[1] == expected
     listed = []
     monkeypatch.setattr(frame_panels, "write", lambda image, text, at, style, align=0.0: listed.append(text))
-    frame_panels._draw_panel(in_view, [], found | truth, height=100)
+    frame_panels._draw_panel(in_view, [], None, found | truth, height=100)
     assert set(listed) & (found | truth | plain | hiding) == found | truth
 
 

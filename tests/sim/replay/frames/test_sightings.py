@@ -90,6 +90,13 @@ def test_every_person_and_track_is_named_with_trees_that_hide_people():
     # The line to (0, 8, 0.85) passes y = 5.2 at 6.6 m, y = 5.6 at 5.8 m and y = 6.7 at 3.5 m.
     trees = [Tree(0.0, 5.5, 0.5), Tree(0.0, 6.6, 0.5)]
     hidden = sight([(0.0, 8.0)], trees, visible=[0]).people[0]
-    assert (hidden.hidden_by, hidden.status) == ((0, 1), "hidden by trees 0 and 1")
+    assert (hidden.hidden_by, hidden.status) == ({0: 1.0, 1: 1.0}, "hidden by trees 0 and 1")
+    # Straight below the crowns, which overlap, beside one of the trunks and behind the other.
+    leaves = [Tree(0.0, 1.0, 3.0, 3.0, 6.0, 0.2, 0.4), Tree(0.0, -1.0, 3.0, 2.0, 5.0, 0.2, 0.2)]
+    part = sight([(0.0, 0.0)], leaves, visible=[4]).people[0]
+    assert part.hidden_by == pytest.approx({0: 1 - math.exp(-0.6), 1: 1 - math.exp(-0.3)}, rel=1e-12)
+    assert part.status == "59 % hidden by trees 0 and 1"
+    part = sight([(0.0, -1.0)], leaves, visible=[4]).people[0]
+    assert part.hidden_by[1] == 1.0 and part.status == "partly hidden by trees 0 and 1"
     seen = sight([(0.0, 0.0)], [], visible=[9], tracks=[(70, 90), (70, 80, 90), (5, 80)])
     assert [track.id for track in seen.snapshot.tracks[0]] == [3, 2]

@@ -136,6 +136,16 @@ def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
+def test_porous_trees_are_on_the_page_with_their_leaves_and_cover(mission):
+    density = np.where(np.arange(len(mission.trees)) % 2, np.inf, 0.4)
+    porous = dataclasses.replace(mission, trees=np.column_stack([mission.trees, density]))
+    text = page(Flight(porous), video=None)
+    count = len(density)
+    assert [tree[4] for tree in data_of(text)["trees"]] == [1.0 if k % 2 else 0.45 for k in range(count)]
+    assert f"{count}, canopies of 5 m, leaf area 0.4 m²/m³ in {(count + 1) // 2}" in text
+    assert "leaf area" not in page(Flight(mission), video=None)
+
+
 def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypatch, mission):
     monkeypatch.setattr("sim.replay.page.data.MOST_SCANS", 6)  # of 21: each fourth
     text = page(Flight(mission), video=None)

@@ -1,5 +1,6 @@
 """A short mission, written for the Rerun viewer and read back: all that must be there is, and is the recording's."""
 
+import dataclasses
 import os
 
 import cv2
@@ -47,6 +48,15 @@ def rows(entities, path, component):
     """The rows of an entity that hold a component, by scan."""
     held = [row for row in entities[path] if row.get(component) is not None and "static" not in row]
     return {row["scan"]: row[component] for row in held}
+
+
+def test_porous_canopies_are_more_transparent(tmp_path, recording):
+    density = np.where(np.arange(len(recording.trees)) % 2, np.inf, 0.4)
+    porous = dataclasses.replace(recording, trees=np.column_stack([recording.trees, density]))
+    rerun_view.write(Flight(porous), tmp_path / "a.rrd", progress=lambda scan: None)
+    (canopies,) = tables(RrdReader(tmp_path / "a.rrd").stream())["/world/forest/canopies"]
+    opacities = [colour & 255 for colour in canopies["colors"]]
+    assert set(opacities[1::2]) == {150} and set(opacities[::2]) == {round(150 * (1 - np.exp(-0.6)))}
 
 
 def test_forest_lenses_bodies_and_frusta_are_where_they_were_at_every_scan(recording, entities):
