@@ -65,6 +65,16 @@ def bin_nees(population: Sequence[Sample]) -> list[Bin]:
     return [*bins, Bin.of("all", values)]
 
 
+def bin_leaves(population: Sequence[Sample]) -> list[Bin]:
+    """Mean NEES of people behind leaves, by the share of them that does not show."""
+    values, hidden = compute_nees(population), np.array([sample.hidden for sample in population])
+    bins = [
+        Bin.of(f"behind leaves, {a:.0%} to {b:.0%} hidden", values[(hidden >= a) & (hidden < b)])
+        for a, b in pairwise((0.0, *HIDDEN[2:]))
+    ]
+    return [*bins, Bin.of("behind leaves, all", values)]
+
+
 def bin_tilts(seed: int, frames: int) -> list[Bin]:
     """Mean NEES of whole people in the open and within the image, by the camera's mount."""
     bins = []

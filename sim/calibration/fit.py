@@ -11,13 +11,24 @@ from sim.calibration.scenes import ALTITUDES, LEVEL, TILTS, Sample, draw_pairs, 
 from sim.scenario.environment import Area, Trees
 from sim.world.forest import grow
 from tracking.detection.blob_detector import locate_people
-from tracking.detection.detection_errors import SPLIT, WHOLE, SplitError, WholeError, pixel_footprints, sight_axes
+from tracking.detection.detection_errors import (
+    LEAF,
+    SPLIT,
+    WHOLE,
+    LeafError,
+    SplitError,
+    WholeError,
+    pixel_footprints,
+    sight_axes,
+)
 from tracking.detection.ground_measurement import detections_of, split_gaps
+from tracking.detection.leaf_cover import are_behind_leaves, measure_parts
 from tracking.detection.partial_visibility import PART, PartError, Places, find_places
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 _OTHERS = (12.0, 26.0, 34.0)  # m
+_LEAVES = (0.1, 0.2, 0.4, 0.8, 1.5)  # m²/m³, leaf area densities
 
 
 def fit_whole(seed: int, frames: int) -> WholeError:
@@ -132,6 +143,40 @@ def sample_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequenc
         rng = np.random.default_rng([seed, 1, k])
         out += draw_samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
     return out
+
+
+def sample_leafy(seed: int, frames: int) -> list[Sample]:
+    """Samples of people behind leaves, from `frames` frames over each of ten forests."""
+    out: list[Sample] = []
+    for k, (density, radius) in enumerate(((30.0, 5.0), (120.0, 2.0)) * len(_LEAVES)):
+        trees = Trees(density=density, canopy_radius=radius, leaf_area_density=_LEAVES[k // 2])
+        forest = grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, 7, k]))
+        people = draw_samples(np.random.default_rng([seed, 8, k]), forest, frames=frames, leaves=seed)
+        out += [s for s in people if are_behind_leaves(s.frame, s.person[None], forest)[0]]
+    return out
+
+
+def fit_leaves(seed: int, frames: int) -> LeafError:
+    """Maximum-likelihood constants for people behind leaves."""
+    rows = []
+    for s in sample_leafy(seed, frames):
+        found = detections_of(s.frame, [s.blob])
+        axes = sight_axes(s.frame.camera.lens(s.frame.pose), found.ground)[0][0]
+        whole = np.diag(axes.T @ found.covariances[0] @ axes)
+        extents, lacking = measure_parts(s.frame, found, [s.blob])
+        rows.append((*((found.ground[0] - s.person) @ axes), *whole, *extents[0], lacking[0]))
+    errors, whole, extents, lacking = np.split(np.array(rows), [2, 4, 6], axis=1)
+
+    def surprise(x: Array) -> float:
+        added = _make_leaf_error(x).variances(extents, lacking[:, 0])
+        return math.inf if np.min(x) < 0.0 else _compute_surprise(whole + added, errors)
+
+    return _make_leaf_error(_minimise(surprise, np.hstack(LEAF[1:]), 4000))
+
+
+def _make_leaf_error(x: Array) -> LeafError:
+    radial, tangential = x.reshape(2, -1).tolist()
+    return LEAF._replace(radial=tuple(radial), tangential=tuple(tangential))
 
 
 def fit_part(seed: int, frames: int) -> PartError:

@@ -79,16 +79,17 @@ def draw_samples(
     pixels: int = 128,
     altitudes: Sequence[float] = ALTITUDES,
     attitudes: Sequence[Array] = (LEVEL,),
+    leaves: int = 0,
 ) -> Iterator[Sample]:
     """People detected in random frames over one forest, at all distances from the image's centre equally often.
 
-    attitudes: attitudes of the camera, quaternions (4,) that the frames have in turn.
+    attitudes: attitudes of the camera, quaternions (4,) that the frames have in turn; leaves: the seed of leaves.
     """
     scenario = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
     camera = Camera(math.radians(60), pixels)
     margin = pixels // 8
     wide = Camera(2 * math.atan((pixels / 2 + margin) / camera.focal), pixels + 2 * margin)
-    with World(scenario, forest, _PEOPLE) as world, World(scenario, Forest(()), _PEOPLE) as bare:
+    with World(scenario, forest, _PEOPLE, leaves) as world, World(scenario, Forest(()), _PEOPLE) as bare:
         full, alone = Renderer(world), Renderer(bare)
         for k in range(frames):
             x, y = rng.uniform(-30.0, 30.0, 2).tolist()
@@ -125,7 +126,7 @@ def _draw_people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: F
         place, depth = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0], -height / ray[2]
         if any(np.linalg.norm(pixel - p) * min(depth, d) < _GAP * camera.focal for p, d in seen):
             continue
-        share = forest.visible(pose.position, _BODY + np.append(place, 0.0)).mean() if forest.trees else 0.5
+        share = forest.free_shares(pose.position, _BODY + np.append(place, 0.0)).mean() if forest.trees else 0.5
         if 0.0 < share < 1.0 or (share == 1.0 and rng.random() < _PLAIN):
             people.append(place)
             seen.append((pixel, depth))

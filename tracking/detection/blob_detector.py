@@ -10,6 +10,7 @@ import numpy as np
 from tracking.detection.components import find_components
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances
+from tracking.detection.leaf_cover import are_behind_leaves, leaf_covariances
 from tracking.detection.partial_visibility import find_places
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens, ground_point, image_point
@@ -130,7 +131,8 @@ def _meets_ground(lens: Lens, blob: Array) -> bool:
 class BlobDetector:
     """Detector by colour and connected components, with one detection per person who is visible at all.
 
-    With a forest, a person hidden in part by trees or the image's edge is located where just this part would show.
+    With a forest, a person hidden in part by trees or the image's edge is located where just this part would show. Of
+    people seen through a porous crown, the covariance grows with the share that does not show.
     """
 
     forest: Forest | None = None
@@ -150,7 +152,9 @@ def locate_people(
     """
     found = detections_of(frame, blobs)
     if forest is not None:
-        for k, blob in enumerate(blobs):
-            if (places := find_places(frame, blob, forest)) is not None:
+        leaves = are_behind_leaves(frame, found.ground, forest)
+        found.covariances[leaves] += leaf_covariances(frame, found, blobs)[leaves]
+        for k in np.flatnonzero(~leaves).tolist():
+            if (places := find_places(frame, blobs[k], forest)) is not None:
                 found.ground[k], found.covariances[k], _ = places.posterior()
     return replace(found, covariances=found.covariances + split_covariances(frame, found.pixels, components))

@@ -108,6 +108,23 @@ class SplitError(NamedTuple):
 SPLIT = SplitError()
 
 
+class LeafError(NamedTuple):
+    """Additional error of people of whom leaves hide a part by chance; fitted like `WholeError`, to people seen so."""
+
+    # Standard deviations in extents of a person, by the share of the person's area that does not show.
+    lacking: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+    radial: tuple[float, ...] = (0.006, 0.036, 0.084, 0.129, 0.188, 0.314)
+    tangential: tuple[float, ...] = (0.001, 0.024, 0.059, 0.082, 0.149, 0.271)
+
+    def variances(self, extents: Array, lacking: Array) -> Array:
+        """Radial and tangential variances (N, 2) m² of people of extents (N, 2) m, of whose area a share (N,) lacks."""
+        parts = np.column_stack([np.interp(lacking, self.lacking, row) for row in (self.radial, self.tangential)])
+        return np.asarray(np.square(extents * parts))
+
+
+LEAF = LeafError()
+
+
 @compiled
 def sight_axes(lens: Lens, ground: Array) -> tuple[Array, Array]:
     """Axes along and across the line of sight to ground points (N, 2) m, and tangents of the angle off nadir.

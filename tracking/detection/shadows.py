@@ -19,12 +19,12 @@ Hull = tuple[float, float, float, float, float, float]  # two discs: u, v, radiu
 
 @compiled
 def add_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
-    """The clearing with the shadows of cylinders (B, 5) within `reach` m of its origin."""
+    """The clearing with the shadows of opaque cylinders (B, 6) within `reach` m of its origin."""
     shadows, count = np.empty((len(cylinders), 7)), 0
     for k in range(len(cylinders)):
         x, y, radius = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2]
         low, high = max(cylinders[k, 3], TARGET_HEIGHT), min(cylinders[k, 4], eye[2] - 1e-3)
-        if low > high:
+        if low > high or cylinders[k, 5] < math.inf:
             continue
         near, far = (eye[2] - TARGET_HEIGHT) / (eye[2] - low), (eye[2] - TARGET_HEIGHT) / (eye[2] - high)
         u0, v0 = to_clearing_axes(clearing, eye[0] + near * (x - eye[0]), eye[1] + near * (y - eye[1]))
