@@ -9,7 +9,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.study.study import read_study
@@ -21,7 +21,7 @@ GREEN, BLUE, ORANGE, INK = "#4a7c59", "#0072b2", "#d55e00", "#222222"
 
 def picture(scenario: Scenario, seed: int = 0) -> Figure:
     """Trees, ways of people with a dot where each begins, and what the UAVs see at the start, of one map."""
-    forest, people = forest_and_people(scenario, seed)
+    forest, people = make_forest_and_people(scenario, seed)
     width, height = scenario.area.width, scenario.area.height
     figure = Figure(figsize=(width / INCH, height / INCH))
     axes = figure.add_axes((0, 0, 1, 1), xlim=(-width / 2, width / 2), ylim=(-height / 2, height / 2), aspect="equal")

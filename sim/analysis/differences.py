@@ -77,7 +77,7 @@ def average_by_map(values: Array, maps: NDArray[np.object_]) -> Array:
 
 def pair_differences(group: Group, base: Group | None, metrics: Sequence[Metric]) -> dict[Run, Array]:
     """The group's metrics minus the baseline's on every run of either; NaN if one is missing or infinite."""
-    ours, theirs = (g.by_run(metrics) if g else {} for g in (group, base))
+    ours, theirs = (g.list_by_run(metrics) if g else {} for g in (group, base))
     missing = np.full(len(metrics), np.nan)
     with np.errstate(invalid="ignore"):  # infinity minus infinity
         gaps = {run: ours.get(run, missing) - theirs.get(run, missing) for run in sorted(ours.keys() | theirs.keys())}
@@ -86,7 +86,7 @@ def pair_differences(group: Group, base: Group | None, metrics: Sequence[Metric]
 
 def find_common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
     """Maps (n,) on which all groups have finite values in a common repeat, and these values (n, groups)."""
-    tables = [group.by_run([metric]) if group else {} for group in groups]
+    tables = [group.list_by_run([metric]) if group else {} for group in groups]
     runs = sorted(set.intersection(*(set(table) for table in tables)))
     values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))
     finite = np.isfinite(values).all(axis=1)

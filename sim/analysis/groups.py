@@ -53,14 +53,14 @@ class Group:
         """The metrics of each trial done (n, metrics); NaN if they are undefined."""
         return np.array([self.values(metric.name) for metric in metrics]).reshape(len(metrics), len(self.done)).T
 
-    def by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
+    def list_by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
         """The metrics of each run; all NaN if it failed."""
         failed = {Run(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
         return failed | {
             Run(row.seed, row.repeat): own for row, own in zip(self.done, self.table(metrics), strict=True)
         }
 
-    def pooled_ospa(self) -> Array:
+    def pool_ospa(self) -> Array:
         """OSPA (N,) m of all scans of all trials together."""
         return np.concatenate([np.zeros(0), *(row.ospa for row in self.done)])
 

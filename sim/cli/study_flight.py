@@ -15,7 +15,7 @@ from sim.analysis.planner_labels import find_baseline, format_entrant, parse_lab
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.machine import list_versions
 from sim.mission.trial import Trial, prefix_errors
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
 from sim.running.mission_flight import is_built_in, make_mission
@@ -107,7 +107,7 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
         tried |= parts
         if ours:
             with prefix_errors(trial.place):
-                forest_and_people(trial.scenario, trial.seed)
+                make_forest_and_people(trial.scenario, trial.seed)
         else:
             make_mission(trial).close()
 

@@ -26,7 +26,7 @@ from planning.prediction.targets_in_reach import find_targets_in_reach
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
 from sim.mission.tracker_setup import make_planned_motion
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.processes.workers import count_cores
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
@@ -177,7 +177,7 @@ def _detect() -> None:
 def _move() -> None:
     """People who walk, and UAVs that fly in wind."""
     scenario = Scenario(duration=0.2, trees=Trees(density=5.0), wind=Wind(gust=1.0))
-    forest, people = forest_and_people(scenario, 0)
+    forest, people = make_forest_and_people(scenario, 0)
     with World(scenario, forest, people.positions.shape[1]) as world:
         world.advance(np.zeros((len(scenario.uavs), 2)), 2, np.zeros((2, 2)))
 

@@ -13,9 +13,9 @@ from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.mission.snapshot import Snapshot, find_reported_positions
-from sim.mission.tracker_setup import initial_tracks
+from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.wind import Air
-from sim.mission.world_setup import draw_starts, forest_and_people
+from sim.mission.world_setup import draw_starts, make_forest_and_people
 from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
@@ -49,16 +49,16 @@ class Mission:
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # images of the present scan, one per UAV; None: not rendered
         self.present: Snapshot  # of the present scan before its decision, with ground truth; stays when it is over
-        self.forest, self.people = forest_and_people(scenario, seed)
+        self.forest, self.people = make_forest_and_people(scenario, seed)
         # An oracle gets access to the true positions here.
-        self.planner, self.sees_truth = give_truth(planner, partial(_places, self.people))
+        self.planner, self.sees_truth = give_truth(planner, partial(_find_places, self.people))
         exchange = read_exchange(self.planner)
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, apart from the seed of its reset
         reset_planner(self.planner, int(chance("memory").integers(2**63)))
         starts = [self.people.at(time).positions for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
-            scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
+            scenario, self.forest, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
@@ -254,6 +254,6 @@ class Mission:
             raise
 
 
-def _places(people: Trajectories, time: float) -> Array:
+def _find_places(people: Trajectories, time: float) -> Array:
     """True positions (M, 2) m of people at a time [s]; after the mission's end they stay as they are at the end."""
     return people.at(min(time, float(people.times[-1]))).positions

@@ -60,14 +60,14 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(each if hasattr(each, "controls") else Plan(_velocity(each)))
+                plan = copy_plan(each if hasattr(each, "controls") else Plan(_read_velocity(each)))
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))
     return plans, faults
 
 
-def _velocity(given: object) -> Array:
+def _read_velocity(given: object) -> Array:
     """A velocity as the controls (1, 2) m/s of a plan."""
     velocity = check_numbers("velocities", given)
     if velocity.shape != (2,):

@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 
 from sim.mission.radio import RadioLinks
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.fleet import step
@@ -21,7 +21,7 @@ def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) 
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
     name = scenario.tracking.tracker
     return [
-        make_tracker(name, i, view_of(uav, scenario), forest, tracker_parameters(scenario), deepcopy(initial))
+        make_tracker(name, i, view_of(uav, scenario), forest, make_tracker_parameters(scenario), deepcopy(initial))
         for i, uav in enumerate(scenario.uavs)
     ]
 

@@ -13,9 +13,9 @@ from tracking.parameters import TrackerParameters
 from tracking.track import Track
 
 
-def tracker_parameters(scenario: Scenario) -> TrackerParameters:
+def make_tracker_parameters(scenario: Scenario) -> TrackerParameters:
     """Parameters of a scenario's trackers."""
-    motion = _motion(scenario, scenario.tracking.motion)
+    motion = _make_motion(scenario, scenario.tracking.motion)
     return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion)
 
 
@@ -30,17 +30,17 @@ def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyCon
     if isinstance(learned, NearlyConstantVelocity):
         model = learned
     else:
-        model = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
+        model = _make_motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
     return replace(model, dt=rates.plan_step, scans=rates.plan_scans)
 
 
-def _motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
+def _make_motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
     """The motion model with this name, over the time between two scans."""
     s = scenario.tracking
     return make_motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
 
 
-def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:
+def make_initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:
     """Initial tracks of a scenario's trackers; here and there (M, 2) m: people at the first and the second scan.
 
     With `initial_tracks = "known"` these are all people present at both scans, with position and velocity.

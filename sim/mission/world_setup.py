@@ -17,12 +17,12 @@ from tracking.numerics.distances import length
 _TRIES = 10_000  # places that are drawn for one UAV
 
 
-def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
+def make_forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
     """The trees of a scenario and seed, and the people: simulated walkers or the recorded ones of the scenario's file.
 
     Walkers go round trunks. Recorded people do not, so no trunk stands on their paths.
     """
-    recorded = _recorded_people(scenario)
+    recorded = _read_recorded_people(scenario)
     if scenario.trees.file:
         planted = plant(scenario, recorded)
     else:
@@ -32,7 +32,7 @@ def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectori
     if recorded is not None:
         return forest, recorded
     walkers = stream(seed, "walkers")
-    return forest, walk(scenario.people, scenario.area, forest, duration=_duration(scenario), rng=walkers)
+    return forest, walk(scenario.people, scenario.area, forest, duration=_find_duration(scenario), rng=walkers)
 
 
 def draw_starts(scenario: Scenario, seed: int) -> Scenario:
@@ -62,19 +62,19 @@ def draw_starts(scenario: Scenario, seed: int) -> Scenario:
 
 def count_people(scenario: Scenario) -> int:
     """Number of people in the missions of a scenario."""
-    recorded = _recorded_people(scenario)
+    recorded = _read_recorded_people(scenario)
     return scenario.people.count if recorded is None else recorded.positions.shape[1]
 
 
-def _recorded_people(scenario: Scenario) -> Trajectories | None:
+def _read_recorded_people(scenario: Scenario) -> Trajectories | None:
     file = scenario.people.trajectory_file
     return (
         None
         if file is None
-        else read_trajectories(file, scenario.area, duration=_duration(scenario), people=scenario.people)
+        else read_trajectories(file, scenario.area, duration=_find_duration(scenario), people=scenario.people)
     )
 
 
-def _duration(scenario: Scenario) -> float:
+def _find_duration(scenario: Scenario) -> float:
     """Time [s] that trajectories cover: at least two scans, because a velocity needs two positions."""
     return max(scenario.duration, 1 / scenario.rates.sensing)

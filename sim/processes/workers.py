@@ -35,11 +35,11 @@ class Workers:
         """Run `work(*arguments)` in the next free process, and kill it if it takes longer than `limit` s.
 
         The time does not include waiting, the start of the process and its preparation. The future's exception is a
-        TimeoutError then, and a ProcessExpired if the process dies. name: of the task, to ask for its `crash_place`.
+        TimeoutError then, and a ProcessExpired if the process dies. name: of the task, for `find_crash_place`.
         """
         return self._pool.schedule(_run_traced, (self._traces / name, limit, work, arguments), timeout=limit)
 
-    def crash_place(self, name: str) -> str:
+    def find_crash_place(self, name: str) -> str:
         """Place in a plug-in where a task died or was killed: " (planner.py:12, in plan)"; empty if it is not known."""
         try:
             trace = (self._traces / name).read_text()

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from sim.mission.tracker_fleet import make_trackers, step_trackers
-from sim.mission.tracker_setup import initial_tracks
+from sim.mission.tracker_setup import make_initial_tracks
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import links_of, make_known_forest
 from tracking.account import Association, ScanAccount
@@ -70,7 +70,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             return TrackingReplay(states, f"{name} is a plug-in, which is not run again: {_UNKNOWN}")
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
-        trackers = make_trackers(scenario, make_known_forest(recording), initial_tracks(scenario, here, there))
+        trackers = make_trackers(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
         for k, links in enumerate(links_of(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if scenario.has_frame(i, k)}

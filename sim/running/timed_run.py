@@ -64,7 +64,9 @@ def run_with_timeout(
             return future.result()
         if isinstance(error, LOST):
             when = f"at {last.time:.1f} s" if last else "before its first scan was complete"
-            raise PluginError(f"the mission ended {when}: {describe_end(error, timeout)}{workers.crash_place(_NAME)}")
+            raise PluginError(
+                f"the mission ended {when}: {describe_end(error, timeout)}{workers.find_crash_place(_NAME)}"
+            )
         raise error
 
 

@@ -28,7 +28,7 @@ class Backend(Protocol):
         """End trials that have flown for longer than so many seconds, if their futures do not end by themselves."""
         return ()
 
-    def crash_place(self, task: Task) -> str:
+    def find_crash_place(self, task: Task) -> str:
         """Place in a plug-in where a trial's process died or hung, in brackets; empty if it is not known."""
         return ""
 
@@ -190,9 +190,9 @@ class Pool(Backend):
         limit = None if timeout is None else timeout + GRACE
         return self._workers.submit(task.key, limit, partial(fly_trial, task, keep=keep, timeout=timeout))
 
-    def crash_place(self, task: Task) -> str:
+    def find_crash_place(self, task: Task) -> str:
         """Place in a plug-in where a trial's process died or hung."""
-        return self._workers.crash_place(task.key) if self._workers else ""
+        return self._workers.find_crash_place(task.key) if self._workers else ""
 
 
 @contextmanager

@@ -138,7 +138,7 @@ def _wait_for_ended(
 
 def _describe(task: Task, error: BaseException, backend: Backend, timeout: float | None) -> TrialResult:
     """The failure of a trial that ended with an exception."""
-    text = f"{type(error).__name__}: {describe_end(error, timeout)}{backend.crash_place(task)}"
+    text = f"{type(error).__name__}: {describe_end(error, timeout)}{backend.find_crash_place(task)}"
     return make_failure(task, text)
 
 

@@ -63,7 +63,7 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
     name = f"people.trajectories: {path}"
     people = _read_people(path, name, scenario.area, scenario.people)
     times = [time for positions in people.values() for time in positions]
-    speeds = {person: _mean_speed(rows) for person, rows in people.items() if len(rows) > 1}
+    speeds = {person: _compute_mean_speed(rows) for person, rows in people.items() if len(rows) > 1}
     span = f"{name}: {len(people)} people, from {spell(min(times))} to {spell(max(times))} s"
     doubts = []
     if single := [person for person in people if person not in speeds]:
@@ -86,7 +86,7 @@ def _name_ids(ids: list[str]) -> str:
     return f"{len(ids)} ids, such as {shown}" if len(ids) > 3 else f"id{'s' * (len(ids) > 1)} {shown}"
 
 
-def _mean_speed(rows: dict[float, Array]) -> float:
+def _compute_mean_speed(rows: dict[float, Array]) -> float:
     """Speed [m/s] of a person with these positions (2,) m by time [s], along places a second or more apart."""
     times = np.array(sorted(time for time, place in rows.items() if not np.isnan(place[0])))
     if len(times) < 2:
@@ -129,10 +129,10 @@ def _read_row(row: Row, area: Area, people: People) -> tuple[str, float, Array]:
         raise row.error(column, f"{spell(time)} s is not allowed; expected at most {_LATEST:g} s")
     if people.fps is not None:
         time /= people.fps
-    return person, time - people.start, _position(row, area, people)
+    return person, time - people.start, _read_position(row, area, people)
 
 
-def _position(row: Row, area: Area, people: People) -> Array:
+def _read_position(row: Row, area: Area, people: People) -> Array:
     """Position (2,) m within the area; NaN for one outside that is to be clipped."""
     position = np.array([row.number("x"), row.number("y")]) - people.origin
     for column, value, size in zip(("x", "y"), position.tolist(), (area.width, area.height), strict=True):

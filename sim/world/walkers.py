@@ -41,19 +41,19 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
         raise InputError(f"area: {area.width:g} x {area.height:g} m; people need {least:g} m each way to walk in")
     trunks = np.array([(t.x, t.y, t.trunk_radius + TRUNK_CLEARANCE) for t in forest.trees]).reshape(-1, 3)
     pace, drift, start = rng.spawn(3)
-    speeds = paces(people, samples, pace)
+    speeds = draw_paces(people, samples, pace)
     drifts = _DRIFT * _smooth_noise(count, samples, _DRIFT_TIME, drift)
-    wanted = _itineraries(people, half, speeds, start)
-    states, paths = _starts(wanted, trunks, half, start)
+    wanted = _make_itineraries(people, half, speeds, start)
+    states, paths = _draw_starts(wanted, trunks, half, start)
     speeds = np.column_stack([speeds[:, :0], *(itinerary.pace for itinerary in wanted)])
-    positions = simulate(states, speeds, drifts, _routes(paths), trunks, half)
+    positions = simulate(states, speeds, drifts, _sample_routes(paths), trunks, half)
     if people.stay is not None:
         (presence,) = rng.spawn(1)
         positions[~_draw_presence(count, samples, people.stay, presence)] = np.nan
     return Trajectories(np.arange(samples) / SAMPLES_PER_SECOND, positions)
 
 
-def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Generator) -> list[Itinerary]:
+def _make_itineraries(people: People, half: Array, speeds: Array, rng: np.random.Generator) -> list[Itinerary]:
     """Itineraries of all people, divided evenly among the ways of walking."""
     ends = [round(people.count * k / len(people.walks)) for k in range(len(people.walks) + 1)]
     found: list[Itinerary] = []
@@ -93,7 +93,7 @@ def _draw_presence(count: int, samples: int, stay: float, rng: np.random.Generat
     return np.asarray((times >= arrivals) & (times <= arrivals + stays))
 
 
-def paces(people: People, samples: int, rng: np.random.Generator) -> Array:
+def draw_paces(people: People, samples: int, rng: np.random.Generator) -> Array:
     """Speeds (K, M) m/s, smooth in time, with a truncated Levy distribution at any instant.
 
     A stationary Gaussian process is mapped through its distribution function to the quantiles of a density that is
@@ -127,7 +127,7 @@ def _smooth(white: Array, kernel: Array) -> Array:
     return smooth
 
 
-def _starts(
+def _draw_starts(
     wanted: Sequence[Itinerary], trunks: Array, half: Array, rng: np.random.Generator
 ) -> tuple[Array, list[Array]]:
     """Initial states (M, 4), clear of trunks and of one another, and each person's path (n, 2) m from there.
@@ -161,7 +161,7 @@ def _is_clear(point: Array, others: Array, trunks: Array, half: Array, *, room: 
     )
 
 
-def _routes(paths: Sequence[Array]) -> Array:
+def _sample_routes(paths: Sequence[Array]) -> Array:
     """Points (M, P, 2) m along each path, about 1 m apart; NaN after its end."""
     dense = []
     for path in paths:

@@ -106,7 +106,7 @@ def test_answers(benchmark, judged, rows):
 
 def test_distributions(benchmark, judged, rows):
     def work():
-        return [compute_ecdf(group.pooled_ospa(), np.geomspace(0.1, 50, 300)) for group in group_rows(rows)]
+        return [compute_ecdf(group.pool_ospa(), np.geomspace(0.1, 50, 300)) for group in group_rows(rows)]
 
     shares = benchmark.pedantic(work, rounds=3)
     assert all(curve[-1] == 1.0 for curve in shares)

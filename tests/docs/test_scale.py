@@ -6,7 +6,7 @@ import sys
 import pytest
 from helpers.pages import DOCS
 
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 
 sys.path.append(str(DOCS))
 import scale
@@ -28,7 +28,7 @@ def test_each_curve_has_its_points_and_all_forests_can_grow():
     points = list(scale.list_points())
     assert len(points) == len(scale.FLEETS) + 3 * len(scale.FACTORS)
     for point in points:
-        forest, people = forest_and_people(point.scenario, 0)
+        forest, people = make_forest_and_people(point.scenario, 0)
         assert forest.trees and people.positions.shape[1] == point.scenario.people.count
 
 

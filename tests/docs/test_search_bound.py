@@ -7,13 +7,13 @@ import pytest
 from helpers.pages import DOCS
 
 from sim.evaluation.searching import _find_people_in_the_open
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 
 
 def people_of(scenario, seed):
     """Times [s] for which people can be found, and the speeds [m/s] of all."""
-    forest, people = forest_and_people(scenario, seed)
+    forest, people = make_forest_and_people(scenario, seed)
     times = np.arange(round(scenario.duration * scenario.rates.sensing) + 1) / scenario.rates.sensing
     places = np.array([people.at(time)[0] for time in times])
     free = _find_people_in_the_open(places, np.array([[tree.x, tree.y, tree.canopy_radius] for tree in forest.trees]))

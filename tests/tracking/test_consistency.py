@@ -31,7 +31,7 @@ from helpers.graphs import graph
 from helpers.information import moment_form
 from scipy.stats import chi2, t
 
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from tracking.fusion.message import INFORMATION, Message
 from tracking.metrics.nees import nees_interval
@@ -63,7 +63,7 @@ FEW_ROUNDS = {
     "all in view, line of 5, 2 rounds": Case(altitudes=FIVE, adjacency=graph("line", 5), rounds=2),
     "in and out of view, line of 3, 2 rounds": Case(adjacency=graph("line", 3), rounds=2),
 }
-DEFAULT = tracker_parameters(Scenario()).motion
+DEFAULT = make_tracker_parameters(Scenario()).motion
 WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers", motion=DEFAULT)}
 COUNTS = [7, pytest.param(100, marks=pytest.mark.slow)]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.drawing.lettering import TextGroup
 from sim.evaluation.score import FAR
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.replay.event import UNMATCHED, Event, find_ends
 from sim.replay.explain.explanation import format_place, percent_text, source_text
 from sim.replay.explain.observation import Observer
@@ -155,7 +155,7 @@ def _rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
     t, j = int(gaps.argmin()), begun.measurement
     if gaps[t] <= FAR:
         number = facts.recording.numbers_of(a.ids)[t]
-        gate = math.sqrt(tracker_parameters(facts.recording.setting).measurement_gate)
+        gate = math.sqrt(make_tracker_parameters(facts.recording.setting).measurement_gate)
         gated = "inside its gate" if a.gated()[t, j] else f"outside its gate of {gate:.1f} σ"
         away = f"{gaps[t]:.1f} m from person {begun.person}"
         yield f"track {number}, then {away}, was {math.sqrt(a.distances()[t, j]):.1f} σ from it, {gated}"
@@ -257,7 +257,7 @@ def _deletions(facts: TrackFacts) -> list[DeletionBySome]:
 
 def _reason(deletion: Deletion, facts: TrackFacts) -> str:
     """The reason in words; mypy finds a `DeletionReason` that has no case."""
-    p = tracker_parameters(facts.recording.setting)
+    p = make_tracker_parameters(facts.recording.setting)
     match deletion.reason:
         case "merged":
             (number,) = facts.recording.numbers_of(np.array([deletion.merged_into]))

@@ -32,7 +32,7 @@ def draw_ecdf_figure(layout: FigureLayout) -> Figure:
     """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(AT, 100 * compute_ecdf(curve.group.pooled_ospa(), AT), **_style_line(curve.style))
+        axes.plot(AT, 100 * compute_ecdf(curve.group.pool_ospa(), AT), **_style_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")

@@ -67,7 +67,7 @@ def draw_score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
 
 
 def _draw_ecdf(layout: FigureLayout) -> Picture:
-    shares = [(group.title, compute_share_under(group.pooled_ospa(), 1.0)) for group in layout.groups]
+    shares = [(group.title, compute_share_under(group.pool_ospa(), 1.0)) for group in layout.groups]
     texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (

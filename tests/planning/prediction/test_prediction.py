@@ -10,7 +10,7 @@ from helpers.teams import Spy, planned, refitted
 from planning.composed import Composed
 from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
-from sim.mission.tracker_setup import make_planned_motion, tracker_parameters
+from sim.mission.tracker_setup import make_planned_motion, make_tracker_parameters
 from sim.scenario.loading import load
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -21,7 +21,7 @@ from tracking.tracker import Tracker
 
 def coasting(tracks, scenario, seconds):
     """Means (T, 4) and covariances (T, 4, 4) of a tracker of the scenario without detections for so long."""
-    tracker = Tracker(0, Camera(1.0, 64), Forest(()), tracker_parameters(scenario), tracks)
+    tracker = Tracker(0, Camera(1.0, 64), Forest(()), make_tracker_parameters(scenario), tracks)
     for k in range(seconds * scenario.rates.sensing + 1):
         tracker.coast(k / scenario.rates.sensing)
     return (np.array([t.belief.mean for t in tracker.tracks]), np.array([t.belief.covariance for t in tracker.tracks]))
@@ -70,7 +70,7 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
     planner = Spy()
     list(Mission(scenario, planner, 0).fly())
-    assert tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
+    assert make_tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
     first = planner.teams[0][0]  # after the first scan, at which all tracks that are given count as seen
     seen = np.array([track.belief.mean[2:] for track in first.tracks])
     assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).learn(seen)

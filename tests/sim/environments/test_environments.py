@@ -361,7 +361,7 @@ def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, m
         positions[:, 4] = place + 0.01 * np.arange(len(positions))[:, None]
         return forest, Trajectories(people.times, positions)
 
-    monkeypatch.setattr(mission_module, "forest_and_people", moved)
+    monkeypatch.setattr(mission_module, "make_forest_and_people", moved)
     for _ in range(2 if seen["image"] else 4):
         place[:] = chance.uniform((40.0, -45.0), (70.0, 45.0))  # UAVs begin at x = -28 m and fly 20 m at most
         env = understory.parallel_env("forest", settings=settings, observe=seen)

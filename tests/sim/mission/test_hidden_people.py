@@ -11,7 +11,7 @@ import pytest
 from helpers.flights import fly
 
 from planning.planners import DEFAULT_PLANNER
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -46,7 +46,7 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
     """
     flown, snapshots = fly("trees.density=75", planner=DEFAULT_PLANNER, seed=seed, duration=40)
     scenario, rng, states = flown.scenario, np.random.default_rng(seed), {}
-    cameras, p = [view_of(uav, scenario) for uav in scenario.uavs], tracker_parameters(scenario)
+    cameras, p = [view_of(uav, scenario) for uav in scenario.uavs], make_tracker_parameters(scenario)
     missed = 1.0 - p.detection_probability
     for snapshot in snapshots:
         tracks = {track.id: track for track in snapshot.tracks[0]}

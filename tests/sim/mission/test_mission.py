@@ -11,7 +11,7 @@ from helpers.teams import Spy
 from planning.planner import Plan
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
-from sim.mission.tracker_setup import initial_tracks
+from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.flight import Flight
@@ -178,7 +178,7 @@ def test_a_planner_that_fails_does_not_end_the_mission():
 
 def test_known_at_the_start_is_who_is_there_at_both_of_the_first_scans():
     here, there = np.array([[0.0, 0], [1, 1], [np.nan, np.nan]]), np.array([[0.2, 0], [np.nan, np.nan], [3, 3]])
-    (track,) = initial_tracks(load("forest"), here, there)
+    (track,) = make_initial_tracks(load("forest"), here, there)
     assert track.id == 0 and track.belief.mean.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 

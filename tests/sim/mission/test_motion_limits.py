@@ -14,7 +14,7 @@ from scipy.stats import poisson
 
 from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.score import HELD
-from sim.mission.tracker_setup import initial_tracks, tracker_parameters
+from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import make_known_forest
 from sim.scenario.loading import load
@@ -43,8 +43,10 @@ class Found:
         """Track the scans of a recording anew with a motion model; tracks with the model flown must be the recorded."""
         setting = recording.setting
         anew = replace(setting, tracking=replace(setting.tracking, motion=motion))
-        forest, known = make_known_forest(recording), initial_tracks(setting, *recording.people[:2])
-        fleet = [Tracker(i, view_of(u, anew), forest, tracker_parameters(anew), known) for i, u in enumerate(anew.uavs)]
+        forest, known = make_known_forest(recording), make_initial_tracks(setting, *recording.people[:2])
+        fleet = [
+            Tracker(i, view_of(u, anew), forest, make_tracker_parameters(anew), known) for i, u in enumerate(anew.uavs)
+        ]
         for k, time in enumerate(recording.times.tolist()):
             for tracker in fleet if k else ():
                 self.errors += squared_errors(recording, k, tracker)
@@ -125,7 +127,7 @@ def test_gates_cover_changes_of_speed_and_few_beliefs_are_faster_than_people(wor
         recording = recording_of(mission, list(mission.fly()), seed=seed)
         for motion, findings in found.items():
             findings.add(recording, motion)
-    p = tracker_parameters(setting)
+    p = make_tracker_parameters(setting)
     (outside, fast, beyond), (_, *ncv) = (f.report(f"{world}, {name}", p) for name, f in found.items())
     assert outside <= poisson.ppf(0.999, (1.0 - p.gate_probability) * len(found["mean-reverting"].errors))
     assert fast < 0.2 * ncv[0] and beyond < 0.2 * ncv[1]

@@ -8,7 +8,7 @@ import pytest
 from helpers.flights import mission_of, recorded
 from helpers.studies import invented, plain, short
 
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.recorded_fleet import links_of
 from sim.scenario.loading import load
@@ -50,7 +50,7 @@ def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recording
 
 def test_a_map_is_what_the_seed_gives_and_looks_the_same():
     setting = load("forest", NOISY)
-    forest, people = forest_and_people(setting, 7)
+    forest, people = make_forest_and_people(setting, 7)
     mission = mission_of(setting, "hover", 7, 3)
     assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
     setting = load("forest", ["appearance.randomise=true"])

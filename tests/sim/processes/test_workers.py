@@ -61,7 +61,7 @@ def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done(monkey
         well = [workers.submit(f"well {number}", 0.5, double, number) for number in range(4)]
         assert [describe_end(future.exception(), 0.5) for future in ill.values()] == list(ENDS.values())
         assert [future.result() for future in well] == [0, 2, 4, 6]
-        places = {work: workers.crash_place(work.__name__) for work in ENDS}
+        places = {work: workers.find_crash_place(work.__name__) for work in ENDS}
     for work in (crash, hang):
         assert places[work].startswith(f" ({__file__}:") and places[work].endswith(f", in {work.__name__})")
     assert places[leave] == places[be_killed] == places[press_ctrl_c] == ""

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from sim.mission.world_setup import forest_and_people
+from sim.mission.world_setup import make_forest_and_people
 from sim.recording.recording import FIELDS
 from sim.scenario.environment import Trees
 from sim.scenario.loading import load
@@ -144,7 +144,7 @@ def test_trees_that_do_not_fit_are_named_by_their_row(stems, monkeypatch, tmp_pa
     (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=re.escape(complaint)):
-        forest_and_people(load("forest", ["trees.file=plot.csv", *settings]), 0)
+        make_forest_and_people(load("forest", ["trees.file=plot.csv", *settings]), 0)
 
 
 def test_a_path_beside_a_trunk_is_allowed(stems, tmp_path):
@@ -152,7 +152,7 @@ def test_a_path_beside_a_trunk_is_allowed(stems, tmp_path):
     (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
     settings = [f"trees.file={tmp_path / 'plot.csv'}", f"people.trajectories={tmp_path / 'walk.csv'}"]
     scenario = load("forest", settings)
-    forest, people = forest_and_people(scenario, 3)
+    forest, people = make_forest_and_people(scenario, 3)
     assert len(forest.trees) == 2
     recorded = read_trajectories(tmp_path / "walk.csv", scenario.area, duration=scenario.duration)
     assert np.array_equal(people.positions, recorded.positions, equal_nan=True)
@@ -184,7 +184,7 @@ def test_a_study_depends_on_the_contents_of_a_stem_map_and_remarks_name_keys_wit
 def test_packaged_stands_are_read_without_remarks():
     for name, stems in {"park": 60, "plantation": 1575}.items():
         assert find_unused_columns(Trees(file=name)) == []
-        assert len(forest_and_people(load(name), 0)[0].trees) == stems
+        assert len(make_forest_and_people(load(name), 0)[0].trees) == stems
 
 
 def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():

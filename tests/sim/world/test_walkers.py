@@ -8,7 +8,7 @@ from scipy import stats
 from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
-from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, paces, walk
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, draw_paces, walk
 from tracking.geometry.visibility import Forest
 
 AREA = Area()
@@ -56,7 +56,7 @@ def assert_allowed(positions, forest, area=AREA):
 @pytest.mark.parametrize("exponent", [1.2, 2.0, 3.0])
 def test_paces_of_independent_walkers_are_truncated_levy_at_any_instant(exponent):
     people = People(count=4000, levy_exponent=exponent)
-    speeds = paces(people, 10, np.random.default_rng(1))
+    speeds = draw_paces(people, 10, np.random.default_rng(1))
     for instant in (0, 9):
         assert stats.kstest(speeds[instant], levy(exponent)).pvalue > 0.01
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, track, tracker
 
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -206,6 +206,6 @@ def test_a_frame_that_the_association_has_used_is_not_sent():
 
 def test_the_motion_of_a_scenario_is_what_it_says():
     walking = Scenario(tracking=Tracking(walking_speed=1.2))
-    assert tracker_parameters(walking).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.2)
+    assert make_tracker_parameters(walking).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.2)
     plain = Scenario(tracking=Tracking(motion="ncv", sigma_a=0.6))
-    assert tracker_parameters(plain).motion == NearlyConstantVelocity(0.2, 0.6)
+    assert make_tracker_parameters(plain).motion == NearlyConstantVelocity(0.2, 0.6)

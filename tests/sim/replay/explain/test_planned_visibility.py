@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import recorded
 
 from planning.planner import Plan
-from sim.mission.tracker_setup import tracker_parameters
+from sim.mission.tracker_setup import make_tracker_parameters
 from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, find_planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
@@ -62,6 +62,6 @@ def test_a_track_out_of_sight_is_where_planners_expect_its_person():
     belief = Gaussian(np.concatenate([recording.poses[2, 0, :2], -Straight.controls[0]]), 0.01 * np.eye(4))
     planned, inside = find_planned_visibility(recording, 2, 0, 0, belief), []
     for place in planned.path:
-        belief = tracker_parameters(recording.setting).motion.predict(belief)
+        belief = make_tracker_parameters(recording.setting).motion.predict(belief)
         inside.append(np.abs(belief.mean[:2] - place).max() < 9.5)
     assert planned.track.tolist() == np.where(inside, IN_VIEW, OUTSIDE).tolist() and 7 < sum(inside) < 23
