@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tracking.fusion.member import TRACKERS, Member
-from tracking.fusion.message import INFORMATION, Message, Partition, check_novel
+from tracking.fusion.message import LOG_ODDS, WEIGHT, Message, Partition, check_novel
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.management.track_check import check_tracks
@@ -87,7 +87,7 @@ def check_message(given: object) -> Message:
         deleted=_check_pairs("deleted", given.deleted),
         ids=check_whole_numbers("ids", given.ids, (count,)),
         keys=check_whole_numbers("keys", given.keys, (count, 2)),
-        shares=check_array("shares", given.shares, (count, INFORMATION + 2)),
+        shares=check_array("shares", given.shares, (count, LOG_ODDS + 1)),
         times=_check_instants("times", given.times, (count, 4)),
         views=check_whole_numbers("views", given.views, (count, 2)),
         misses=check_whole_numbers("misses", given.misses, (count,)),
@@ -96,7 +96,7 @@ def check_message(given: object) -> Message:
     )
     if np.any(np.diff(sent.ids) <= 0):
         raise Unusable("ids are not ascending")
-    if count and sent.shares[:, 0].min() <= 0.0:
+    if count and sent.shares[:, WEIGHT].min() <= 0.0:
         raise Unusable("weights, the first column of shares, are not positive")
     means, covariances = sent.beliefs
     check_array("beliefs", means, (count, 4))

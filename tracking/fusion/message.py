@@ -19,6 +19,8 @@ from tracking.plugins.plugin_error import Unusable
 from tracking.track import SIGHTED_AT, SURE_AT, Beliefs
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
+# Columns of `Message.shares`: the weight, and the log-odds of existence; between them are the numbers of (q, Ω).
+WEIGHT, LOG_ODDS = 0, 1 + INFORMATION
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
 # Columns of tracks, and what they hold of a track that a message lacks; -1 has all bits.
 _COLUMNS = {
@@ -90,7 +92,7 @@ class Message:
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
-        return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
+        return from_log_odds(self.shares[:, LOG_ODDS] / self.shares[:, WEIGHT])
 
     def latest_sightings(self) -> Array:
         """Position [m] and time [s] of the last sure detections (T, 3), including this scan."""
@@ -110,7 +112,7 @@ class Message:
 @compiled
 def find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) from columns of messages."""
-    packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
+    packed = shares[:, 1:LOG_ODDS] / shares[:, :1]
     for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
         # Mixing has left a share of each UAV's information. Division by the largest share undoes the mixing if it has
         # converged, and counts no information more than once if it has not.
