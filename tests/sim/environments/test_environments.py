@@ -352,7 +352,7 @@ def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, m
     """People far from all cameras are moved; with unknown tracks nothing tells of them but the truth."""
     seen = {"image": settings.get("sensing.mode") != "ideal"}
     settings = {**settings, "tracking.initial_tracks": "none", "people.count": 5}
-    made, chance, shown = mission_module.forest_and_people, np.random.default_rng(1), []
+    made, chance, shown = mission_module.make_forest_and_people, np.random.default_rng(1), []
     place, places = np.zeros(2), set()
 
     def moved(scenario, seed):
