@@ -83,8 +83,6 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path, without
         ),
         ({"planner": dict}, "planner: dict is a class; give an object of it"),
         ({"planner": 3}, r"planner: 'int' has no method plan\(team, rng\)"),
-        ({"seed": -1}, "seed: -1 is not allowed; expected an integer, 0 to "),
-        ({"seed": 1.5}, "seed: 1.5 is not allowed"),
         ({"repeat": -1}, "repeat: -1 is not allowed; expected an integer, 0 to 9999"),
     ],
 )
@@ -142,8 +140,6 @@ def test_an_error_of_a_planner_names_no_scenario_file(tmp_path):
         ({"seeds": "0-9"}, r"seeds: '0-9' is not allowed; expected several integers, such as range\(10\)"),
         ({"seeds": 3}, "seeds: 3 is not allowed"),
         ({"seeds": [True]}, "seed: True is not allowed; expected an integer, 0 to 3402823669"),
-        ({"seeds": ["3"]}, "seed: '3' is not allowed; expected an integer, 0 to 3402823669"),
-        ({"seeds": [2**130]}, "seed: .* is not allowed; expected an integer, 0 to 3402823669"),
         ({"seeds": count()}, "seeds: .* at most 100000 are allowed"),
         ({"repeats": 0}, "repeats: 0 is not allowed; expected an integer, 1 to 10000"),
         ({"workers": -1}, "workers: -1 is not allowed; expected an integer, 1 to 1024"),

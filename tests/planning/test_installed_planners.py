@@ -25,26 +25,14 @@ class Fine:
         return [Plan([[0.0, 0.0]]) for _ in team]
 class Raising:
     def plan(self, team, rng): raise KeyError("gone")
-class Planless: pass
-object = 3
-class Planned:
-    def plans(self, team, rng): pass
-class Narrow:
-    def plan(self, team): pass
-class Unmakeable:
-    def __init__(self, weights): pass
 class Faulty:
     def __init__(self): raise ValueError("no table")
-class Waiting:
-    async def plan(self, team, rng): pass
 class Streaming:
     async def plan(self, team, rng): yield None
 """,
     "needy.py": "import torch_that_is_missing.nn\nclass Needy: pass\n",
     "partial.py": "from planning.planner import Plann\n",
     "raising.py": "raise RuntimeError('two\\nlines')\n",
-    "leaving.py": "import sys; sys.exit(3)\n",
-    "wrong.py": "class = 3\n",
 }
 POINTS = """[understory.planners]
 fine = fine:Fine
@@ -140,35 +128,23 @@ def test_what_is_broken_is_listed_as_such_and_hides_nothing(call):
     assert ["fine", "speed=0.5, name=x, turn=False, size=None"] in [[word.strip() for word in line] for line in lines]
 
 
-REFUSED = {
+REFUSED = {  # besides what tests/sim/cli/test_honest_mistakes.py lists, by the same loader
     "hoover": ["'hoover' is unknown", "did you mean hover?"],
     "SMA-NBO": ["'SMA-NBO' is unknown", "did you mean sma-nbo?"],
     "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
     "moduleless": ["'moduleless' of theirs 1.2", "did you mean fine?"],
-    "partial:X": ["cannot import name 'Plann' from 'planning.planner'", "partial.py:1, in <module>)"],
-    "raising:X": ["'raising:X' cannot be imported: RuntimeError: two lines (", "raising.py:1, in <module>)"],
-    "leaving:X": ["'leaving:X' cannot be imported: leaving calls sys.exit when it is imported"],
-    "wrong:X": ["'wrong:X' cannot be imported: SyntaxError"],
-    "fine:Fin": ["fine has no class 'Fin'; did you mean Fine?"],
-    "fin:Fine": ["No module named 'fin'; did you mean fine?"],
     "planning.baselnes:Hover": ["No module named 'planning.baselnes'; did you mean baselines?"],
     "needy.sub:X": ["needy.sub needs 'torch_that_is_missing', which is not installed"],
     "fine:": ["it names no class; write fine:Class"],
-    "fine:object": ["'object' of fine is of type int, not a class or function"],
     "fine.py:Fine": ["'fine.py' is not the name of a module; write fine:Fine\n"],
     "./folder/fine.py:Fine": ["'./folder/fine.py' is not the name of a module; write folder.fine:Fine\n"],
     "../fine.py:Fine": ["'../fine.py' is not the name of a module\n"],
     "fine.py": ["'fine.py' is unknown", "did you mean fine:Class?"],
-    "fine:Waiting": ["plan of 'fine:Waiting' is async; it must be a plain method"],
     "fine:Streaming": ["plan of 'fine:Streaming' is async; it must be a plain method"],
     "fine.Fine": ["'fine.Fine' is unknown", "did you mean fine:Fine?"],
     "planning.baselines": ["did you mean planning.baselines:Class?"],
     "partial": ["did you mean partial:Class?"],
-    "fine:Planless": ["'fine:Planless' has no method plan(team, rng)"],
-    "fine:Planned": ["'fine:Planned' has no method plan(team, rng); did you mean plans?"],
-    "fine:Narrow": ["plan of 'fine:Narrow' takes (team); it must take (team, rng)"],
-    "fine:Unmakeable": ["'fine:Unmakeable' cannot be made", "missing 1 required positional argument: 'weights' (/"],
-    "fine:Faulty": ["'fine:Faulty' cannot be made: ValueError: no table (", "fine.py:20, in __init__)"],
+    "fine:Faulty": ["'fine:Faulty' cannot be made: ValueError: no table (", "fine.py:12, in __init__)"],
     "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],
     "fine:Fine(speed=fast)": ["option speed of 'fine:Fine' must be a number, is 'fast'"],
     "fine:Fine(turn=1)": ["option turn of 'fine:Fine' must be True or False, is 1"],

@@ -20,14 +20,10 @@ from tracking.tracker import Track, Tracker, TrackerParameters
     [
         ("detection_probability", 1.0, "expected `float` < 1.0"),
         ("gate_probability", 0.0, "expected `float` > 0.0"),
-        ("survival", 0.0, "expected `float` > 0.0"),
         ("clutter_density", 0.0, "expected `float` >= 1e-15"),
         ("birth_density", math.inf, "expected `float` <= 1000.0"),
         ("management", "musicki", "allowed are existence, m_of_n"),
         ("negative_information", math.nan, "expected `float` >= 0.0"),
-        ("reacquire_after", -1.0, "expected `float` >= 0.0"),
-        ("max_variance", 0.0, "expected `float` >= 0.001"),
-        ("max_speed", math.inf, "expected `float` <= 100.0"),
     ],
 )
 def test_wrong_settings_of_a_tracker_are_named_with_their_bounds(field, value, allowed):

@@ -158,7 +158,6 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("message", "return replace(given, misses=given.misses / 2)", "misses are not whole numbers of shape (4,)"),
         ("message", "return replace(given, views=given.views[0])", "views are not whole numbers of shape (4, 2)"),
         ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
-        ("message", "return replace(given, partition=(0.5, 0.0))", "partition are of other numbers than whole ones"),
         ("message", "return replace(given, novel=np.zeros((4, 3)))", "novel of 3 columns; allowed are 0, or more than"),
         ("message", "return replace(given, scan=None)", "scan are not whole numbers of shape ()"),
         ("message", "return replace(given, scan=9)", "it is of scan 9 at 0.0 s, not of scan 1 at 0.0 s"),
