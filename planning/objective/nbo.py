@@ -319,4 +319,5 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
             if near[row]:
                 _fill(information, others.information[row])
                 add_information(belief, i, cameras[row * steps // len(near)], row, information, free)
-                others.information[row] = information[::LANES]
+                for k in range(3):  # assigning an array would take 2 s to compile, for its error
+                    others.information[row, k] = information[k * LANES]

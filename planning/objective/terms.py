@@ -304,7 +304,8 @@ def _costs(
                 places[h * k + j], entry = place, (131 * entry + place) % _ENTRIES
             result[n] += raster.costs_to_go[places[(H - 1) * k + j]] / k
         if not _equal(raster.visited[entry], places):
-            raster.visited[entry] = places
+            for m in range(len(places)):  # assigning the array would take 2 s to compile, for its error
+                raster.visited[entry, m] = places[m]
             raster.found[entry] = _found(raster.views, places, to_come, raster.left)
         result[n] -= raster.found[entry]
     return weight * result

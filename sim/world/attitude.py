@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.trigonometry import cos, sin
 
 
@@ -53,7 +53,7 @@ def settle(quaternions: Array) -> Array:
     return out
 
 
-@compiled
+@merged
 def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
 

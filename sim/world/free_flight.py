@@ -7,7 +7,7 @@ import numpy as np
 from sim.world.attitude import matrix_of, rotate, settle
 from sim.world.quadrotor import DRAG, GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts, steady_thrusts
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.trigonometry import arctan2, cos, sin
 
 # m, of a sphere that touches nothing as long as a UAV does not: twice that around its body, for which a touch is a
@@ -45,7 +45,7 @@ def glide(states: Array, commands: Array, dt: float, steps: int, top: float) -> 
     return steps
 
 
-@compiled
+@merged
 def follow(states: Array, commands: Array, dt: float) -> Array:
     """States (n, 13) after a step of [Li22] eq. (5) for dt s; commands (n, 2) m/s.
 
@@ -64,7 +64,7 @@ def follow(states: Array, commands: Array, dt: float) -> Array:
 
 
 # Values are assigned one by one: to assign slices makes Numba compile the text of an error message, for seconds.
-@compiled
+@merged
 def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: bool, dt: float) -> Array:
     """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors; arguments as in `fly`."""
     out, known, undisturbed = np.zeros((len(states), 6)), states.copy(), np.zeros(3)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.world.trajectories import SAMPLES_PER_SECOND
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.exponential import exp
 from tracking.numerics.trigonometry import arctan2, cos, hypot, sin
 
@@ -64,7 +64,7 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
     return positions
 
 
-@compiled
+@merged
 def _find_surroundings(states: Array, paces: Array, trunks: Array) -> list[_Near]:
     """Rows of all trunks and people that each person may meet while all walk at these paces (K, M) m/s."""
     fastest = thickest = 0.0
@@ -102,7 +102,7 @@ def _advance(state: Array, route: Array, progress: int) -> int:
     return progress
 
 
-@compiled
+@merged
 def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
     """Heading [rad] to the next point of the route; after the last one, a heading that turns at the rate `drift`."""
     if progress == len(route) or math.isnan(route[progress, 0]):
@@ -110,7 +110,7 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
     return arctan2(route[progress, 1] - state[1], route[progress, 0] - state[0])
 
 
-@compiled
+@merged
 def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) -> Array:
     """Trunks and people that person i may meet soon (n, 5): position m, velocity m/s, distance to keep m."""
     hazards, n = np.zeros((len(near.trunks) + len(near.people), 5)), 0
@@ -131,7 +131,7 @@ def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) ->
     return hazards[:n]
 
 
-@compiled
+@merged
 def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Array, half: Array) -> float:
     """Heading [rad] to turn to: close to the goal and to the last decision, and free of conflicts."""
     costs = np.empty(_HEADINGS)
@@ -155,7 +155,7 @@ def _wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-@compiled
+@merged
 def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
     """Cost of turning to `heading`; it grows with nearness to the border and to hazards at constant velocity."""
     ahead = state.copy()
@@ -183,7 +183,7 @@ def _discomfort(gap: float, comfort: float) -> float:
     return 3 * lack * lack + (30.0 - 30.0 * gap if gap < 0 else 0.0)
 
 
-@compiled
+@merged
 def _to_border(state: Array, half: Array) -> float:
     """Distance [m] to the border of the rectangle with half edges (2,) m, with corners rounded for turning."""
     radius = min(_CORNER, min(half[0], half[1]))
@@ -191,7 +191,7 @@ def _to_border(state: Array, half: Array) -> float:
     return float(radius - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))
 
 
-@compiled
+@merged
 def _nearest(x: float, y: float, dx: float, dy: float) -> float:
     """Distance from the origin to the segment from (x, y) to (x + dx, y + dy)."""
     length = dx * dx + dy * dy
@@ -226,7 +226,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array, near: 
     states[i, 1] += length * sin(heading)
 
 
-@compiled
+@merged
 def _is_free(i: int, states: Array, x: float, y: float, trunks: Array, near: _Near) -> bool:
     """True if person i may stand at (x, y) m."""
     for t in near.trunks:

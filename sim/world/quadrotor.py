@@ -6,7 +6,7 @@ import numpy as np
 
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.compiled import compiled, inlined, merged
 from tracking.numerics.exponential import exp
 from tracking.numerics.trigonometry import hypot, tan
 
@@ -52,7 +52,7 @@ def rotor_thrusts(state: Array, target: Array, disturbance: Array) -> Array:
     return _mix(lift, _torque(R, state[10:13], acceleration))
 
 
-@compiled
+@merged
 def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tuple[Array, Array]:
     """`rotor_thrusts` (5,) that hold velocity and altitude in wind, and the memory (3,) m/s² for the next step.
 
@@ -74,7 +74,7 @@ def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tup
     return thrusts, kept
 
 
-@compiled
+@merged
 def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> Array:
     """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
     climb = _ALTITUDE_GAINS[0] * (target[2] - state[2]) - _ALTITUDE_GAINS[1] * state[9] - disturbance[2]
@@ -91,7 +91,7 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
     return np.array([scale * east, scale * north, climb])
 
 
-@compiled
+@merged
 def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
     """Body torque (3,) N m that turns the body's z axis to the thrust for an acceleration, and its x axis east."""
     up = acceleration + np.array([0.0, 0.0, GRAVITY])

@@ -6,7 +6,7 @@ import numpy as np
 
 from tracking.association.marginals import EXACT_SIDE, marginals
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.exponential import exp, log
 from tracking.numerics.matrices import symmetrise
 from tracking.numerics.stacks import elementwise
@@ -36,7 +36,7 @@ def from_log_odds(odds: Array) -> Array:
     return out
 
 
-@compiled
+@merged
 def existence_association(
     likelihood: Array, detection_probability: Array, clutter_density: float, existence: Array
 ) -> tuple[Array, Array, Array]:
@@ -64,7 +64,7 @@ def existence_association(
     return beta, given, after
 
 
-@compiled
+@merged
 def _joint_weights(likelihood: Array, detection: Array, clutter: float, existence: Array) -> tuple[Array, Array]:
     """Weights of misses (T,) and of pairs (T, N), relative to the largest weight of their track.
 
@@ -83,7 +83,7 @@ def _joint_weights(likelihood: Array, detection: Array, clutter: float, existenc
     return misses, pairs
 
 
-@compiled
+@merged
 def gated_likelihood(
     means: Array, covariances: Array, measurements: Array, noise: Array, gate_probability: float
 ) -> Array:
@@ -141,7 +141,7 @@ def mixture_update(
     return new_means, new_covariances
 
 
-@compiled
+@merged
 def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
     """Write gain K (4, 2) and covariance (4, 4) after a measurement, in Joseph's form.
 
@@ -162,7 +162,7 @@ def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
             updated[a, b] = (ap - (ap0 * K[b, 0] + ap1 * K[b, 1])) + (kr0 * K[b, 0] + kr1 * K[b, 1])
 
 
-@compiled
+@merged
 def _add_moves(beta: Array, moves: Array, mean: Array, covariance: Array) -> None:
     """Add the mean of the components' moves (N + 1, 4) to a mean, and their spread to a covariance."""
     move = np.zeros(4)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 
 # Enumeration costs (larger side) x (smaller side) x 2^(smaller side) of a cluster. Beyond this side loopy belief
 # propagation takes over, so that a scan of fifty people takes less than 5 ms whatever the clusters.
@@ -13,7 +13,7 @@ _MESSAGES = 10_000  # most messages per track on average: fewer iterations if ga
 _TOLERANCE = 1e-9  # so small, because among many people messages may hardly change for 100 iterations before they do
 
 
-@compiled
+@merged
 def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
     """Probabilities (T, N + 1) of no measurement, or of each, from weights of misses (T,) and of pairs (T, N).
 
@@ -49,7 +49,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
     return beta
 
 
-@compiled
+@merged
 def _cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
     """Tracks and measurements, ascending, of the cluster of the track `start`."""
     rows = np.zeros(pairs.shape[0], dtype=np.bool_)
@@ -106,7 +106,7 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
     return matched, free_rows, free_columns / last.sum()
 
 
-@compiled
+@merged
 def _list_sets_without(columns: int) -> Indices:
     """Sets without each column (C, 2^(C - 1)), ascending, as numbers whose bits are the columns in them."""
     without = np.empty((columns, 1 << columns >> 1), dtype=np.int64)
@@ -117,7 +117,7 @@ def _list_sets_without(columns: int) -> Indices:
     return without
 
 
-@compiled
+@merged
 def _sum_forward(pairs: Array, row_free: Array, without: Indices) -> Array:
     """Sums (R + 1, 2^C) of weights over the matchings of the first rows, by the set of columns that they use."""
     sums = np.zeros((len(pairs) + 1, 1 << len(without)))
