@@ -183,3 +183,20 @@ def test_lines_of_sight_a_second(judged):
     rates = [1e-6 * 1000 * len(work[75][1]) / seconds for seconds in (few, some, many)]
     print("\nmillion lines of sight a second among 75, 300, 1200 trees: {:.1f}, {:.1f}, {:.1f}".format(*rates))
     assert not judged or (rates[0] >= 5.0 and many < 2 * few)
+
+
+def test_lines_of_sight_among_1500_trees_take_as_long_as_among_the_75_in_reach(judged):
+    few, pairs = lines(75, judged)
+    rng = np.random.default_rng(1)
+    places = rng.uniform([-335.0, -224.0], [335.0, 224.0], (4000, 2))
+    far = places[(np.abs(places) > np.array([100.0, 75.0])).any(axis=1)][:1425]
+    many = Forest((*few.trees, *(Tree(*place) for place in far)))
+
+    def look(forest):
+        for camera, points in pairs:
+            forest.free_shares(camera, points)
+
+    for camera, points in pairs[:2]:
+        np.testing.assert_array_equal(few.free_shares(camera, points), many.free_shares(camera, points))
+    times = least(partial(look, many), partial(look, few), rounds=20 if judged else 1)
+    report("lines of sight among 1500 trees, 75 of them in reach", *times, 1.3, judged)
