@@ -46,6 +46,7 @@ WRONG = {
     "duration=3\nseed=3": ["duration: '3\\nseed=3' is not allowed"],
     "uavs.²=1": ["'²' is not an index", "0 to 2"],
     "uavs={start=[0,0]}": ["uavs: expected `array`, got `object`; each of several is [[uavs]]"],
+    "trees.leaf_area_density=-0.1": ["trees.leaf_area_density: -0.1 is not allowed; expected `float` >= 0"],
     "trees.density=true": ["trees.density: True is not allowed; expected `float`, got `bool`"],
     "uavs=[{alpha=1}]": ["uavs.0.start: is missing, and has no default"],
     "uavs=[]": ["uavs", "length >= 1"],

@@ -101,6 +101,8 @@ def test_large_images_and_mixed_trees_are_refused_and_ideal_sensing_needs_no_ren
     told = r"sensing.renderer: 'egl' draws trees of one size only, not of 2 \(.*\); allowed is tiny"
     with pytest.raises(InputError, match=told):
         World(EGL, mixed, 0)
+    with pytest.raises(InputError, match=r"'egl' draws opaque trees only \(trees.leaf_area_density\); allowed is tiny"):
+        World(EGL, Forest((Tree(0.0, 0.0, leaf_area_density=0.5),)), 0)
     ideal = msgspec.structs.replace(EGL, sensing=Sensing(mode="ideal", renderer="egl"))
     with World(ideal, OPEN, 1) as world:
         assert not world.opengl

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from helpers.views import SCENARIO
 
+from sim.recording.archive import compute_digest
+from sim.replay.frames.rerender import Rerenderer
+from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Renderer, capture
 from sim.world.leaves import EDGE, Leaves
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose, rotation
 from tracking.geometry.visibility import Forest, Tree
+from understory import run
 
 CROWN = Tree(0.0, 0.0, 3.0, 3.0, 6.0, 0.01)
 FAR = Camera(math.radians(1.0), 64)  # from so far away that all rays through a crown are parallel
@@ -71,6 +75,19 @@ def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_la
     huge = Tree(0.0, 0.0, 50.0, 3.0, 40.0, 0.01, 5.0)
     with World(SCENARIO, Forest((huge,)), 0) as world:
         assert np.mean(capture(world.client, FAR, Pose.level(0.0, 0.0, 100.0)).bodies < 0) == 0
+
+
+def test_a_mission_under_porous_crowns_is_recorded_and_rendered_again():
+    settings = {"trees.leaf_area_density": 0.6, "trees.density": 75, "duration": 6}
+    first, again = (run("forest", "greedy", seed=2, settings=settings).recording for _ in range(2))
+    assert compute_digest(first) == compute_digest(again) and set(first.trees[:, 6]) == {0.6}
+    seen = 0
+    with Rerenderer(first) as rerenderer:
+        for k, i in np.ndindex(first.visible.shape[:2]):
+            shown = count_visible_pixels(rerenderer.rendered(k, i).people, first.people.shape[1])
+            np.testing.assert_array_equal(shown, first.visible[k, i])
+            seen += np.sum((shown > 0) & (shown < rerenderer.count_whole(k, i)))
+    assert seen > 0
 
 
 def test_images_of_porous_crowns_are_the_same_again():
