@@ -66,7 +66,7 @@ def test_tracks_are_born_received_handed_over_swapped_and_deleted_by_number():
     ]
     found = told(recorded([(one, none), (held((70, 0.0), (30, 20.0), (80, 50.0)), none)]))
     assert [e[2] for e in found if e[1] == "track born"][2] == "track 2 born and confirmed by UAV 0"
-    straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
+    straight, crossed, fresh = held((0, 0.0), (2, 20.0)), held((2, 0.0), (0, 20.0)), held((2, 0.0), (5, 20.0))
     found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
     assert [e[::2] for e in found if e[1] == "identity switch"] == [
         (0.2, "person 0 switched from track 0 to track 1, that of person 1, for UAV 0"),
