@@ -107,6 +107,7 @@ def test_a_study_killed_in_flight_goes_on_to_the_same_rows(killed):
     assert 1 <= kept < total
 
 
+@pytest.mark.slow  # test_workers presses Ctrl-C for all processes, test_compare for the one line
 @pytest.mark.usefixtures("heard")
 def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
     (tmp_path / "killed.toml").write_text(FILE.format(seeds="0-99"))
