@@ -14,7 +14,7 @@ from planning.coordination.schemes import Centralised, Decentralised, Order, Par
 from planning.objective.cost_to_go import cost_to_go
 from planning.objective.nbo import Measure, objective
 from planning.objective.objective import Term
-from planning.objective.terms import Search, Separation
+from planning.objective.terms import Connectivity, Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns
@@ -87,6 +87,9 @@ class Composed:
     search: Annotated[float, Range(0, 1e6)] = 0.0
     # least distance [m] from the expected paths of other UAVs; 0: no limit
     separation: Annotated[float, Range(0, 1e4)] = 0.0
+    # weight [m²] of connectivity: cost of each step and each UAV that no chain of UAVs within radio range joins to the
+    # deciding one; 0: none
+    connectivity: Annotated[float, Range(0, 1e6)] = 0.0
     # growth of a belief over a planning step: `scans`: as in trackers, which draw the acceleration anew at each scan;
     # `step`: one acceleration for the whole step, so hidden people are expected farther away
     prediction: Literal["scans", "step"] = "scans"
@@ -161,8 +164,12 @@ class Composed:
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Terms of the objective besides the uncertainty of tracks; a subclass may have others."""
-        search = [Search(self.search)] if self.search else []
-        return (*search, *([Separation(self.separation)] if self.separation else []))
+        terms: dict[Term, float] = {
+            Search(self.search): self.search,
+            Separation(self.separation): self.separation,
+            Connectivity(self.connectivity): self.connectivity,
+        }
+        return tuple(term for term, weight in terms.items() if weight)
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """As `planning.coordination.decision.Decision.decide`."""

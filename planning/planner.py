@@ -1,5 +1,6 @@
 """The interface of planners: situation in, plan out."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -84,6 +85,7 @@ class Situation:
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
     reception: tuple[tuple[int, ...], ...] | None = None
     undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
+    radio_range: float = math.inf  # m, distance beyond which UAVs do not hear each other
 
     @property
     def step(self) -> float:

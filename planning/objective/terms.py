@@ -1,4 +1,4 @@
-"""Terms of the objective besides that of tracks: separation of UAVs, and search for undetected targets, compiled."""
+"""Terms of the objective besides that of tracks: separation and connectivity of UAVs, and search, compiled."""
 
 import math
 from collections.abc import Sequence
@@ -61,6 +61,65 @@ def _closest(relative: Array) -> Array:
     start, way = relative[:, :-1], np.diff(relative, axis=1)
     along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
     return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))
+
+
+@dataclass(frozen=True)
+class Connectivity:
+    """Cost of `weight` [m²] for each step and each UAV that no chain of links joins to the deciding UAV.
+
+    UAVs are linked within the radio's range. In joint plans the mean over the deciding UAVs counts.
+    """
+
+    weight: float
+
+    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
+        """As `planning.objective.objective.Term.objective`."""
+        now, chosen = np.array([v.position for v in situation.vehicles], dtype=float), np.asarray(uavs, dtype=np.int64)
+        fleet = camera_paths(now, velocities, situation.step)
+
+        def cost(candidates: Array) -> Array:
+            own = camera_paths(now[chosen], candidates, situation.step)
+            return self.weight * _count_unreached(own, fleet, chosen, float(situation.radio_range))
+
+        return cost
+
+
+@compiled
+def _count_unreached(own: Array, fleet: Array, uavs: Indices, reach: float) -> Array:
+    """Number (N,) of UAVs beyond any chain of links from a deciding UAV, summed over steps, mean over deciding UAVs.
+
+    own (N, k, H, 3) m: paths of the deciding UAVs; fleet (n, H, 3) m: those of all, where the rows `uavs` do not count.
+    """
+    found, places = np.zeros(len(own)), np.empty((len(fleet), 3))
+    order = np.empty(len(fleet), np.int64)
+    for c in range(len(own)):
+        for h in range(fleet.shape[1]):
+            for m in range(len(fleet)):
+                places[m] = fleet[m, h]
+            for j in range(len(uavs)):
+                places[uavs[j]] = own[c, j, h]
+            for first in uavs:
+                found[c] += len(fleet) - _count_reached(places, order, first, reach)
+    return found / len(uavs)
+
+
+@inlined
+def _count_reached(places: Array, order: Indices, first: int, reach: float) -> int:
+    """Number of UAVs at places (n, 3) m in the connected component of the `first`; order (n,) is overwritten."""
+    for m in range(len(order)):
+        order[m] = m
+    order[0], order[first] = first, 0
+    reached, k = 1, 0  # the first UAVs in `order` are reached; those before k have been asked for others
+    while k < reached:
+        for m in range(reached, len(order)):
+            square = 0.0
+            for axis in range(3):
+                square += (places[order[k], axis] - places[order[m], axis]) ** 2
+            if square <= reach * reach:
+                order[reached], order[m] = order[m], order[reached]
+                reached += 1
+        k += 1
+    return reached
 
 
 _SPACING = 5.0  # m, between the places whose views are computed

@@ -12,7 +12,7 @@ from sim.cli.recordings import check_new, find_folder
 from sim.drawing.lettering import TextGroup
 from sim.drawing.plots import save
 from sim.recording.atomic_files import claim_place, write_whole
-from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times
+from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times, sort_by_severity
 from sim.replay.explain.explanation import explain_person, find_stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
@@ -27,7 +27,7 @@ from sim.terminal.commands import Recorded
 from sim.terminal.console import console, print_remarks, show_place
 from tracking.errors import InputError
 
-_STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
+_STYLES = {"lost": "red", "not found yet": "red", "off": "yellow", "held by some": "yellow"}
 
 
 def explain(
@@ -111,21 +111,24 @@ def _print(groups: list[TextGroup]) -> None:
 def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
     """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
     people = range(flight.recording.people.shape[1]) if person is None else [person]
-    unheld = [event for event in flight.events if event.kind in UNHELD and event.person in people]
+    unheld = sort_by_severity(event for event in flight.events if event.kind in UNHELD and event.person in people)
     others = _find_other_events(flight) if person is None else []
+    passed = [event for event in flight.events if event.kind == "hand-off" and event.person in people]
     if person is not None:
         _print_stretches(flight, person)
+        _print_events("hand-offs", passed)
     elif not unheld:
         console.print("No person was lost." if people else "No person walked in this mission.")
     else:
         _print_events("losses", unheld)
-    if others:
-        _print_events("events", others)
+    _print_events("events", others)
+    if passed and person is None:
+        console.print(f"{len(passed)} hand-off{'s' * (len(passed) > 1)} of people from UAV to UAV")
     if not path.exists():
         save(flight.timeline_figure(), path)
     show_place("Timeline", path)
     asked = f"understory explain {shlex.quote(str(recorded))}"
-    loss = _find_longest([event for event in unheld if event.kind == "person lost"] or unheld)
+    loss = unheld[0] if unheld else None
     if person is None and people:
         shown = loss.person if loss else people[0]
         show_place(f"All of person {shown}", f"{asked} --target {shown}")
@@ -133,7 +136,7 @@ def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: P
     if false:
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     if loss:
-        show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
+        show_place("The worst loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
 
 
 def _find_other_events(flight: Flight) -> list[Event]:
@@ -153,7 +156,8 @@ def _print_stretches(flight: Flight, person: int) -> None:
 
 
 def _print_events(heading: str, events: list[Event]) -> None:
-    _print([TextGroup(heading, [f"{event.when}: {event.sentence}" for event in events])])
+    """Print events under a heading; nothing if there are none."""
+    _print([TextGroup(heading, [f"{event.when}: {event.sentence}" for event in events])] if events else [])
 
 
 def _find_longest(events: list[Event]) -> Event | None:

@@ -58,6 +58,7 @@ class Film:
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._numbers: dict[int, int] = {}
         self._holding: Holding | None = None
+        self._within = scenario.loss_distance
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         # scans in which each camera takes a frame
@@ -116,7 +117,7 @@ class Film:
 
     def _take(self, snapshot: Snapshot) -> Indices:
         """Number new tracks; return the states (M,) of people, which depend on earlier snapshots."""
-        self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
+        self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses), self._within)
         self._sparkline.add(snapshot.time, snapshot.error)
         add_numbers(snapshot, self._numbers)
         return self._holding.step(snapshot)

@@ -16,6 +16,7 @@ from sim.drawing.marks import cross, draw_broken_mark, draw_person_mark, quadrot
 from sim.drawing.palette import INK, PANEL, mix, track_colour, uav_colour, uav_dashes
 from sim.drawing.strokes import SHIFT, dashes_along, disc, stroke, strokes, to_fixed_point
 from sim.evaluation.holding import HOLDS
+from sim.evaluation.score import ELLIPSE
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
@@ -31,7 +32,6 @@ TRAIL = 3.0  # s, length of trails
 ALERT = 1.0  # s, time for which a contact is marked
 _SPACIOUS = 2.0  # pixels per m; marks on maps with less are smaller
 _FEW = 12  # people; more are a crowd
-ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 
 _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
 

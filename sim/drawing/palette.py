@@ -29,12 +29,14 @@ HELD = INK
 HELD_BY_SOME = FAINT
 LOST = ALARM
 NOT_FOUND_YET: Colour = (238, 170, 160)
+OFF: Colour = (250, 230, 110)  # from the track, whose ellipse still has the person
 FALSE: Colour = (136, 34, 85)
 # Colours by name of `HOLDS`, in the same order.
 HOLD_COLOURS: dict[str, Colour] = {
     "absent": FAINT,
     "not found yet": NOT_FOUND_YET,
     "lost": LOST,
+    "off": OFF,
     "held by some": HELD_BY_SOME,
     "held": HELD,
 }

@@ -11,7 +11,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from sim.evaluation.error_sources import SOURCES
 from sim.evaluation.fleet_facts import count_bytes_sent, count_plan_bytes, list_contacts, measure_disagreement
+from sim.evaluation.handoffs import find_handoffs
 from sim.evaluation.metric import Better, Metric, Of, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.evaluation.searching import measure_times_to_find
@@ -45,6 +47,11 @@ def _gospa(column: int, *, counted: bool = False) -> Of:
         return mean(parts**2 / (FAR**2 / 2) if counted else parts)
 
     return of
+
+
+def _source(name: str) -> Of:
+    """Mean of a source of squared GOSPA over all scans and working UAVs, in m²."""
+    return lambda outcome: mean(outcome.error_sources[:, SOURCES.index(name)])
 
 
 def _unmatched(what: str) -> dict[str, Metric]:
@@ -163,11 +170,18 @@ METRICS = {
         "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
         "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
         "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        **{
+            f"gospa.squared_m2.{name}": Metric(f"GOSPA squared, {name.replace('_', ' ')}", _source(name), "m²")
+            for name in SOURCES
+        },
         **_unmatched("false"),
         **_unmatched("duplicate"),
         "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
         "identity.switches": Metric("identity switches", _over_uavs(lambda s: s.switches)),
         "identity.fragmentations": Metric("fragmentations", _over_uavs(lambda s: s.fragmentations)),
+        "handoffs": Metric(
+            "hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither", digits=0
+        ),
         "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
         "time_to_find_s": Metric(
             "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"

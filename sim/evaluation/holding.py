@@ -1,13 +1,15 @@
-"""States of people at each scan, given the tracks of a fleet (held, lost or not found yet), and spans of one state."""
+"""States of people at each scan, given the tracks of a fleet (held, off, lost, not found yet), and spans of a state."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from sim.evaluation.score import HELD
+from sim.evaluation.score import ELLIPSE, FAR
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from tracking.metrics.clearmot import Matcher
-from tracking.numerics.arrays import Flags, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.distances import length, squared_distance
+from tracking.track import beliefs_of
 
 
 class Episode(NamedTuple):
@@ -25,34 +27,52 @@ def episodes(values: Indices) -> list[Episode]:
     return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
 
 
-HOLDS = ("absent", "not found yet", "lost", "held by some", "held")
+HOLDS = ("absent", "not found yet", "lost", "off", "held by some", "held")
+INSIDE, OUTSIDE, NO_TRACK = range(3)  # gaps of a person whom no UAV holds to the tracks that hold nobody
 
 
 class Holding:
-    """The states of M people during a mission; a reported track within `HELD` m of a person holds that person."""
+    """The states of M people during a mission; a reported track `within` m of a person holds that person."""
 
-    def __init__(self, people: int, uavs: int) -> None:
-        self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # with columns by track id
+    def __init__(self, people: int, uavs: int, within: float) -> None:
+        self._fleet = [(Matcher(people, within), dict[int, int]()) for _ in range(uavs)]  # with columns by track id
         self._found = np.zeros(people, dtype=np.bool_)
 
     def step(self, snapshot: Snapshot) -> Indices:
         """States (M,) at the next scan, as indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
+        gaps = np.full(len(snapshot.people), NO_TRACK)
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
             own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
             places = np.full((len(columns), 2), np.nan)
             places[own] = find_reported_positions(known)
-            count += matcher.step(places, snapshot.people) >= 0
+            matched = matcher.step(places, snapshot.people)
+            count += matched >= 0
+            free = beliefs_of([track for track in known if track.reported and columns[track.id] not in matched])
+            gaps = np.minimum(gaps, find_gaps(snapshot.people, free.means, free.covariances))
         self._found |= count > 0
-        return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))
+        return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]), gaps)
 
 
-def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags) -> Indices:
+def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
+    """Gap (M,) of each person to tracks: `INSIDE` the 95 % ellipse of one, `OUTSIDE` it within `FAR` m, or `NO_TRACK`.
+
+    people (M, 2) m; means (A, 4) and covariances (A, 4, 4) of tracks.
+    """
+    errors, found = means[:, None, :2] - people, np.full(len(people), NO_TRACK)
+    found[(length(errors) < FAR).any(axis=0)] = OUTSIDE
+    found[(squared_distance(errors, covariances[:, None, :2, :2]) <= ELLIPSE**2).any(axis=0)] = INSIDE
+    return found
+
+
+def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags, gaps: Indices) -> Indices:
     """States of people, as indices into `HOLDS`.
 
-    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs.
+    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs; gaps: to the
+    tracks that hold nobody, as `find_gaps` has them, the least of all UAVs.
     """
-    states = np.where(found, HOLDS.index("lost"), HOLDS.index("not found yet"))
+    states = np.where(gaps == INSIDE, HOLDS.index("off"), HOLDS.index("lost"))
+    states[~found] = HOLDS.index("not found yet")
     states[held > 0] = HOLDS.index("held by some")
     states[(held > 0) & (held == fleet)] = HOLDS.index("held")
     return np.where(present, states, HOLDS.index("absent"))

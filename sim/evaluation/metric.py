@@ -9,10 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sim.evaluation.error_sources import find_error_sources
 from sim.evaluation.score import Score, score
 from sim.evaluation.unmatched import Unmatched, find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.sensing.fault import Fault
+from tracking.numerics.arrays import Array
 
 Better = Literal["lower", "higher", "neither"]
 UNKNOWN = "–"  # shown in place of a missing number
@@ -33,6 +35,11 @@ class Outcome:
     def scores(self) -> list[Score]:
         """The score of each UAV."""
         return [score(self.recording, i) for i in range(self.recording.poses.shape[1])]
+
+    @cached_property
+    def error_sources(self) -> Array:
+        """Parts of squared GOSPA, as `find_error_sources` returns them."""
+        return find_error_sources(self.recording, self.scores)
 
     @cached_property
     def unmatched(self) -> list[Unmatched]:

@@ -1,5 +1,6 @@
 """Score of each UAV: its tracks compared with the people of a recording, scan by scan."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -11,11 +12,11 @@ from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switc
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.assignment import most_pairs
+from tracking.numerics.assignment import most_pairs, pairs_within
 from tracking.numerics.distances import length, squared_distance
 
-HELD = 1.0  # m, largest distance from a person to a track that holds them
 FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
+ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 _TAKEN = 9.21  # largest squared distance of a track from a detection that it took: 99 % of chi-square, in its noise
 
 
@@ -34,6 +35,7 @@ class Score:
 
     ospa: Array  # (K,) m, OSPA distance
     gospa: Array  # (K, 4) m: distance, localisation, missed, false
+    squared_errors: Array  # (K, M) m², of the tracks that GOSPA pairs with people; NaN for missed and absent people
     ospa2: float  # m; NaN without a scan
     held: Flags  # (K, M)
     present: Flags  # (K, M)
@@ -95,7 +97,7 @@ def _find_holders(recording: Recording, tracks: Array) -> Indices:
 
     It is the track that took the person's last detection, by any UAV, and no later one of somebody else. Which one took
     a detection is told as in CLEAR MOT, with distances in the detection's noise instead of distances from people. At
-    the first scan tracks within `HELD` were known.
+    the first scan tracks that hold a person were known.
     """
     owners, (_, uavs, people) = _find_owners(recording), recording.matched.shape
     ends = recording.measurement_offsets[::uavs].tolist()
@@ -107,7 +109,7 @@ def _find_holders(recording: Recording, tracks: Array) -> Indices:
         gaps = places[:, None] - recording.measurements[rows]
         squares = np.full((len(places), people), np.nan)
         np.fmin.at(squares.T, owners[rows], squared_distance(gaps, recording.measurement_covariances[rows]).T)
-        known = [length(places[:, None] - recording.people[0]) / HELD] if k == 0 else []
+        known = [length(places[:, None] - recording.people[0]) / recording.setting.loss_distance] if k == 0 else []
         for distances in (*known, np.sqrt(squares / _TAKEN)):
             taken = matcher.match(distances)
             holder[np.isin(holder, taken[taken >= 0])] = -1
@@ -116,12 +118,20 @@ def _find_holders(recording: Recording, tracks: Array) -> Indices:
     return found
 
 
+def _find_squared_errors(tracks: Array, people: Array) -> Array:
+    """Squared distances (M,) m² of people (M, 2) m from their tracks in GOSPA; NaN for those without one."""
+    squares, found = np.square(length(tracks[:, None] - people)), np.full(len(people), np.nan)
+    for t, m in pairs_within(np.where(np.isnan(squares), np.inf, squares), FAR**2):
+        found[m] = squares[t, m]
+    return found
+
+
 def score(recording: Recording, uav: int) -> Score:
     """Compare one UAV's tracks with the people."""
     on = recording.working[:, uav]
     believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
-    near = find_correspondence(tracks, people, HELD)
+    near = find_correspondence(tracks, people, recording.setting.loss_distance)
     present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
@@ -135,6 +145,9 @@ def score(recording: Recording, uav: int) -> Score:
     return Score(
         ospa=recording.ospa[on, uav, 0],
         gospa=np.array(parts, dtype=float).reshape(-1, 4),
+        squared_errors=np.array([_find_squared_errors(*pair) for pair in zip(tracks, people, strict=True)]).reshape(
+            present.shape
+        ),
         ospa2=ospa2(tracks, people).distance if len(people) else np.nan,
         held=near >= 0,
         present=present,

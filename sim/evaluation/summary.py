@@ -13,7 +13,7 @@ from sim.evaluation.catalogue import METRICS, evaluate, find_metric
 from sim.evaluation.fleet_facts import count_plan_bytes, list_contacts
 from sim.evaluation.machine import describe_machine, list_versions
 from sim.evaluation.metric import Metric, Outcome, mean
-from sim.evaluation.score import FAR, HELD, Score
+from sim.evaluation.score import FAR, Score
 from sim.recording.archive import compute_digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import format_seed
@@ -73,7 +73,7 @@ def _list_parts(outcome: Outcome) -> dict[str, Any]:
     sent = count_plan_bytes(outcome.recording)
     return {
         "gospa.cut_off_m": FAR,
-        "identity.within_m": HELD,
+        "identity.within_m": outcome.recording.setting.loss_distance,
         **_make_interval("nees.position", [s.position_nees for s in outcome.flown], 2),
         **_make_interval("nees.state", [s.state_nees for s in outcome.flown], 4),
         "people_held": [float(h) / float(p) if p else None for h, p in zip(held, present, strict=True)],

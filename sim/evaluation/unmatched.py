@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.evaluation.holding import episodes
-from sim.evaluation.score import FAR, HELD, Held, find_reported_tracks
+from sim.evaluation.score import FAR, Held, find_reported_tracks
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import find_correspondence
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -22,26 +22,22 @@ class Unmatched:
     last: int
     nearest: int | None  # person with the least median distance over these scans
     gap: float  # m, that median distance; infinite without people
+    duplicate: bool  # True if this holds the nearest person: it is their second track; False for a false track
     alone: Flags  # (last - first + 1, n), UAVs for which the track stands for no person
     left: int | None  # the track's last person, if they have left the area
     since: int  # first scan at which a UAV has a track of this id, reported or not
 
-    @property
-    def duplicate(self) -> bool:
-        """True if the track is a second one of the nearest person, False if it is a false track."""
-        return self.gap <= HELD
 
-
-def find_standing_tracks(held: Held, people: Array) -> Indices:
-    """Ids (K, M) of one UAV's tracks that stand for people (K, M, 2) m, as in CLEAR MOT; -1 for none."""
-    columns = find_correspondence(held.means[:, :, :2], people, HELD)
+def find_standing_tracks(held: Held, recording: Recording) -> Indices:
+    """Ids (K, M) of one UAV's tracks that stand for people, as in CLEAR MOT; -1 for none."""
+    columns = find_correspondence(held.means[:, :, :2], recording.people, recording.setting.loss_distance)
     return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
 
 
 def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
 
-    A track within `HELD` m of a person with another track is a duplicate; others are false tracks.
+    A track within `loss_distance` of a person with another track is a duplicate; others are false tracks.
     """
     people, working, stood = recording.people, recording.working, []
     rows = recording.cells(recording.track_offsets)[0]  # scan of each row, in ascending order
@@ -49,7 +45,7 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
     for i in range(working.shape[1]):
         held = find_reported_tracks(recording, i)
-        stood.append(find_standing_tracks(held, people))
+        stood.append(find_standing_tracks(held, recording))
         free = _find_unmatched(held, stood[i], people) & working[:, i, None]
         for column in np.flatnonzero(free.any(axis=0)).tolist():
             id_ = int(held.ids[column])
@@ -64,7 +60,9 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
                 span = slice(first, last + 1)
                 left = _left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
                 since = int(rows[np.argmax(recording.track_ids == id_)])
-                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span], left, since)
+                nearest, gap = _nearest(gaps[span])
+                duplicate = gap <= recording.setting.loss_distance
+                yield Unmatched(id_, first, last, nearest, gap, duplicate, table[span], left, since)
 
 
 def _find_unmatched(held: Held, standing: Indices, people: Array) -> Flags:

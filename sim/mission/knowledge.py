@@ -87,6 +87,7 @@ class Knowledge:
                     area=self._area,
                     motion=make_planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
                     undetected=self._undetected[i].belief,
+                    radio_range=self._scenario.network.range,
                 )
             )
             for i in working

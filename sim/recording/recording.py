@@ -230,3 +230,9 @@ def _check_setting(recording: Recording, scenario: Scenario) -> None:
         raise InputError(f"recording: has {len(times)} scans, but its scenario allows at most {planned:g}")
     if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
         raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")
+
+
+def find_last_frames(taken: Flags) -> Indices:
+    """The scan (K, n) of each camera's last frame up to each scan, given those with frames; 0 before the first."""
+    scans = np.arange(len(taken))[:, None]
+    return np.asarray(np.maximum.accumulate(np.where(taken, scans, 0), axis=0), dtype=np.int64)

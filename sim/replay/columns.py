@@ -61,6 +61,10 @@ def _losses(r: Recording, history: History) -> Columns:
         "from_s": begin,
         "until_s": end,
         "held_before": np.array([loss.found for loss in lost], dtype=np.bool_),
+        **{
+            f"scans_{where}": np.array([loss.scans[n] for loss in lost], dtype=np.int64)
+            for n, where in enumerate(("without_track", "outside_ellipse", "inside_ellipse"))
+        },
     }
 
 

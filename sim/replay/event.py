@@ -6,7 +6,7 @@ Timeline, page, `understory explain`, tables, Rerun and film all follow this rul
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from tracking.numerics.arrays import Array
@@ -27,11 +27,13 @@ KINDS = (
     "identity transfer",  # a track passes to a person who had none before
     "person not found yet",
     "person lost",
+    "person off",  # more than `loss_distance`, inside the track's 95 % ellipse
     "person found",
+    "hand-off",  # another UAV detects a person than the one that did last
     "false track",
     "duplicate track",
 )
-UNHELD = ("person not found yet", "person lost")  # people
+UNHELD = ("person lost", "person not found yet", "person off")  # people, the worst first
 UNMATCHED = ("false track", "duplicate track")  # tracks
 IDENTITIES = ("identity switch", "identity transfer")
 INCIDENTS = ("breakdown", "fault", "contact")
@@ -54,6 +56,7 @@ class Event:
     former: int | None = None  # person for whom the track stood before
     track: int | None = None  # number
     uavs: tuple[int, ...] = ()  # the one with the most informative frames comes first
+    scans: tuple[int, ...] = ()  # of `UNHELD` kinds, as `history.Loss` has them
 
     @property
     def sentence(self) -> str:
@@ -87,6 +90,12 @@ def format_times(begin: float, end: float) -> str:
     if math.isinf(end):
         return f"from {begin:.1f} s to the end"
     return f"at {begin:.1f} s" if begin == end else f"{begin:.1f} to {end:.1f} s"
+
+
+def sort_by_severity(events: Iterable[Event]) -> list[Event]:
+    """Events of `UNHELD` kinds in this order, those for longest without a track first; then other events by time."""
+    order = {kind: n for n, kind in enumerate(UNHELD)}
+    return sorted(events, key=lambda event: (order.get(event.kind, 3), [-n for n in event.scans], event.time))
 
 
 def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sim.evaluation.fleet_facts import list_contacts
-from sim.evaluation.score import HELD
+from sim.evaluation.handoffs import find_handoffs
 from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, find_ends, find_lasting_ends
@@ -28,6 +28,7 @@ def events_of(recording: Recording, history: History) -> tuple[Event, ...]:
         *_identities(recording, history),
         *_unheld(recording, history),
         *_unmatched(recording),
+        *_handoffs(recording),
     ]
     return tuple(sorted(found, key=lambda event: (event.time, KINDS.index(event.kind))))
 
@@ -154,6 +155,15 @@ def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, st
             last[m], owner[int(row[m])] = int(row[m]), m
 
 
+def _handoffs(recording: Recording) -> Iterator[Event]:
+    """Hand-offs of people from UAV to UAV, as `sim.evaluation.handoffs` finds them."""
+    for k, last, person, uavs in find_handoffs(recording):
+        unseen = recording.times[k] - recording.times[last + 1]
+        text = f"person {person} passed from UAV {uavs[0]} to UAV {uavs[1]}"
+        text += f", unseen for {unseen:.1f} s" if k > last + 1 else ""
+        yield _at(recording, k, "hand-off", text, person=person, uavs=uavs[::-1])
+
+
 _MOST_CAUSES = 3
 
 
@@ -161,11 +171,11 @@ def _unheld(recording: Recording, history: History) -> Iterator[Event]:
     """People lost or not found yet, with their states in the cameras meanwhile, and people found."""
     times = history.times
     for loss in history.losses:
-        end, what = loss.last + 1, "lost" if loss.found else "not found yet"
-        why = _causes(history, loss) + (_track(recording, history, loss) if loss.found else "")
-        concerned = {"why": why, "person": loss.person, "uavs": (_nearest(recording, history, loss),)}
-        text = f"person {loss.person} {what}"
-        yield _during(recording, (loss.first, loss.last), f"person {what}", text, **concerned)
+        end, nearest = loss.last + 1, _nearest(recording, history, loss)
+        why = _causes(recording, history, loss) + (_track(recording, history, loss) if loss.found else "")
+        concerned = {"why": why, "person": loss.person, "uavs": (nearest,), "scans": loss.scans}
+        text = f"person {loss.person} {loss.kind.removeprefix('person ')}{_describe_gap(history, loss)}"
+        yield _during(recording, (loss.first, loss.last), loss.kind, text, **concerned)
         if end < len(times) and history.held[end, loss.person]:
             uavs = tuple(np.flatnonzero(history.tracks[end, :, loss.person] >= 0).tolist())
             again, after = " again" * loss.found, times[end] - times[loss.first]
@@ -173,7 +183,16 @@ def _unheld(recording: Recording, history: History) -> Iterator[Event]:
             yield _at(recording, end, "person found", text, person=loss.person, uavs=uavs)
 
 
-def _causes(history: History, loss: Loss) -> str:
+def _describe_gap(history: History, loss: Loss) -> str:
+    """How far a lost person was from the tracks that held nobody, at worst, and for how long."""
+    begin, end = find_ends(history.times, 0, 0)  # of one scan
+    for scans, words in zip(loss.scans, (", without a track", ", outside the ellipse of the track"), strict=False):
+        if scans and loss.found:
+            return words + (f" for {scans * (end - begin):.1f} s" if scans < sum(loss.scans) else "")
+    return " the track" if loss.found else ""
+
+
+def _causes(recording: Recording, history: History, loss: Loss) -> str:
     """The best states of a lost person in the cameras, in order of time, each with its duration."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
@@ -190,7 +209,7 @@ def _causes(history: History, loss: Loss) -> str:
     for key in (key for key in scans if key in most):
         state, between = key
         text = view_text(state, {tree: sorted(uavs[key, tree]) for tree in between})
-        text += f", but no reported track within {HELD:g} m" if state == "seen" else ""
+        text += f", but no reported track within {recording.setting.loss_distance:g} m" if state == "seen" else ""
         parts.append(text + (f" ({scans[key] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 

@@ -104,11 +104,12 @@ class Flight:
     def __repr__(self) -> str:
         """The results of the mission in one line."""
         r = self.recording
-        lost = [loss for loss in self.history.losses if loss.found]
+        kinds = [loss.kind for loss in self.history.losses]
+        lost = [loss for loss in self.history.losses if loss.kind == "person lost"]
         spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
-        if unfound := len(self.history.losses) - len(lost):
+        if unfound := kinds.count("person not found yet"):
             losses += f", and {unfound} of people not found before"
         outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)

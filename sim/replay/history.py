@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.holding import episodes, hold_states
+from sim.evaluation.holding import NO_TRACK, episodes, find_gaps, hold_states
 from sim.evaluation.score import find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks
-from sim.recording.recording import Recording
+from sim.recording.recording import Recording, find_last_frames
 from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.errors import list_numbers
@@ -29,6 +29,15 @@ class Loss:
     first: int
     last: int
     found: bool  # True if the person was held before; otherwise no UAV has found them yet
+    # scans without a track that holds nobody within `FAR` m, outside the 95 % ellipse of each such track, and inside
+    scans: tuple[int, int, int]
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event: a person inside an ellipse at each scan is off the track, not lost."""
+        if not self.found:
+            return "person not found yet"
+        return "person lost" if any(self.scans[:2]) else "person off"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +53,8 @@ class History:
     hidden_by: Indices
     shown: Flags  # (K, n, M), the frame showed a part of the person
     detected: Flags  # (K, n, M)
-    tracks: Indices  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
+    tracks: Indices  # (K, n, M), id of the track that stands for the person; -1 for none
+    gaps: Indices  # (K, M), as `holding.find_gaps` has them, the least of all UAVs, of people whom none holds
 
     @staticmethod
     def of(recording: Recording) -> "History":
@@ -58,6 +68,8 @@ class History:
             inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)
             if forest.trees:
                 hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
+        tracks = [find_standing_tracks(find_reported_tracks(recording, i), recording) for i in uavs]
+        standing = np.stack(tracks, axis=1)
         return History(
             times=recording.times,
             present=~np.isnan(recording.people[..., 0]),
@@ -67,9 +79,8 @@ class History:
             hidden_by=hidden_by,
             shown=(recording.visible > 0) & looked[:, :, None],
             detected=recording.matched & looked[:, :, None],
-            tracks=np.stack(
-                [find_standing_tracks(find_reported_tracks(recording, i), recording.people) for i in uavs], axis=1
-            ),
+            tracks=standing,
+            gaps=_find_gaps(recording, standing),
         )
 
     @cached_property
@@ -97,9 +108,8 @@ class History:
 
     @cached_property
     def last_frames(self) -> Indices:
-        """The scan (K, n) of each camera's last frame up to each scan; 0 before the first frame."""
-        scans = np.arange(len(self.times))[:, None]
-        return np.asarray(np.maximum.accumulate(np.where(self.looked, scans, 0), axis=0), dtype=np.int64)
+        """As `find_last_frames` of the cameras."""
+        return find_last_frames(self.looked)
 
     @cached_property
     def camera_states(self) -> Indices:
@@ -118,7 +128,8 @@ class History:
     def hold_states(self) -> Indices:
         """State (K, M) of each person to the tracks of the working UAVs, as an index into `HOLDS`."""
         fleet = np.count_nonzero(self.working, axis=1)[:, None]
-        return hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet, self.present)
+        found = np.maximum.accumulate(self.held > 0, axis=0)
+        return hold_states(self.held, found, fleet, self.present, self.gaps)
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
@@ -127,7 +138,9 @@ class History:
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)
             spans = [episode for episode in episodes(lost.astype(np.int64)) if episode.value]
-            found += [Loss(m, first, last, bool(np.any(self.held[:first, m]))) for first, last, _ in spans]
+            for first, last, _ in spans:
+                off, outside, without = np.bincount(self.gaps[first : last + 1, m], minlength=3).tolist()
+                found.append(Loss(m, first, last, bool(np.any(self.held[:first, m])), (without, outside, off)))
         return tuple(sorted(found, key=lambda loss: (loss.first, loss.person)))
 
     def view_texts(self, person: int) -> list[str]:
@@ -136,6 +149,20 @@ class History:
         kinds, which = np.unique(rows, axis=0, return_inverse=True)
         texts = ["; ".join(view_text(*view) for view in views_at(*np.split(kind, 2))) for kind in kinds]
         return [texts[n] if there else "" for n, there in zip(which.ravel(), self.present[:, person], strict=True)]
+
+
+def _find_gaps(recording: Recording, standing: Indices) -> Indices:
+    """Gaps (K, M) of people whom no UAV holds to the reported tracks that hold nobody; standing as `History.tracks`."""
+    found = np.full(recording.people.shape[:2], NO_TRACK)
+    unheld = (standing < 0).all(axis=1) & ~np.isnan(recording.people[..., 0])
+    uavs, offsets = standing.shape[1], recording.track_offsets
+    for k in np.flatnonzero(unheld.any(axis=1)).tolist():
+        for i in range(uavs):
+            rows = np.arange(*offsets[k * uavs + i : k * uavs + i + 2])
+            rows = rows[recording.reported[rows] & ~np.isin(recording.track_ids[rows], standing[k, i])]
+            beliefs = recording.track_means[rows], recording.track_covariances[rows]
+            found[k] = np.minimum(found[k], find_gaps(recording.people[k], *beliefs))
+    return found
 
 
 def views_at(states: Indices, trees: Indices) -> list[_View]:

@@ -14,7 +14,6 @@ from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
 from sim.evaluation.holding import HOLDS, episodes
-from sim.evaluation.score import HELD
 from sim.replay.event import IDENTITIES, Event, find_ends, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
@@ -28,7 +27,11 @@ _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 _HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
 _UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
-_MEANT = {"held": f"held within {HELD:g} m by all", "held by some": "held by some UAVs"}
+_MEANT = {
+    "held": "held by all",
+    "held by some": "held by some UAVs",
+    "off": "off, in the track's ellipse",
+}
 
 Shade = tuple[float, float, float]
 
@@ -66,7 +69,7 @@ def timeline_rows(history: History) -> tuple[list[Row], list[int]]:
     rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
     if sum(row.height for row in rows) <= _MOST_LANES:
         return rows, []
-    lost = np.count_nonzero(history.present & (history.held == 0), axis=0)
+    lost = np.isin(history.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
     rows = [rows[m] for m in np.argsort(-lost, kind="stable").tolist()]
     fit = int(np.searchsorted(np.cumsum([row.height for row in rows]), _MOST_LANES - _FOLDED - _GAP, side="right"))
     return rows[: max(fit, 1)], sorted(row.person for row in rows[max(fit, 1) :])
@@ -183,7 +186,7 @@ def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
     bars: list[Bar] = []
     for first, last, _ in episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
         low = top
-        for hold in ("lost", "not found yet", "held by some", "held"):
+        for hold in ("lost", "not found yet", "off", "held by some", "held"):
             height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
             if height:
                 bars.append(Bar(*find_ends(times, first, last), low, height, rgb(_HOLDS[hold])))
@@ -253,13 +256,13 @@ def _title(history: History) -> str:
     if not history.present.any():
         return "No people"
     share = _held_share(history, slice(None))
-    lost = [loss for loss in history.losses if loss.found]
+    lost = [loss for loss in history.losses if loss.kind == "person lost"]
     times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
     text = f"People held {100 * share:.1f} % of the time, {times}"
     if lost:
-        worst = max(lost, key=lambda loss: loss.last - loss.first)
+        worst = max(lost, key=lambda loss: loss.scans)
         start, end = find_ends(history.times, worst.first, worst.last)
-        text += f", longest: person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
+        text += f", at worst person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
     return text
 
 

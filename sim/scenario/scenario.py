@@ -67,6 +67,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     # `"quadrotor"`: thrust and attitude control in the engine; `"kinematic"`: UAVs have the commanded velocity at once
     # ([Li22] eq. (5))
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
+    # m, distance of a person from a track beyond which the track does not hold them, in metrics, events and pictures
+    loss_distance: Annotated[float, Meta(gt=0, le=10)] = 1.0
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
@@ -191,12 +193,14 @@ _LATER = (
 
 
 def encode_scenario(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out, except those of `_LATER` and `uavs.N.start_radius`."""
+    """The scenario as JSON with all defaults, except those of `_LATER`, `loss_distance` and `uavs.N.start_radius`."""
     written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
     for table, keys in _LATER:
         for key in keys:
             if written[table][key] == default[table][key]:
                 del written[table][key]
+    if written["loss_distance"] == default["loss_distance"]:
+        del written["loss_distance"]
     for uav in written["uavs"]:
         if not uav["start_radius"]:
             del uav["start_radius"]

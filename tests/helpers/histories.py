@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sim.evaluation.holding import NO_TRACK
 from sim.replay.history import History
 
 
@@ -17,5 +18,6 @@ def history(inside, shown, detected, tracks, **other):
         "working": np.ones((scans, uavs), bool),
         "looked": np.ones((scans, uavs), bool),
         "hidden_by": np.full((scans, uavs, 1), -1),
+        "gaps": np.full((scans, 1), NO_TRACK),
     }
     return History(**{**plain, **tables, "tracks": held, **other})

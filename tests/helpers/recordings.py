@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import json
 import zipfile
 
 import numpy as np
@@ -37,7 +38,9 @@ def bare(people, tracks, **changes):
     scans, uavs, count = len(people), len(tracks[0]), people.shape[1]
     cells = [cell for row in tracks for cell in row]
     means = np.array([mean for cell in cells for mean in cell.values()], dtype=float).reshape(-1, 4)
-    texts = {"version": VERSION, "scenario": "{}", "planner": "hover", "seed": 0, "interrupted": False}
+    fleet = [{"start": [9.0 * i - 60.0, 40.0]} for i in range(uavs)]
+    scenario = json.dumps({"uavs": fleet, "people": {"count": count}})
+    texts = {"version": VERSION, "scenario": scenario, "planner": "hover", "seed": 0, "interrupted": False}
     texts |= {"sees_truth": False, "faults": "[]", "repeat": 0}
     flight = {name: np.zeros((scans, uavs, n)) for name, n in (("poses", 7), ("cameras", 7), ("commands", 2))}
     flight |= {"times": np.arange(scans) / 5, "trees": np.zeros((0, 6)), "people": people}

@@ -18,7 +18,6 @@ def hand_made():
     return bare(
         people,
         [first, [{}, {2: (5.0, 5.5, 0, 0)}]],
-        scenario='{"duration": 40.0}',
         seed=7,
         measurement_offsets=np.array([0, 2, 3, 3, 5]),
         measurements=np.zeros((5, 2)),

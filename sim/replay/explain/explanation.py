@@ -8,7 +8,6 @@ import numpy as np
 
 from sim.drawing.lettering import TextGroup
 from sim.evaluation.holding import HOLDS, episodes
-from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event, find_lasting_ends
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
@@ -57,6 +56,7 @@ def _holding(facts: PersonFacts) -> list[str]:
     if held:
         return held
     unheld = (event for event in facts.flight.events if event.kind in UNHELD and event.person == facts.person)
+    within = f"within {facts.flight.scenario.loss_distance:g} m"
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end = loss.last + 1
     if end == len(times):
@@ -64,8 +64,9 @@ def _holding(facts: PersonFacts) -> list[str]:
     else:
         later = f"{'held from' if history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
     if not facts.holders:
-        return [f"not found yet: no track has been within {HELD:g} m so far", later]
-    lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track within {HELD:g} m"]
+        return [f"not found yet: no track has been {within} so far", later]
+    what = "lost" if loss.kind == "person lost" else "off the track"
+    lines = [f"{what} since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track {within}"]
     (last,) = facts.holders
     return [*lines, f"last held as track {last.number} at {last.until:.1f} s; {later}"]
 

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from sim.drawing import palette
 from sim.drawing.layout import Parts
-from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, footprint
+from sim.drawing.map_view import MARGIN, TRAIL, footprint
+from sim.evaluation.score import ELLIPSE
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, lanes
 from sim.replay.flight import Flight

@@ -6,7 +6,7 @@ let clock = 0; // s of the mission, where there is no film to keep the time
 let last = 0; // ms, of the animation frame before
 const broken = () => !film || film.error !== null;
 const lists = [...document.querySelectorAll("ol.events li")];
-const lossStarts = [...new Set([...document.querySelectorAll("#losses li")].map((li) => Number(li.dataset.first)))];
+const lossStarts = [...new Set([...document.querySelectorAll("#losses li")].map((li) => Number(li.dataset.first)))].sort((a, b) => a - b);
 
 // Shows scan k; `keep` leaves the film alone, which is there already.
 function go(k, keep = false) {
@@ -41,7 +41,7 @@ function trouble(k, m) {
   const hold = data.holds[k][m];
   let first = k;
   while (first > 0 && data.holds[first - 1][m] === hold) first -= 1;
-  return [[LOST, NOT_FOUND, SOME, HELD].indexOf(hold) + 1 || 5, hold === LOST ? first : 0, m];
+  return [WORST.indexOf(hold) + 1 || 6, hold === LOST ? first : 0, m];
 }
 
 // The table under Now, sorted by trouble.
@@ -240,6 +240,7 @@ legend("chart-legend", [
   ["shown, not detected", box(paleUavColour(0)), known.states.has(MISSED)], ["hidden", box(colours.hidden), known.states.has(HIDDEN)],
   ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }, known.states.has(OUT)],
   ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],
+  ["off, in the track's ellipse", box(colours.off), known.holds.has(OFF)],
   ["lost", box(colours.lost), known.holds.has(LOST)], ["not found yet", box(colours.not_found_yet), known.holds.has(NOT_FOUND)],
   ["false track", box(colours.false), known.kinds.has("false track")], ["duplicate track", box(colours.pale_false), known.kinds.has("duplicate track")],
   ["track switched", (ctx) => diamond(ctx, 13, 10), data.switches.length],

@@ -22,7 +22,7 @@ from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import format_recording_title
 from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
-from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
+from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, sort_by_severity
 from sim.replay.flight import Flight
 from sim.replay.link_outages import link_outages
 from sim.replay.page.data import Shown, colours, page_data
@@ -39,6 +39,7 @@ _RESULTS = {  # metrics at the top, by their label there
     "OSPA mean": "ospa.mean_m",
     "GOSPA mean": "gospa.mean_m",
     "people held": "share_held",
+    "hand-offs": "handoffs",
 }
 _LARGE_FILM, _FILM = 8_000_000, 5_000_000  # bytes: a larger film is encoded again, with about so many
 _MOST_FAULTS = 3  # number of faults of different kinds at the top
@@ -77,7 +78,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         _check(film, recording)
         film = None if shown.stride > 1 else shrink_film(film, _FILM) if len(film) > _LARGE_FILM else film
     data = page_data(flight, None if film is None else lay_out_parts(scenario))
-    lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
+    lost = sort_by_severity(event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES))
     incidents = [event for event in events if event.kind in INCIDENTS]
     incidents += link_outages(events, recording.times)
     incidents.sort(key=lambda event: event.time)

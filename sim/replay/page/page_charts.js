@@ -63,12 +63,11 @@ const barOf = (n) => tops[n + 1] - BAR - 7;
 function drawFolded(ctx, top) {
   if (!data.folded.length) return;
   write(ctx, `${data.folded.length} others`, GUTTER - 8, top + FOLDED / 2, colours.ink, "right");
-  const shades = { [LOST]: colours.lost, [NOT_FOUND]: colours.not_found_yet, [SOME]: colours.held_by_some, [HELD]: colours.held };
-  stretches((k) => [LOST, NOT_FOUND, SOME, HELD].map((hold) => data.folded.filter((m) => data.holds[k][m] === hold).length).join(), (first, until, counts) => {
+  stretches((k) => WORST.map((hold) => data.folded.filter((m) => data.holds[k][m] === hold).length).join(), (first, until, counts) => {
     let above = top;
     counts.split(",").forEach((count, n) => {
       const high = (FOLDED * count) / data.folded.length;
-      if (high) span(ctx, first, until, above, high, shades[[LOST, NOT_FOUND, SOME, HELD][n]]);
+      if (high) span(ctx, first, until, above, high, HOLD_SHADES[WORST[n]]);
       above += high;
     });
   });
@@ -101,8 +100,7 @@ function drawLane(ctx, i, m, top) {
 
 // The states of one person to all tracks.
 function drawBar(ctx, m, top) {
-  const shades = { [NOT_FOUND]: colours.not_found_yet, [LOST]: colours.lost, [SOME]: colours.held_by_some, [HELD]: colours.held };
-  stretches((k) => data.holds[k][m], (first, until, value) => value && span(ctx, first, until, top, BAR, shades[value]));
+  stretches((k) => data.holds[k][m], (first, until, value) => value && span(ctx, first, until, top, BAR, HOLD_SHADES[value]));
 }
 
 function diamond(ctx, x, y) {

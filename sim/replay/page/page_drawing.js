@@ -4,8 +4,10 @@ const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
 // Of a person to a camera: STATES of sim/replay/history.py; 0 stands for absent, -1 for a UAV that has broken down.
 const OUT = 1, HIDDEN = 2, MISSED = 3, SEEN = 4;
-const NOT_FOUND = 1, LOST = 2, SOME = 3, HELD = 4; // of a person to all tracks: HOLDS of sim/evaluation/holding.py
+const NOT_FOUND = 1, LOST = 2, OFF = 3, SOME = 4, HELD = 5; // of a person to all tracks: HOLDS of sim/evaluation/holding.py
 const colours = data.colours;
+const WORST = [LOST, NOT_FOUND, OFF, SOME, HELD]; // the worst first
+const HOLD_SHADES = { [NOT_FOUND]: colours.not_found_yet, [LOST]: colours.lost, [OFF]: colours.off, [SOME]: colours.held_by_some, [HELD]: colours.held };
 const scans = data.times.length;
 const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: null };
 
@@ -132,7 +134,7 @@ function holders(k, m) {
   if (data.people[k][m] === null) return "";
   const byTrack = new Map();
   data.holders[k].forEach((row, i) => row[m] >= 0 && byTrack.set(row[m], [...(byTrack.get(row[m]) || []), i]));
-  if (!byTrack.size) return data.holds[k][m] === LOST ? "lost" : "not found yet";
+  if (!byTrack.size) return { [LOST]: "lost", [OFF]: "off the track" }[data.holds[k][m]] || "not found yet";
   const fleet = data.works[k].filter(Boolean).length;
   const whose = (holding) => (fleet > 1 && holding.length === fleet ? "all" : uavs(holding));
   return [...byTrack].map(([track, holding]) => `track ${track} of ${whose(holding)}`).join(", ");

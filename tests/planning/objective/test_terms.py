@@ -8,9 +8,10 @@ import pytest
 from helpers.flights import fly
 from helpers.porous import make_porous
 from helpers.teams import planned, refitted
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from planning.objective.terms import Search, Separation, _Cells, _closest, _costs_to_go, _sights
+from planning.objective.terms import Connectivity, Search, Separation, _Cells, _closest, _costs_to_go, _sights
 from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import expect_plans
@@ -187,7 +188,8 @@ def test_with_search_fewer_people_are_left_where_no_camera_looked():
 
 
 def test_options_choose_the_terms():
-    assert load_planner("sma-nbo(separation=3, search=25)").terms == (Search(25), Separation(3))
+    text = "sma-nbo(separation=3, search=25, connectivity=9)"
+    assert load_planner(text).terms == (Search(25), Separation(3), Connectivity(9))
     assert load_planner("sma-nbo").terms == ()
 
 
@@ -230,6 +232,39 @@ def test_height_counts_as_distance(random_team):
     """UAVs 2 m above one another keep 1.9 m whatever they do."""
     team = refitted(random_team(0), lambda v: dataclasses.replace(v, position=np.array([0.0, 0.0, 15.0 + 2.0 * v.id])))
     np.testing.assert_array_equal(planned("sma-nbo-mwtp(separation=1.9)", team), planned("sma-nbo-mwtp", team))
+
+
+@pytest.mark.parametrize("deciding", [[1], [0, 3], [0, 1, 2, 3, 4]])
+def test_connectivity_counts_the_uavs_outside_the_connected_component(random_team, deciding):
+    team = random_team(3, uavs=5)
+    team = refitted(team, lambda v: dataclasses.replace(v, position=np.append(v.position[:2], 17.0 + v.id)))
+    situation = dataclasses.replace(team[0], radio_range=15.0)
+    rng = np.random.default_rng(0)
+    velocities, candidates = rng.normal(size=(5, 4, 2)) * 6, rng.normal(size=(40, len(deciding), 4, 2)) * 6
+    expected = np.zeros(40)
+    for c, candidate in enumerate(candidates):
+        plans = velocities.copy()
+        plans[deciding] = candidate
+        paths = camera_paths(np.array([v.position for v in situation.vehicles]), plans, situation.step)
+        for places in np.moveaxis(paths, 1, 0):
+            gaps = np.linalg.norm(places[:, None] - places, axis=-1)
+            _, labels = connected_components(gaps <= 15.0)
+            expected[c] += np.mean([np.count_nonzero(labels != labels[i]) for i in deciding])
+    assert len(set(expected)) > 3
+    found = Connectivity(7.0).objective(situation, velocities, deciding)(candidates)
+    np.testing.assert_allclose(found, 7.0 * expected)
+
+
+def test_a_pair_out_of_range_flies_together_if_that_is_worth_more(random_team):
+    """Two UAVs 40 m apart whose radios reach 30 m, and no people."""
+    team = [
+        dataclasses.replace(s, radio_range=30.0, tracks=())
+        for s in level(random_team(1, uavs=2), [(-20.0, 0.0), (20.0, 0.0)])
+    ]
+    kept = camera_paths(np.array([s.own.position for s in team]), planned("sma-nbo(connectivity=30)", team), 1.0)
+    assert np.linalg.norm(kept[0, -1] - kept[1, -1]) <= 30.0
+    far = [dataclasses.replace(s, radio_range=1000.0) for s in team]
+    np.testing.assert_array_equal(planned("sma-nbo(connectivity=30)", far), planned("sma-nbo", far))
 
 
 def test_where_uavs_are_too_near_the_plan_that_parts_them_soonest_costs_least(random_team):

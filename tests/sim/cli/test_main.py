@@ -123,8 +123,9 @@ def test_a_mission_is_explained_by_its_losses_and_a_person_scan_by_scan(call, tm
     code, out, err = call("explain", ".")
     assert (code, err) == (0, "") and out.splitlines()[0] == "losses"
     told = [line.split(": ")[:2] for line in out.splitlines()[1:4]]
-    times = ("  1.0 to 2.0 s", "  1.6 to 1.8 s", "  from 3.0 s to the end")
-    assert told == [[when, f"person {m} lost"] for when, m in zip(times, (2, 1, 0), strict=True)]
+    times = ("  from 3.0 s to the end", "  1.0 to 2.0 s", "  1.6 to 1.8 s")
+    texts = [f"person {m} lost, outside the ellipse of the track" for m in (0, 2, 1)]
+    assert told == [[when, text] for when, text in zip(times, texts, strict=True)]
     assert "All of person 0: understory explain . --target 0\n" in out
     assert "  lost  " not in out and "  lost  " in call("explain", ".", "--target", "0")[1]
 
@@ -133,7 +134,7 @@ def test_a_mission_in_which_all_are_held_has_no_loss_to_explain(call, tmp_path):
     save(record(people=1), tmp_path / "mission.npz")
     out = call("explain", ".")[1]
     assert out.startswith("No person was lost.\n") and "All of person 0: understory explain . --target 0\n" in out
-    assert "The longest loss" not in out
+    assert "The worst loss" not in out
 
 
 def test_the_command_to_the_longest_loss_names_its_scan(call, tmp_path):

@@ -6,6 +6,7 @@ import math
 import time
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from helpers.flights import recorded as recorded_mission
@@ -15,6 +16,7 @@ from helpers.summaries import SECONDS, hand_made, shown, summary
 from sim.cli.run import show_run
 from sim.evaluation.metric import UNKNOWN
 from sim.evaluation.score import find_reported_tracks, score, velocities
+from sim.scenario.scenario import encode_scenario
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.metrics.gospa import gospa
@@ -187,8 +189,12 @@ def test_nees_does_not_depend_on_people_who_are_never_detected():
     gone = dataclasses.replace(flown, people=people, matched=flown.matched & ~np.isnan(people[:, None, :, 0]))
     strangers = flown.people + rng.normal(0, 3, flown.people.shape)
     none = np.zeros_like(flown.matched)
+    eight = msgspec.structs.replace(flown.setting, people=msgspec.structs.replace(flown.setting.people, count=8))
     more = dataclasses.replace(
-        gone, people=np.concatenate([people, strangers], axis=1), matched=np.concatenate([gone.matched, none], axis=2)
+        gone,
+        people=np.concatenate([people, strangers], axis=1),
+        matched=np.concatenate([gone.matched, none], axis=2),
+        scenario=encode_scenario(eight),
     )
     for uav in range(3):
         alone, among = score(gone, uav), score(more, uav)
@@ -261,7 +267,7 @@ def test_the_summary_matches_the_hand_count():
     assert result["ospa"] == {"mean_m": 1.5, "median_m": 0.75, "share_under_1m": 0.5}
     # Shown with a pixel or more: 6 pairs, 4 of them detected; 5 detections, 4 of them people.
     assert result["detection"] == {"recall": pytest.approx(4 / 6), "precision": pytest.approx(4 / 5)}
-    assert (result["planner"], result["seed"], result["scenario"]) == ("hover", 7, {"duration": 40.0})
+    assert (result["planner"], result["seed"], result["scenario"]["people"]) == ("hover", 7, {"count": 3})
     assert (result["duration_s"], result["interrupted"], result["faults"]) == (0.2, False, [])
     assert result["seconds"] == SECONDS
     # Person 0: held by both UAVs at scan 0, by none at 1. Person 1: a track at 2 m. Person 2: present at scan 1 only.

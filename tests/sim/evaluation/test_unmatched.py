@@ -7,7 +7,7 @@ import pytest
 from helpers.identities import DUPLICATE, FALSE, SCANS, at_random, standing_still, swapping
 from helpers.summaries import shown, summary
 
-from sim.evaluation.score import FAR, HELD, find_reported_tracks
+from sim.evaluation.score import FAR, find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks, find_unmatched_tracks
 from sim.replay.flight import Flight
 from tracking.metrics.clearmot import find_correspondence
@@ -39,8 +39,8 @@ def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
     counts = alone(recording)
     for i in range(2):
         held = find_reported_tracks(recording, i)
-        stand = find_standing_tracks(held, recording.people)
-        matched = find_correspondence(held.means[:, :, :2], recording.people, HELD)
+        stand = find_standing_tracks(held, recording)
+        matched = find_correspondence(held.means[:, :, :2], recording.people, 1.0)
         np.testing.assert_array_equal(stand >= 0, matched >= 0)
         rest = held.means[:, :, :2].copy()
         rest[(held.ids == stand[:, :, None]).any(axis=1)] = np.nan

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from scipy.stats import poisson
 
 from planning.planners import DEFAULT_PLANNER
-from sim.evaluation.score import HELD
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import make_known_forest
@@ -86,7 +85,7 @@ def squared_errors(recording: Recording, k: int, tracker: Tracker) -> list[list[
     tracks = [track for track in tracker.tracks if track.reported]
     means, covariances = beliefs_of(tracks)
     gap = between(recording.people[k - 1], means[:, :2])
-    held = dict(most_pairs(gap <= HELD, gap))
+    held = dict(most_pairs(gap <= 1.0, gap))
     predicted, spread = tracker.motion.predict_all(means, covariances)
     scan, detected = recording.scan_at(k, tracker.uav), np.flatnonzero(recording.matched[k, tracker.uav])
     gap = between(recording.people[k, detected], scan.measurements)

@@ -9,16 +9,21 @@ import pytest
 from helpers import synthetic
 from helpers.flights import recorded as recorded_flight
 from helpers.recordings import broken, record
+from scipy.stats import chi2
 
+from sim.evaluation.catalogue import METRICS
+from sim.evaluation.holding import HOLDS, INSIDE, NO_TRACK, OUTSIDE, find_gaps
+from sim.evaluation.metric import Outcome
 from sim.mission import mission
 from sim.mission.radio import RadioLinks
 from sim.replay import events
-from sim.replay.event import KINDS, format_times
+from sim.replay.event import KINDS, UNHELD, format_times, sort_by_severity
 from sim.replay.events import events_of
 from sim.replay.explain.explanation import find_stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.replay.recorded_fleet import links_of
+from sim.scenario.scenario import encode_scenario
 from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
 from tracking.parameters import Tracking
@@ -80,7 +85,8 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
     lost, found = [e for e in Flight(recording).events if e.kind.startswith("person")]
-    assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.8 s", 0)
+    text = "person 0 lost, without a track for 0.2 s"
+    assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", text, "0.4 to 0.8 s", 0)
     assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
 
@@ -90,6 +96,58 @@ def test_a_track_that_another_uav_still_has_is_not_said_to_be_gone():
     for after, words in (((gone, off), "track 0 is 3.0 m off at first"), ((gone, gone), "track 0 is gone")):
         (lost,) = (e for e in Flight(recorded([(on, off), after])).events if e.kind == "person lost")
         assert lost.why.endswith(f"; {words}")
+
+
+def test_losses_are_graded_by_the_tracks_that_hold_nobody_and_told_the_worst_first():
+    """The covariances are 1 m², so ellipses reach 2.4 m; at the first scan both people are held."""
+    on, off, outside, gone = (held(*one, (9, 20.0)) for one in ([(7, 0.0)], [(7, 2.0)], [(7, 3.0)], []))
+    scans = [on, off, off, on, outside, on, gone, on, off, off, outside, on, off, gone, on]
+    flight = Flight(recorded([(scan, scan) for scan in scans]))
+    states = [HOLDS[state] for state in flight.history.hold_states[:, 0]]
+    assert states == [{on: "held", off: "off"}.get(scan, "lost") for scan in scans]
+    unheld = sort_by_severity(e for e in flight.events if e.person == 0 and e.kind in UNHELD)
+    assert [(e.text, e.when) for e in unheld] == [
+        ("person 0 lost, without a track for 0.2 s", "2.4 to 2.8 s"),
+        ("person 0 lost, without a track", "1.2 to 1.4 s"),
+        ("person 0 lost, outside the ellipse of the track for 0.2 s", "1.6 to 2.2 s"),
+        ("person 0 lost, outside the ellipse of the track", "0.8 to 1.0 s"),
+        ("person 0 off the track", "0.2 to 0.6 s"),
+    ]
+    assert flight.timeline_figure().axes[0].get_title("left").endswith("at worst person 0 for 0.4 s from 2.4 s")
+    losses = flight.columns("losses")
+    assert losses["scans_without_track"].sum() == 2 and losses["scans_outside_ellipse"].sum() == 2
+    one = [(on, on), (outside, off), (off, outside)]  # the nearest track of any UAV counts
+    assert [e.kind for e in Flight(recorded(one)).events if e.person == 0] == ["person off"]
+    other = [(on, on), (held((7, 20.0)), held((7, 20.0)))]  # the track nearby holds the other person
+    assert [e.text for e in Flight(recorded(other)).events if e.kind == "person lost"] == [
+        "person 0 lost, without a track"
+    ]
+
+
+def test_the_loss_distance_of_a_scenario_decides_who_is_held():
+    on, off = held((7, 0.0), (9, 20.0)), held((7, 2.0), (9, 20.0))
+    far, shares = msgspec.structs.replace(SETTING, loss_distance=2.5), []
+    for setting in (SETTING, far):
+        flight = Flight(recorded([(on, on), (off, off)], setting))
+        shares.append((METRICS["share_held"](Outcome(flight.recording)), len(flight.history.losses)))
+    assert shares == [(0.75, 1), (1.0, 0)]
+    assert encode_scenario(SETTING) == encode_scenario(far).replace('"loss_distance":2.5,', "")
+
+
+def test_gaps_to_tracks_are_those_of_the_cut_off_and_of_chi_square():
+    rng = np.random.default_rng(0)
+    people, means = rng.uniform(-12, 12, (400, 2)), np.array([[0.0, 0.0, 1.0, 0.0], [6.0, 0.0, 0.0, 0.0]])
+    covariances = np.array([np.diag([9.0, 1.0, 1.0, 1.0]), np.diag([0.2, 30.0, 1.0, 1.0])])
+    covariances[0, 0, 1] = covariances[0, 1, 0] = 2.0
+    expected = []
+    for person in people:
+        errors = person - means[:, :2]
+        squares = [e @ np.linalg.inv(P[:2, :2]) @ e for e, P in zip(errors, covariances, strict=True)]
+        near = min(np.linalg.norm(errors, axis=1)) < 10.0
+        expected.append(INSIDE if chi2.cdf(min(squares), 2) <= 0.95 else OUTSIDE if near else NO_TRACK)
+    assert set(expected) == {INSIDE, OUTSIDE, NO_TRACK}
+    np.testing.assert_array_equal(find_gaps(people, means, covariances), expected)
+    assert (find_gaps(people, means[:0], covariances[:0]) == NO_TRACK).all()
 
 
 @pytest.mark.parametrize(("last", "when"), [(2, "0.4 to 0.6 s"), (3, "0.4 to 0.8 s"), (4, "from 0.4 s to the end")])
@@ -102,7 +160,7 @@ def test_a_loss_lasts_until_the_scan_after_it_wherever_it_is_told(last, when):
     assert lost.when == when and losses["until_s"] - losses["from_s"] == pytest.approx([length])
     assert f"; losses 1, the longest {length:.1f} s>" in repr(flight)
     title = flight.timeline_figure().axes[0].get_title("left")
-    assert title.endswith(f"lost once, longest: person 0 for {length:.1f} s from 0.4 s")
+    assert title.endswith(f"lost once, at worst person 0 for {length:.1f} s from 0.4 s")
     assert [format_times(*row[:2]) for row in find_stretches(flight.history, 0) if row[2] == "lost"] == [when]
     again = [e.text for e in flight.events if e.kind == "person found"]
     assert again == ([f"person 0 found again by UAVs 0 and 1 after {length:.1f} s"] if last < 4 else [])

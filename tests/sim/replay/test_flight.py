@@ -77,7 +77,8 @@ def test_people_sightings_and_losses_are_those_of_the_history(flight):
     assert len(cut["uav"]) == len(sightings["uav"]) + 1
     assert (sightings["held_by_track"] >= 0).sum() == (history.tracks >= 0).sum()
     assert [tuple(row) for row in zip(*losses.values(), strict=True)] == [
-        (loss.person, 0.2 * loss.first, pytest.approx(0.2 * (loss.last + 1)), loss.found) for loss in history.losses
+        (loss.person, 0.2 * loss.first, pytest.approx(0.2 * (loss.last + 1)), loss.found, *loss.scans)
+        for loss in history.losses
     ]
     events = flight.columns("events")
     assert [*zip(*events.values(), strict=True)] == [(e.time, e.kind, e.sentence) for e in flight.events]

@@ -115,7 +115,7 @@ def test_states_scan_by_scan_are_those_of_the_whole_history():
     means[(recording.track_ids == 1) & (np.arange(len(means)) < 60), :2] += 50.0
     existence = np.where(rng.random(len(means)) < 0.1, 0.5, 0.6)
     recording = replace(recording, track_means=means, track_existence=existence)
-    expected, holding = History.of(recording).hold_states, Holding(4, 3)
+    expected, holding = History.of(recording).hold_states, Holding(4, 3, 1.0)
     found = [holding.step(recording.snapshot(k)) for k in range(len(recording.times))]
     np.testing.assert_array_equal(found, expected)
     certain = replace(recording, track_existence=np.ones(len(means)))

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
-from sim.evaluation.holding import HOLDS, Episode, episodes
+from sim.evaluation.holding import HOLDS, NO_TRACK, Episode, episodes
 from sim.replay.event import Event
 from sim.replay.flight import Flight
 from sim.replay.history import BROKEN, STATES, History
@@ -72,7 +72,7 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     assert title.endswith("100.0 % of the time, never lost")
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
     title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
-    assert title == "People held 50.0 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"
+    assert title == "People held 50.0 % of the time, lost once, at worst person 0 for 0.4 s from 0.2 s"
     apart = history(["x---"] * 2, ["x---"] * 2, ["x---"] * 2, [[1, -1, -1, 1], [1, 1, -1, -1]])
     assert "held 50.0 %" in timeline_figure(apart, np.ones((4, 2, 3)), ()).axes[0].get_title("left")
 
@@ -89,7 +89,7 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
         "shown, not detected",
         "in the frame, hidden",
         "out of view",
-        "held within 1 m by all",
+        "held by all",
         "held by some UAVs",
         "lost",
         "not found yet",
@@ -102,7 +102,7 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
         "track switched",
     ]
     calm = history(["--"] * 8, ["--"] * 8, ["--"] * 7 + ["xx"], [[1, 1]] * 8)
-    words = ["seen: lanes are the UAVs in brackets", "held within 1 m by all"]
+    words = ["seen: lanes are the UAVs in brackets", "held by all"]
     assert legend_of(timeline_figure(calm, np.ones((2, 8, 3)), ())) == words
 
 
@@ -129,6 +129,7 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
         detected=seen,
         hidden_by=np.full(seen.shape, -1),
         tracks=np.where(lost, -1, person),
+        gaps=np.full((60, 60), NO_TRACK),
     )
     rows, folded = timeline_rows(made)
     assert [row.person for row in rows] == list(range(59, 59 - len(rows), -1))
