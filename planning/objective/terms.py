@@ -94,10 +94,11 @@ def _count_unreached(own: Array, fleet: Array, uavs: Indices, reach: float) -> A
     order = np.empty(len(fleet), np.int64)
     for c in range(len(own)):
         for h in range(fleet.shape[1]):
-            for m in range(len(fleet)):
-                places[m] = fleet[m, h]
-            for j in range(len(uavs)):
-                places[uavs[j]] = own[c, j, h]
+            for axis in range(3):  # to assign the rows would take seconds to compile
+                for m in range(len(fleet)):
+                    places[m, axis] = fleet[m, h, axis]
+                for j in range(len(uavs)):
+                    places[uavs[j], axis] = own[c, j, h, axis]
             for first in uavs:
                 found[c] += len(fleet) - _count_reached(places, order, first, reach)
     return found / len(uavs)
