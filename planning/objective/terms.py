@@ -115,7 +115,8 @@ def _count_reached(places: Array, order: Indices, first: int, reach: float) -> i
         for m in range(reached, len(order)):
             square = 0.0
             for axis in range(3):
-                square += (places[order[k], axis] - places[order[m], axis]) ** 2
+                gap = places[order[k], axis] - places[order[m], axis]
+                square += gap * gap
             if square <= reach * reach:
                 order[reached], order[m] = order[m], order[reached]
                 reached += 1
