@@ -166,7 +166,7 @@ def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
 def test_words_of_the_page_on_debugging_are_those_of_the_program():
     folder = (ROOT / "sim" / "replay" / "explain").glob("*.py")
     source = "".join(path.read_text(encoding="utf-8") for path in folder)
-    said = ("lost since", "the point below the camera", "detected at pixel", "in the gate of", "NEES", "existence")
+    said = ("off the track", "detected at pixel", "in the gate of", "NEES", "existence")
     for words in (*said, "holds person"):
         assert words in text_of("how-to/debugging.md") and words in source
 
