@@ -11,7 +11,7 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
 from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, detectable_share
+from tracking.geometry.visibility import PART, TARGET_HEIGHT, Forest, any_of_two
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -193,9 +193,9 @@ def _find_visible_shares(
         for lane in range(0 if opaque else LANES):
             camera = east[lane], north[lane], height
             if free[lane] > 0.0 and is_blocked(camera, point, cylinder):
-                free[lane] *= exp(-blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
+                free[lane] *= exp(-PART * blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
     for lane in range(LANES if porous else 0):
-        free[lane] = detectable_share(free[lane])
+        free[lane] = any_of_two(free[lane])
     return some > 0
 
 
