@@ -163,7 +163,7 @@ def _find_spec(name: str) -> PlannerSpec:
 
 
 def _hint(name: str) -> str:
-    """Hint for an unknown name: the nearest planner, or the import string if the name is that of a module or class."""
+    """A hint for an unknown name: an import string if it looks like a module or class, else a similar planner."""
     module, _, last = name.rpartition(".")
     if module and (last == "py" or last[:1].isupper()):
         return f"; did you mean {module}:{'Class' if last == 'py' else last}?"

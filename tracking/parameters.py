@@ -139,7 +139,10 @@ class TrackerParameters:
 
     @cached_property
     def match_gate(self) -> float:
-        """Squared distance within which two tracks of one person are with `gate_probability` (four degrees)."""
+        """Squared distance of two tracks (four degrees of freedom).
+
+        Two tracks of one person are nearer than this with probability `gate_probability`.
+        """
         return _find_match_gate(self.measurement_gate)
 
     @cached_property
@@ -150,7 +153,7 @@ class TrackerParameters:
 
 @cache  # because each UAV has its own parameters
 def _find_match_gate(gate: float) -> float:
-    """Squared distance in four dimensions that is exceeded as seldom as this one in two."""
+    """The squared distance in four dimensions whose probability to be exceeded is that of `gate` in two."""
     # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
     wider, before = gate, 0.0
     while abs(wider - before) > 1e-15 * wider:

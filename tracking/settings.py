@@ -64,7 +64,7 @@ def _type_of_part(whole: inspect.Type, part: str) -> inspect.Type:
 
 
 def _hint(key: str, table: str, known: list[str], kind: type[msgspec.Struct]) -> str:
-    """The nearest key to an unknown one: the same name in another table, if there is one, else of the `known` keys."""
+    """A hint for an unknown key: the same name in another table or, without one, the most similar `known` key."""
     same = [name for name in _keys(inspect.type_info(kind), "") if name.rpartition(".")[2] == key]
     if not same:
         return did_you_mean(key, known)

@@ -36,7 +36,10 @@ def draw_information(team: Team, draws: Array) -> Array:
 
 @compiled
 def gains(team: Team, sequences: Array, draws: Array) -> Array:
-    """Mean gain (S,) of own sequences, with information (S, H, B, 3 LANES), over others drawn by `draws` (D, n - 1)."""
+    """Mean gain (S,) of a UAV's own sequences, whose information is (S, H, B, 3 LANES).
+
+    The mean is over sequences of the other UAVs, drawn by `draws` (D, n - 1).
+    """
     found = np.zeros(len(sequences))
     for i in range(len(draws)):
         others = draw_information(team, draws[i])

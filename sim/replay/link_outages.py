@@ -26,36 +26,36 @@ def link_outages(events: Sequence[Event], times: Array) -> list[Event]:
     those of a mission; times (K,) s.
     """
     alike = defaultdict(list)
-    for pair, outages in _outages(events, times).items():
+    for pair, outages in _find_outages(events, times).items():
         alike[tuple(outages)].append(pair)
-    longest = sorted(alike, key=_scans, reverse=True)
+    longest = sorted(alike, key=_count_scans, reverse=True)
     named = len(longest) if len(longest) <= _MOST_LINES else _MOST_LINES - 1
     found = []
     for own in longest[:named]:
-        text = f"no link between {_pairs_text(alike[own])}"
+        text = f"no link between {_name_pairs(alike[own])}"
         if len(own) > 1:
             seconds = sum(end - begin for begin, end in (find_ends(times, *outage) for outage in own))
             text += f", {len(own)} times, {seconds:.1f} s in all"
-        found.append(_event(times, _Outage(own[0].first, own[-1].last), text))
+        found.append(_make_event(times, _Outage(own[0].first, own[-1].last), text))
     if rest := longest[named:]:
         pairs = sum(len(alike[own]) for own in rest)
         span = _Outage(min(own[0].first for own in rest), max(own[-1].last for own in rest))
-        found.append(_event(times, span, f"no link at times between {pairs} more pairs of UAVs"))
+        found.append(_make_event(times, span, f"no link at times between {pairs} more pairs of UAVs"))
     return sorted(found, key=lambda event: event.time)
 
 
 def link_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event]:
     """Events that tell which UAVs have no link at scan k, and from when to when, the longest first."""
     now = defaultdict(list)
-    for pair, outages in _outages(events, times).items():
+    for pair, outages in _find_outages(events, times).items():
         for outage in outages:
             if outage.first <= k <= outage.last:
                 now[outage].append(pair)
     most = sorted(now, key=lambda outage: (outage.first, -outage.last))
-    return [_event(times, outage, f"no link between {_pairs_text(now[outage])}") for outage in most]
+    return [_make_event(times, outage, f"no link between {_name_pairs(now[outage])}") for outage in most]
 
 
-def _outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Outage]]:
+def _find_outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Outage]]:
     """The outages of each pair of UAVs that has any; that of a UAV which breaks down ends with it."""
     begun: dict[_Pair, int] = {}
     found = defaultdict(list)
@@ -70,15 +70,15 @@ def _outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Outage]
     return found
 
 
-def _scans(outages: Iterable[_Outage]) -> int:
+def _count_scans(outages: Iterable[_Outage]) -> int:
     return sum(outage.last + 1 - outage.first for outage in outages)
 
 
-def _event(times: Array, span: _Outage, text: str) -> Event:
+def _make_event(times: Array, span: _Outage, text: str) -> Event:
     return Event("link lost", text, *span, *find_lasting_ends(times, *span), _CAUSES)
 
 
-def _pairs_text(pairs: Sequence[_Pair]) -> str:
+def _name_pairs(pairs: Sequence[_Pair]) -> str:
     named = [f"{i} and {j}" for i, j in sorted(pairs)[:_MOST_PAIRS]]
     more = len(pairs) - len(named)
     return f"UAVs {', '.join(named)}" + (f", and {more} more pair{'s' * (more > 1)}" if more else "")

@@ -41,9 +41,11 @@ def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehic
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:
-    """Pose of a UAV's camera, which turns with the body, unless a gimbal holds it as on a level body that faces east.
+    """Pose of a UAV's camera.
 
-    On such a body it looks straight down with north up, or is pitched towards the body's x axis by its mounting angle.
+    A fixed camera turns with the body. A camera on a gimbal keeps the pose that it has on a level body that faces
+    east. Without a mounting angle it then looks straight down with north up; the angle pitches it towards the body's
+    x axis.
     """
     carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
     return Pose(body.position, _pitch(carrier, math.radians(uav.tilt_deg)))

@@ -88,7 +88,7 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
 
 @compiled
 def _wrap(index: np.int64, tile: int) -> np.uint64:
-    """Index modulo tile, without a division if it is in range; unsigned, so that indexing skips the sign check."""
+    """Index modulo tile. Most indices are in range and need no division; unsigned ones spare NumPy's check of sign."""
     return np.uint64(index if 0 <= index < tile else index % tile)
 
 

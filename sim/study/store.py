@@ -102,7 +102,10 @@ class Store:
         return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
-        """Update scenario, factors, settings and planner of stored trials, which the present study may spell anew."""
+        """Write anew the scenario, factors, settings and planner of stored trials.
+
+        The present study may name the same trials differently than the one that flew them.
+        """
         values = [(*_encode_place(task), task.key, *_encode_place(task)) for task in tasks]
         with self._transaction():
             self._connection.executemany(

@@ -99,7 +99,7 @@ class World:
 
     @cached_property
     def _bodies(self) -> Bodies:
-        """Bodies and their client, made at the first use in the present state of the world."""
+        """Bodies and the client that holds them. The first use makes them, at the places of that moment."""
         client = self._given
         if client is None:
             largest = max(uav.pixels for uav in self._scenario.uavs)
@@ -220,7 +220,7 @@ class World:
         return taken
 
     def close(self) -> None:
-        """Free the client, but only once, because PyBullet gives its number to the next client."""
+        """Free the client. A second call does nothing: by then PyBullet may have given the number to another client."""
         if not self._closed:
             if "_shown_bodies" in vars(self):
                 pybullet.disconnect(self._shown_bodies.client)

@@ -31,7 +31,7 @@ def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
     """
     if not blobs:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    pixels = np.array([_centre(frame, blob) for blob in blobs])
+    pixels = np.array([_find_centre(frame, blob) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
     return Detections(pixels, ground, whole_covariances(frame.camera.lens(frame.pose), ground))
 
@@ -65,7 +65,7 @@ def split_gaps(lens: Lens, pixels: Array, components: Indices) -> Array:
     return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
 
 
-def _centre(frame: Frame, blob: Array) -> Array:
+def _find_centre(frame: Frame, blob: Array) -> Array:
     """Pixel (2,), in the image or outside of it, of the mid-height of the person that a blob is from."""
     seen = np.asarray(blob.mean(axis=0))
     edge = float(frame.camera.pixels)
@@ -83,10 +83,10 @@ def _centre(frame: Frame, blob: Array) -> Array:
         area, inside = cv2.intersectConvexConvex(outline, image)
         if area < 1e-3:
             break
-        centre = seen + (_centroid(outline) - _centroid(np.asarray(inside[:, 0])))
+        centre = seen + (_compute_centroid(outline) - _compute_centroid(np.asarray(inside[:, 0])))
     return centre if np.isfinite(frame.camera.ground_points(frame.pose, centre, TARGET_HEIGHT)).all() else seen
 
 
-def _centroid(polygon: NDArray[Any]) -> Array:
+def _compute_centroid(polygon: NDArray[Any]) -> Array:
     moments = cv2.moments(polygon)
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]

@@ -60,8 +60,8 @@ class PersonFacts:
     def of(observer: Observer, k: int, person: int) -> "PersonFacts":
         """The facts about a person at scan k."""
         recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
-        holders = _holders(observer.flight, k, person)
-        beliefs = [_belief(recording, k, i, _track_of(holders, i)) for i in uavs]
+        holders = _find_holders(observer.flight, k, person)
+        beliefs = [_find_belief(recording, k, i, _find_track(holders, i)) for i in uavs]
         return PersonFacts(
             k=k,
             person=person,
@@ -79,15 +79,15 @@ class PersonFacts:
 
         None if that one stands for another person on this UAV, as ids differ between UAVs that do not hear each other.
         """
-        return _track_of(self.holders, uav)
+        return _find_track(self.holders, uav)
 
 
-def _track_of(holders: Sequence[HoldingTrack], uav: int) -> HoldingTrack | None:
+def _find_track(holders: Sequence[HoldingTrack], uav: int) -> HoldingTrack | None:
     own = next((holder for holder in holders if uav in holder.holds), holders[0] if holders else None)
     return None if own is None or uav in own.elsewhere else own
 
 
-def _belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | None) -> Gaussian | None:
+def _find_belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | None) -> Gaussian | None:
     """The belief of a track that a UAV has after scan k; that of another UAV if it does not have the track."""
     if holder is None:
         return None
@@ -95,7 +95,7 @@ def _belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | None)
     return found[1] if found else holder.belief
 
 
-def _holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
+def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
     """The tracks by which UAVs hold the person, that of most UAVs first; if none does, the last that held them."""
     held = flight.history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
@@ -104,10 +104,10 @@ def _holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
     last = int(scans[-1])
     ids, counts = np.unique(held[last][held[last] >= 0], return_counts=True)
     ids = ids[np.argsort(-counts, kind="stable")]
-    return tuple(_holder(flight, k, person, int(id_), last) for id_ in (ids if last == k else ids[:1]))
+    return tuple(_make_holder(flight, k, person, int(id_), last) for id_ in (ids if last == k else ids[:1]))
 
 
-def _holder(flight: Flight, k: int, person: int, id_: int, last: int) -> HoldingTrack:
+def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> HoldingTrack:
     """Facts at scan k about the track that stood for the person at scan `last`."""
     recording, standing = flight.recording, flight.history.tracks[k] == id_
     holds = np.flatnonzero(standing[:, person]).tolist()

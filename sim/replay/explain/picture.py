@@ -33,18 +33,18 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Te
 
     Below the words are the cameras' original pixels around the person.
     """
-    picture, tracks = _map(facts)
+    picture, tracks = _draw_map(facts)
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
-    for w in _nearest(facts):
+    for w in _find_nearest(facts):
         sight = Sight.of(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotate(image, sight, _TILE)
         shown |= marks
-        tiles.append((_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
+        tiles.append((_write_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
             place = sight.camera.project(sight.pose, at_target_height(facts.place[None]))[0][0]
-            insets.append((f"pixels of UAV {w.uav}", _near(image, place)))
-    words = np.vstack([_words(groups, shown), *_beside(insets)])
+            insets.append((f"pixels of UAV {w.uav}", _enlarge(image, place)))
+    words = np.vstack([_draw_words(groups, shown), *_put_beside(insets)])
     columns = min(len(tiles), 2)
     rows = -(-len(tiles) // columns)
     height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)
@@ -59,18 +59,18 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Te
     return page
 
 
-def _nearest(facts: PersonFacts) -> list[PersonObservation]:
+def _find_nearest(facts: PersonFacts) -> list[PersonObservation]:
     """Observations of the UAVs with shown frames: those with the person inside first, then the nearest."""
     working = [w for w in facts.observations if w.works]
     return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
 
 
-def _heading(w: PersonObservation) -> str:
+def _write_heading(w: PersonObservation) -> str:
     found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
     return f"UAV {w.uav}: {w.sighting.status}{found}"
 
 
-def _near(image: Image, place: Array) -> Image:
+def _enlarge(image: Image, place: Array) -> Image:
     """The pixels around a place (2,) of an image, enlarged."""
     edge = 2 * _NEAR + 1
     low = np.clip(np.floor(place).astype(int) - _NEAR, 0, len(image) - edge)
@@ -78,7 +78,7 @@ def _near(image: Image, place: Array) -> Image:
     return np.asarray(cv2.resize(part, (_INSET, _INSET), interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
 
 
-def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
+def _put_beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
     """A row of insets under their headings, as wide as the words; empty without insets."""
     row = np.full((_HEAD + _INSET + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
     for n, (heading, inset) in enumerate(insets):
@@ -88,7 +88,7 @@ def _beside(insets: Sequence[tuple[str, Image]]) -> list[Image]:
     return [row] if insets else []
 
 
-def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
+def _cut_tile(image: Image, middle: Array) -> tuple[Image, Array]:
     """A tile of an image, centred on a pixel (2,) as far as possible and blank beyond it; and its first pixel (2,)."""
     tile = np.full((_TILE, _TILE, 3), PANEL, dtype=np.uint8)
     low = np.clip(middle - _TILE / 2, 0, np.maximum(np.array(image.shape[1::-1]) - _TILE, 0)).astype(int)
@@ -97,7 +97,7 @@ def _cut(image: Image, middle: Array) -> tuple[Image, Array]:
     return tile, low
 
 
-def _map(facts: PersonFacts) -> tuple[Image, bool]:
+def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
     """The part of the map around the person, with lines of sight and the trees in their way.
 
     The second value is True if there are tracks on it.
@@ -111,7 +111,7 @@ def _map(facts: PersonFacts) -> tuple[Image, bool]:
     image, labels = view.draw_recorded(recording, facts.k, holds)
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, facts)
-    tile, low = _cut(image, view.pixels(np.nan_to_num(facts.place)))
+    tile, low = _cut_tile(image, view.pixels(np.nan_to_num(facts.place)))
     tracks = beliefs_of(view.shown_tracks(recording.snapshot(facts.k))).means[:, :2]
     inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
     return tile, bool(inside.all(axis=1).any())
@@ -142,7 +142,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
     disc(image, person, 14.0, INK, 2)
 
 
-def _words(groups: Sequence[TextGroup], shown: set[str]) -> Image:
+def _draw_words(groups: Sequence[TextGroup], shown: set[str]) -> Image:
     """Image of the words, and of a legend of the marks with the names `shown`."""
     lines, bottom = lay_out_groups(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
     marks = find_marks(shown)

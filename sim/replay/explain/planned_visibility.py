@@ -42,7 +42,7 @@ def find_planned_visibility(
     plan = sum(scenario.plan_start(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
     if plan < 0 or not recording.working[k, uav]:
         return None
-    at, corners, poses = _planned_flight(recording, plan, uav)
+    at, corners, poses = _plan_flight(recording, plan, uav)
     times = now + np.arange(1, int((at[-1] - now + _SLACK) * rate) + 1) / rate
     if len(times) == 0:
         return None
@@ -50,16 +50,16 @@ def find_planned_visibility(
     views = [Pose(np.append(place, poses.position[2]), poses.quaternion) for place in path]
     known = recording.people[k + 1 : k + 1 + len(times), person]
     ahead = np.full(len(times), -1)
-    ahead[: len(known)] = _view_states(recording, uav, views, known)
+    ahead[: len(known)] = _find_view_states(recording, uav, views, known)
     track = None
     if belief is not None:
         scan = replace(make_planned_motion(scenario, replay_tracking(recording).motion(k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
-        track = _view_states(recording, uav, views, nominal[:, 0])
+        track = _find_view_states(recording, uav, views, nominal[:, 0])
     return PlannedVisibility(float(recording.plan_times[plan]), times, path, ahead, track)
 
 
-def _planned_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Array, Pose]:
+def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Array, Pose]:
     """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its beginning.
 
     The path begins at the UAV's position when the plan was due. UAV and camera move as planners assume.
@@ -75,7 +75,7 @@ def _planned_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, A
     return begun + step * np.arange(len(corners), dtype=float), corners, camera
 
 
-def _view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
+def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUTSIDE` for NaN."""
     setting, trees = recording.setting, make_known_forest(recording)
     camera = view_of(setting.uavs[uav], setting)

@@ -122,31 +122,32 @@ def tell_track_story(facts: TrackFacts) -> list[TextGroup]:
     groups = [
         TextGroup("note", list(filter(None, [facts.observer.replay.note]))),
         TextGroup(f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
-        TextGroup("born", list(_birth(facts))),
-        TextGroup("fed by", list(_fed(facts))),
-        TextGroup("kept", list(_kept(facts, own))),
-        TextGroup("deleted", list(_deletion(facts))),
+        TextGroup("born", list(_tell_birth(facts))),
+        TextGroup("fed by", list(_tell_fed(facts))),
+        TextGroup("kept", list(_tell_kept(facts, own))),
+        TextGroup("deleted", list(_tell_deletion(facts))),
     ]
     return [group for group in groups if group.sentences]
 
 
-def _birth(facts: TrackFacts) -> Iterator[str]:
+def _tell_birth(facts: TrackFacts) -> Iterator[str]:
     when = f"{facts.recording.times[facts.first]:.1f} s"
     if facts.known:
         yield "known at the start"
         return
     births = facts.births(facts.first, facts.id)
     for begun, *others in births:
-        yield f"at {facts.recording.times[begun.k]:.1f} s from {_source(begun, facts)}, measured by UAV {begun.uav}"
-        yield from _rival(begun, facts)
+        source = _name_source(begun, facts)
+        yield f"at {facts.recording.times[begun.k]:.1f} s from {source}, measured by UAV {begun.uav}"
+        yield from _tell_rival(begun, facts)
         for measured in others:
-            yield f"then from {_source(measured, facts)} at {facts.recording.times[measured.k]:.1f} s"
+            yield f"then from {_name_source(measured, facts)} at {facts.recording.times[measured.k]:.1f} s"
         yield f"confirmed at {when} by UAV {begun.uav}"
     if not births:
         yield f"first held at {when} by {fleet_text(facts.holders(facts.first))}"
 
 
-def _rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
+def _tell_rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
     """The track nearest to the person whose measurement began this one, which did not explain the measurement."""
     a = facts.observer.replay.association(begun.k, begun.uav)
     if a is None or begun.person < 0 or len(a.ids) == 0:
@@ -161,14 +162,14 @@ def _rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
         yield f"track {number}, then {away}, was {math.sqrt(a.distances()[t, j]):.1f} σ from it, {gated}"
 
 
-def _source(measured: TrackMeasurement, facts: TrackFacts) -> str:
+def _name_source(measured: TrackMeasurement, facts: TrackFacts) -> str:
     if measured.person < 0:
         return f"a false alarm at {format_place(measured.place)}"
     off = math.dist(measured.place, facts.recording.people[measured.k, measured.person])
     return f"a measurement of person {measured.person} at {format_place(measured.place)}, an error of {off:.2f} m"
 
 
-def _fed(facts: TrackFacts) -> Iterator[str]:
+def _tell_fed(facts: TrackFacts) -> Iterator[str]:
     """Sources of the track's measurements, the most frequent first."""
     sources: defaultdict[tuple[int, int], list[tuple[int, float]]] = defaultdict(list)
     for detection, weight in facts.detections:
@@ -178,12 +179,12 @@ def _fed(facts: TrackFacts) -> Iterator[str]:
         first, last = (f"{facts.recording.times[k]:.1f}" for k in (found[0][0], found[-1][0]))
         when = f"at {first} s" if first == last else f"{first} to {last} s"
         mean = percent_text(float(np.mean([weight for _, weight in found])))
-        yield f"{what} from UAV {uav}: {_frames(len(found))}, {when}, weight {mean} in the mean"
+        yield f"{what} from UAV {uav}: {_format_frames(len(found))}, {when}, weight {mean} in the mean"
     if not sources and not facts.observer.replay.note:
         yield "no measurement once it was confirmed"
 
 
-def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
+def _tell_kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     """Evidence for and against the track while it stood for no person, re-acquisitions, and when it was unlikely."""
     times = facts.recording.times
     for event in own if facts.observations else ():
@@ -192,11 +193,12 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         observations = [o for o in facts.observations if event.first <= o.k <= event.last]
         detected = sum(o.weight >= SEEN for o in observations)
         missed = sum(o.visible >= EXPECTED and o.weight < SEEN for o in observations)
-        counts = f"detected in {detected} of {_frames(len(observations))}, missed in {missed} that should have shown it"
+        frames = _format_frames(len(observations))
+        counts = f"detected in {detected} of {frames}, missed in {missed} that should have shown it"
         first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"
         yield f"{event.when}: {counts}{known}"
-    yield from _reacquired(facts)
+    yield from _tell_reacquired(facts)
     scans, _ = facts.recording.cells(facts.recording.track_offsets)
     rows = facts.recording.track_ids == facts.id
     without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
@@ -208,18 +210,18 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         yield f"last detection at {times[detection.k]:.1f} s by UAV {detection.uav}, {source_text(detection.person)}"
 
 
-def _reacquired(facts: TrackFacts) -> Iterator[str]:
+def _tell_reacquired(facts: TrackFacts) -> Iterator[str]:
     """The measurements of the new tracks that went on with this one after it was lost."""
     times = facts.recording.times
     for k in range(facts.first, facts.last + 1):
         accounts = facts.observer.replay.accounts_at(k)
         for new in sorted({r.new_id for _, account in accounts for r in account.reacquisitions if r.id == facts.id}):
             for begun, *_ in facts.births(k, new):
-                source = f"{_source(begun, facts)} at {times[begun.k]:.1f} s, measured by UAV {begun.uav}"
+                source = f"{_name_source(begun, facts)} at {times[begun.k]:.1f} s, measured by UAV {begun.uav}"
                 yield f"re-acquired at {times[k]:.1f} s by a new track from {source}"
 
 
-def _deletion(facts: TrackFacts) -> Iterator[str]:
+def _tell_deletion(facts: TrackFacts) -> Iterator[str]:
     recording, replay, last = facts.recording, facts.observer.replay, facts.last
     if last == len(recording.times) - 1:
         yield "not before the end of the mission"
@@ -228,7 +230,7 @@ def _deletion(facts: TrackFacts) -> Iterator[str]:
     if not recording.working[last + 1, holders].any():
         yield f"at {time}, as {fleet_text(holders)} broke down"
         return
-    deletions = _deletions(facts)
+    deletions = _find_deletions(facts)
     if not deletions or deletions[0].k <= last:
         met = not deletions and last + 1 < len(replay.states)
         yield f"at {time}{', as UAVs that met had another track of its person' if met else ''}"
@@ -242,20 +244,20 @@ def _deletion(facts: TrackFacts) -> Iterator[str]:
         yield f"track {near} was the nearest, {gap:.1f} m away"
 
 
-def _deletions(facts: TrackFacts) -> list[DeletionBySome]:
+def _find_deletions(facts: TrackFacts) -> list[DeletionBySome]:
     """The last deletions of the track, all of one scan; UAVs that were out of contact may delete it later."""
     for k in range(facts.last + 1, facts.first - 1, -1):
         reasons: defaultdict[str, list[int]] = defaultdict(list)
         for uav, account in facts.observer.replay.accounts_at(k):
             for deletion in account.deletions:
                 if deletion.id == facts.id:
-                    reasons[_reason(deletion, facts)].append(uav)
+                    reasons[_tell_reason(deletion, facts)].append(uav)
         if reasons:
             return [DeletionBySome(k, uavs, reason) for reason, uavs in reasons.items()]
     return []
 
 
-def _reason(deletion: Deletion, facts: TrackFacts) -> str:
+def _tell_reason(deletion: Deletion, facts: TrackFacts) -> str:
     """The reason in words; mypy finds a `DeletionReason` that has no case."""
     p = make_tracker_parameters(facts.recording.setting)
     match deletion.reason:
@@ -270,5 +272,5 @@ def _reason(deletion: Deletion, facts: TrackFacts) -> str:
             return f"existence {spell(deletion.existence, 2)}; a track is deleted below {p.deletion_threshold:g}"
 
 
-def _frames(count: int) -> str:
+def _format_frames(count: int) -> str:
     return f"{count} frame{'s' * (count != 1)}"
