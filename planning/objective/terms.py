@@ -67,6 +67,7 @@ def _closest(relative: Array) -> Array:
 class Connectivity:
     """Cost of `weight` [m²] for each step and each UAV that no chain of links joins to the deciding UAV.
 
+    Of the UAVs in the situation only, so one that has been out of contact for longer than its last plan is forgotten.
     UAVs are linked within the radio's range. In joint plans the mean over the deciding UAVs counts.
     """
 

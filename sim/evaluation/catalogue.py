@@ -179,9 +179,7 @@ METRICS = {
         "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
         "identity.switches": Metric("identity switches", _over_uavs(lambda s: s.switches)),
         "identity.fragmentations": Metric("fragmentations", _over_uavs(lambda s: s.fragmentations)),
-        "handoffs": Metric(
-            "hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither", digits=0
-        ),
+        "handoffs": Metric("hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither"),
         "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
         "time_to_find_s": Metric(
             "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"

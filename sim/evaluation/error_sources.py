@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.evaluation.score import FAR, Score
-from sim.recording.recording import Recording
+from sim.recording.recording import Recording, find_last_frames
 from tracking.numerics.arrays import Array
 
 # Missed people: no UAV has held them yet; another UAV holds or detects them; others. Squared distances of tracks from
@@ -15,7 +15,9 @@ SOURCES = ("not_found_yet", "known_to_others", "lost", "off", "false")
 
 def find_error_sources(recording: Recording, scores: Sequence[Score]) -> Array:
     """Parts (K, 5) m² of squared GOSPA, by `SOURCES`, for each pair of a scan and a UAV that works then."""
-    known, held = recording.matched.copy(), np.zeros_like(recording.matched)  # (K, n, M)
+    frames = find_last_frames(recording.frames_taken)
+    known = np.take_along_axis(recording.matched, frames[:, :, None], axis=0)  # (K, n, M), in last frames
+    held = np.zeros_like(known)
     for i, score in enumerate(scores):
         held[recording.working[:, i], i] = score.held
     found = np.maximum.accumulate(held.any(axis=1), axis=0)

@@ -11,7 +11,7 @@ class Handoff(NamedTuple):
     """A person who passes from one UAV to another."""
 
     scan: int
-    last: int  # scan at which the first UAV last detected the person
+    last: int  # last scan at which the first UAV's latest frame showed the person
     person: int
     uavs: tuple[int, int]  # from, to
 
@@ -20,7 +20,7 @@ def find_handoffs(recording: Recording) -> list[Handoff]:
     """Hand-offs, by person and scan.
 
     A person is with the UAV that detects them until its last frame shows them no more and another UAV detects them: of
-    several the one that has done so for longest, then the first.
+    several the one that has done so for longest, then the first. Where views overlap, a missed detection counts, too.
     """
     frames = find_last_frames(recording.frames_taken)
     detected = np.take_along_axis(recording.matched, frames[:, :, None], axis=0) & recording.working[:, :, None]

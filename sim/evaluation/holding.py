@@ -55,13 +55,15 @@ class Holding:
 
 
 def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
-    """Gap (M,) of each person to tracks: `INSIDE` the 95 % ellipse of one, `OUTSIDE` it within `FAR` m, or `NO_TRACK`.
+    """Gap (M,) of each person to tracks within `FAR` m: `INSIDE` the 95 % ellipse of one, `OUTSIDE` it, or `NO_TRACK`.
 
     people (M, 2) m; means (A, 4) and covariances (A, 4, 4) of tracks.
     """
     errors, found = means[:, None, :2] - people, np.full(len(people), NO_TRACK)
-    found[(length(errors) < FAR).any(axis=0)] = OUTSIDE
-    found[(squared_distance(errors, covariances[:, None, :2, :2]) <= ELLIPSE**2).any(axis=0)] = INSIDE
+    near = length(errors) < FAR
+    found[near.any(axis=0)] = OUTSIDE
+    inside = squared_distance(errors, covariances[:, None, :2, :2]) <= ELLIPSE**2
+    found[(near & inside).any(axis=0)] = INSIDE
     return found
 
 

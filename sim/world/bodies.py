@@ -116,8 +116,9 @@ def paint(engine: Engine, id: int, look: Look, alpha: float = 1.0) -> None:
 class Bodies:
     """Ground, trees, people and quadrotors in one client of the engine."""
 
-    def __init__(self, client: int, scenario: Scenario, looks: tuple[Look, ...], *, opengl: bool) -> None:
-        """Make all bodies; people are absent at first, and UAVs are at their starts."""
+    def __init__(self, client: int, scenario: Scenario, looks: tuple[Look, ...], *, opengl: bool, drawn: bool) -> None:
+        """Make all bodies, with their leaves if they are drawn; people are absent, and UAVs at their starts."""
+        self._drawn = drawn
         self.client, self.engine, self.opengl = client, Engine(client), opengl
         self.engine.setGravity(0.0, 0.0, -GRAVITY)
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
@@ -156,7 +157,8 @@ class Bodies:
         else:
             if look.shape not in self._shapes:
                 size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if look.kind == "person" else look.scale[1:]
-                self._shapes[look.shape] = self._cylinder(*size), add_mesh(self.engine, look)
+                mesh = add_mesh(self.engine, look) if self._drawn or look.leaves is None else -1
+                self._shapes[look.shape] = self._cylinder(*size), mesh
             id_ = int(self.engine.createMultiBody(0.0, *self._shapes[look.shape], look.place))
         paint(self.engine, id_, look)
         return Body(**vars(look), id=id_)

@@ -105,7 +105,7 @@ class World:
             largest = max(uav.pixels for uav in self._scenario.uavs)
             client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
         try:
-            made = Bodies(client, self._scenario, self.looks, opengl=self.opengl)
+            made = Bodies(client, self._scenario, self.looks, opengl=self.opengl, drawn=self._given is not None)
             self._put_uavs(made)
             self._put_people(made)
         except BaseException:

@@ -153,7 +153,8 @@ def locate_people(
     found = detections_of(frame, blobs)
     if forest is not None:
         leaves = are_behind_leaves(frame, found.ground, forest)
-        found.covariances[leaves] += leaf_covariances(frame, found, blobs)[leaves]
+        if leaves.any():
+            found.covariances[leaves] += leaf_covariances(frame, found, blobs)[leaves]
         for k in np.flatnonzero(~leaves).tolist():
             if (places := find_places(frame, blobs[k], forest)) is not None:
                 found.ground[k], found.covariances[k], _ = places.posterior()

@@ -137,15 +137,17 @@ def test_the_loss_distance_of_a_scenario_decides_who_is_held():
 def test_gaps_to_tracks_are_those_of_the_cut_off_and_of_chi_square():
     rng = np.random.default_rng(0)
     people, means = rng.uniform(-12, 12, (400, 2)), np.array([[0.0, 0.0, 1.0, 0.0], [6.0, 0.0, 0.0, 0.0]])
-    covariances = np.array([np.diag([9.0, 1.0, 1.0, 1.0]), np.diag([0.2, 30.0, 1.0, 1.0])])
+    covariances = np.array([np.diag([9.0, 1.0, 1.0, 1.0]), np.diag([0.2, 60.0, 1.0, 1.0])])
     covariances[0, 0, 1] = covariances[0, 1, 0] = 2.0
     expected = []
     for person in people:
         errors = person - means[:, :2]
         squares = [e @ np.linalg.inv(P[:2, :2]) @ e for e, P in zip(errors, covariances, strict=True)]
-        near = min(np.linalg.norm(errors, axis=1)) < 10.0
-        expected.append(INSIDE if chi2.cdf(min(squares), 2) <= 0.95 else OUTSIDE if near else NO_TRACK)
+        near = np.linalg.norm(errors, axis=1) < 10.0
+        inside = near & (chi2.cdf(squares, 2) <= 0.95)
+        expected.append(INSIDE if inside.any() else OUTSIDE if near.any() else NO_TRACK)
     assert set(expected) == {INSIDE, OUTSIDE, NO_TRACK}
+    assert find_gaps(np.array([[6.0, 15.0]]), means, covariances) == NO_TRACK  # in an ellipse, but too far away
     np.testing.assert_array_equal(find_gaps(people, means, covariances), expected)
     assert (find_gaps(people, means[:0], covariances[:0]) == NO_TRACK).all()
 

@@ -29,7 +29,7 @@ def gap(tree, seeds, tilt):
     shares = []
     for seed in range(seeds):
         with World(SCENARIO, Forest((tree,)), 0, seed) as world:
-            _, _, bodies = capture(world.client, FAR, camera)
+            _, _, bodies = capture(world.show(np.ones(len(world.looks), np.bool_)).client, FAR, camera)
             shares.append(np.mean(bodies < 0))
     return np.mean(shares), np.std(shares) / math.sqrt(seeds)
 
@@ -74,7 +74,13 @@ def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_la
         assert (Renderer(world).render(Camera(0.5, 128), Pose.level(0.0, 0.0, 20.0)).people == 0).any()
     huge = Tree(0.0, 0.0, 50.0, 3.0, 40.0, 0.01, 5.0)
     with World(SCENARIO, Forest((huge,)), 0) as world:
-        assert np.mean(capture(world.client, FAR, Pose.level(0.0, 0.0, 100.0)).bodies < 0) == 0
+        assert (
+            np.mean(
+                capture(world.show(np.ones(len(world.looks), np.bool_)).client, FAR, Pose.level(0.0, 0.0, 100.0)).bodies
+                < 0
+            )
+            == 0
+        )
 
 
 def test_a_mission_under_porous_crowns_is_recorded_and_rendered_again():
