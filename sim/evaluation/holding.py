@@ -40,16 +40,19 @@ class Holding:
 
     def step(self, snapshot: Snapshot) -> Indices:
         """States (M,) at the next scan, as indices into `HOLDS`."""
-        count = np.zeros(len(snapshot.people), dtype=np.int64)
-        gaps = np.full(len(snapshot.people), NO_TRACK)
+        count, free = np.zeros(len(snapshot.people), dtype=np.int64), []
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
             own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
             places = np.full((len(columns), 2), np.nan)
             places[own] = find_reported_positions(known)
             matched = matcher.step(places, snapshot.people)
             count += matched >= 0
-            free = beliefs_of([track for track in known if track.reported and columns[track.id] not in matched])
-            gaps = np.minimum(gaps, find_gaps(snapshot.people, free.means, free.covariances))
+            holding = set(matched.tolist())
+            free.append([track for track in known if track.reported and columns[track.id] not in holding])
+        unheld, gaps = np.flatnonzero(self._found & (count == 0)), np.full(len(count), NO_TRACK)
+        for beliefs in [beliefs_of(tracks) for tracks in free if tracks and len(unheld)]:
+            found = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
+            gaps[unheld] = np.minimum(gaps[unheld], found)
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]), gaps)
 
