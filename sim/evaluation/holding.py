@@ -48,11 +48,9 @@ class Holding:
             matched = matcher.step(places, snapshot.people)
             count += matched >= 0
             holding = set(matched.tolist())
-            free.append([track for track in known if track.reported and columns[track.id] not in holding])
-        unheld, gaps = np.flatnonzero(self._found & (count == 0)), np.full(len(count), NO_TRACK)
-        for beliefs in [beliefs_of(tracks) for tracks in free if tracks and len(unheld)]:
-            found = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
-            gaps[unheld] = np.minimum(gaps[unheld], found)
+            free += [track for track in known if track.reported and columns[track.id] not in holding]
+        unheld, gaps, beliefs = self._found & (count == 0), np.full(len(count), NO_TRACK), beliefs_of(free)
+        gaps[unheld] = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]), gaps)
 
@@ -60,7 +58,7 @@ class Holding:
 def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
     """Gap (M,) of each person to tracks within `FAR` m: `INSIDE` the 95 % ellipse of one, `OUTSIDE` it, or `NO_TRACK`.
 
-    people (M, 2) m; means (A, 4) and covariances (A, 4, 4) of tracks.
+    people (M, 2) m; means (A, 4) and covariances (A, 4, 4) of all UAVs' reported tracks that hold nobody.
     """
     errors, found = means[:, None, :2] - people, np.full(len(people), NO_TRACK)
     near = length(errors) < FAR
@@ -73,8 +71,8 @@ def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
 def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags, gaps: Indices) -> Indices:
     """States of people, as indices into `HOLDS`.
 
-    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs; gaps: to the
-    tracks that hold nobody, as `find_gaps` has them, the least of all UAVs.
+    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs; gaps: as
+    from `find_gaps`.
     """
     states = np.where(gaps == INSIDE, HOLDS.index("off"), HOLDS.index("lost"))
     states[~found] = HOLDS.index("not found yet")

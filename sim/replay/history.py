@@ -54,7 +54,7 @@ class History:
     shown: Flags  # (K, n, M), the frame showed a part of the person
     detected: Flags  # (K, n, M)
     tracks: Indices  # (K, n, M), id of the track that stands for the person; -1 for none
-    gaps: Indices  # (K, M), as `holding.find_gaps` has them, the least of all UAVs, of people whom none holds
+    gaps: Indices  # (K, M), as from `holding.find_gaps`, of people whom no UAV holds
 
     @staticmethod
     def of(recording: Recording) -> "History":
@@ -152,16 +152,16 @@ class History:
 
 
 def _find_gaps(recording: Recording, standing: Indices) -> Indices:
-    """Gaps (K, M) of people whom no UAV holds to the reported tracks that hold nobody; standing as `History.tracks`."""
-    found = np.full(recording.people.shape[:2], NO_TRACK)
+    """Gaps (K, M) to tracks of people whom no UAV holds; standing as `History.tracks`."""
+    found, owner = np.full(recording.people.shape[:2], NO_TRACK), recording.cells(recording.track_offsets)[1]
     unheld = (standing < 0).all(axis=1) & ~np.isnan(recording.people[..., 0])
-    uavs, offsets = standing.shape[1], recording.track_offsets
+    ends = recording.track_offsets[:: standing.shape[1]]
     for k in np.flatnonzero(unheld.any(axis=1)).tolist():
-        for i in range(uavs):
-            rows = np.arange(*offsets[k * uavs + i : k * uavs + i + 2])
-            rows = rows[recording.reported[rows] & ~np.isin(recording.track_ids[rows], standing[k, i])]
-            beliefs = recording.track_means[rows], recording.track_covariances[rows]
-            found[k] = np.minimum(found[k], find_gaps(recording.people[k], *beliefs))
+        rows = np.arange(*ends[k : k + 2])
+        holds = (recording.track_ids[rows, None] == standing[k, owner[rows]]).any(axis=1)
+        rows = rows[recording.reported[rows] & ~holds]
+        means, covariances = recording.track_means[rows], recording.track_covariances[rows]
+        found[k, unheld[k]] = find_gaps(recording.people[k, unheld[k]], means, covariances)
     return found
 
 
