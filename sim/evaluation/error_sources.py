@@ -10,7 +10,7 @@ from tracking.numerics.arrays import Array
 
 # Missed people: no UAV has held them yet; another UAV holds or detects them; others. Squared distances of tracks from
 # their people. False tracks.
-SOURCES = ("not_found_yet", "known_to_others", "lost", "off", "false")
+SOURCES = ("not_found_yet", "known_to_others", "lost", "localisation", "false")
 
 
 def find_error_sources(recording: Recording, scores: Sequence[Score]) -> Array:

@@ -15,7 +15,7 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Indices
 
-OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # states of a place in a camera
+OUT_OF_VIEW, HIDDEN, IN_VIEW = 0, 1, 2  # states of a place in a camera
 _SLACK = 1e-6  # s
 
 
@@ -26,7 +26,7 @@ class PlannedVisibility:
     made: float  # s, time of the plan's decision
     times: Array  # (S,) s
     path: Array  # (S, 2) m, path of the UAV
-    person: Indices  # (S,), state of the true person: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
+    person: Indices  # (S,), state of the true person: `OUT_OF_VIEW`, `HIDDEN`, `IN_VIEW`; -1 after the mission
     track: Indices | None  # (S,), state of the track as planners predict it; None without a track
 
 
@@ -76,10 +76,10 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
 
 
 def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
-    """States (S,) of places (S, 2) m in the camera at S or more poses; `OUTSIDE` for NaN."""
+    """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
     setting, trees = recording.setting, make_known_forest(recording)
     camera = view_of(setting.uavs[uav], setting)
-    found = np.full(len(places), OUTSIDE)
+    found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
         point = at_target_height(place[None])
         if np.isfinite(place).all() and camera.sees(pose, point)[0]:

@@ -28,7 +28,7 @@ _TURN = np.linspace(0.0, 2 * math.pi, 25)
 _SEE_THROUGH = 150  # opacity of canopies, of 255
 
 
-class Gap(NamedTuple):
+class Disagreement(NamedTuple):
     """Distance between the means of one track at two UAVs."""
 
     track: int  # number
@@ -113,7 +113,7 @@ class Scene:
             self._log_breakdown(i)
         for i in snapshot.working:
             self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # once, because UAVs normally agree
-        self._log_gaps(find_gaps(self._recording, k))
+        self._log_disagreements(find_disagreements(self._recording, k))
         self._log_intents(snapshot)
 
     def _log_people(self, snapshot: Snapshot, holds: Sequence[str]) -> None:
@@ -169,12 +169,12 @@ class Scene:
         self._stream.log(f"world/tracks/{uav}/ellipses", lines)
         self._stream.log(f"world/tracks/{uav}/means", marks)
 
-    def _log_gaps(self, gaps: Sequence[Gap]) -> None:
+    def _log_disagreements(self, found: Sequence[Disagreement]) -> None:
         lines = rr.LineStrips3D(
-            [_lift(np.array([gap.one, gap.other]), TARGET_HEIGHT) for gap in gaps],
+            [_lift(np.array([pair.one, pair.other]), TARGET_HEIGHT) for pair in found],
             colors=[ALARM],
             radii=0.05,
-            labels=[f"track {gap.track}: {gap.metres:.2f} m apart" for gap in gaps],
+            labels=[f"track {pair.track}: {pair.metres:.2f} m apart" for pair in found],
             show_labels=False,
         )
         self._stream.log("world/agreement", lines)
@@ -195,14 +195,17 @@ def find_broken(recording: Recording, k: int) -> list[int]:
     return [int(i) for i in np.flatnonzero((k == 0 or recording.working[k - 1]) & ~recording.working[k])]
 
 
-def find_gaps(recording: Recording, k: int) -> list[Gap]:
+def find_disagreements(recording: Recording, k: int) -> list[Disagreement]:
     """For each track that several UAVs have after scan k, the two UAVs whose positions differ most."""
     held = defaultdict(list)
     for i in range(recording.poses.shape[1]):
         for track in recording.tracks_at(k, i):
             held[recording.track_numbers[track.id]].append(track.belief.mean[:2])
     return [
-        max((Gap(number, math.dist(a, b), a, b) for a, b in combinations(means, 2)), key=lambda gap: gap.metres)
+        max(
+            (Disagreement(number, math.dist(a, b), a, b) for a, b in combinations(means, 2)),
+            key=lambda pair: pair.metres,
+        )
         for number, means in held.items()
         if len(means) > 1
     ]

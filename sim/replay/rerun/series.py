@@ -15,7 +15,7 @@ from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.flight import Flight
 from sim.replay.history import STATES
-from sim.replay.rerun.scene import find_gaps
+from sim.replay.rerun.scene import find_disagreements
 from tracking.numerics.arrays import Array, Indices
 
 _PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, palette.BLUE)
@@ -59,8 +59,8 @@ def _list_tracks(recording: Recording) -> list[Series]:
         for id_ in {track.id for track in held}:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
-        for gap in find_gaps(recording, k):
-            gaps[gap.track, k] = round(gap.metres, 6)  # UAVs that agree may differ by rounding
+        for pair in find_disagreements(recording, k):
+            gaps[pair.track, k] = round(pair.metres, 6)  # UAVs that agree may differ by rounding
     return [
         Series(f"{kind}/track{n}", f"track {n}", lighten(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))

@@ -31,14 +31,22 @@ def only(**parts):
     [
         ([[{}]], (), {"not_found_yet": MISS}),
         ([[{}]], [(0, 0)], {"not_found_yet": MISS}),  # no track yet
-        ([[{0: FAR_OFF}]], (), {"off": 9.0}),
-        ([[{0: NEAR}]], (), {"off": 0.25}),
-        ([[{0: NEAR}, {}]], (), {"off": 0.125, "known_to_others": MISS / 2}),
-        ([[{0: NEAR, 1: GHOST}]], (), {"off": 0.25, "false": MISS}),
-        ([[{0: NEAR}], [{}]], (), {"off": 0.125, "lost": MISS / 2}),
-        ([[{0: NEAR}], [{0: GHOST}]], (), {"off": 0.125, "lost": MISS / 2, "false": MISS / 2}),
-        ([[{0: NEAR}], [{}]], [(1, 0)], {"off": 0.125, "lost": MISS / 2}),  # it sees the person, without a track
-        ([[{0: NEAR}, {}], [{}, {}]], [(1, 1)], {"off": 0.0625, "known_to_others": MISS / 2, "lost": MISS / 4}),
+        ([[{0: FAR_OFF}]], (), {"localisation": 9.0}),
+        ([[{0: NEAR}]], (), {"localisation": 0.25}),
+        ([[{0: NEAR}, {}]], (), {"localisation": 0.125, "known_to_others": MISS / 2}),
+        ([[{0: NEAR, 1: GHOST}]], (), {"localisation": 0.25, "false": MISS}),
+        ([[{0: NEAR}], [{}]], (), {"localisation": 0.125, "lost": MISS / 2}),
+        ([[{0: NEAR}], [{0: GHOST}]], (), {"localisation": 0.125, "lost": MISS / 2, "false": MISS / 2}),
+        (
+            [[{0: NEAR}], [{}]],
+            [(1, 0)],
+            {"localisation": 0.125, "lost": MISS / 2},
+        ),  # it sees the person, without a track
+        (
+            [[{0: NEAR}, {}], [{}, {}]],
+            [(1, 1)],
+            {"localisation": 0.0625, "known_to_others": MISS / 2, "lost": MISS / 4},
+        ),
     ],
 )
 def test_each_error_has_the_source_that_the_fleet_s_knowledge_gives_it(tracks, detected, expected):

@@ -6,7 +6,7 @@ from helpers.flights import recorded
 
 from planning.planner import Plan
 from sim.mission.tracker_setup import make_tracker_parameters
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, find_planned_visibility
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUT_OF_VIEW, find_planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
 
@@ -37,11 +37,11 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
         left = min(len(planned.times), scans - 1 - k)
         after = slice(k + 1, k + 1 + left)
         came = np.where(history.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
-        np.testing.assert_array_equal(planned.person[:left], np.where(history.inside[after, i, m], came, OUTSIDE))
+        np.testing.assert_array_equal(planned.person[:left], np.where(history.inside[after, i, m], came, OUT_OF_VIEW))
         np.testing.assert_array_equal(planned.person[left:], -1)
         np.testing.assert_allclose(planned.path[:left], recording.poses[after, i, :2], atol=1e-9)
         kinds |= set(planned.person.tolist())
-    assert kinds == {-1, OUTSIDE, HIDDEN, IN_VIEW}
+    assert kinds == {-1, OUT_OF_VIEW, HIDDEN, IN_VIEW}
 
 
 def test_a_track_is_in_store_where_its_velocity_takes_it():
@@ -52,7 +52,7 @@ def test_a_track_is_in_store_where_its_velocity_takes_it():
     assert planned.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
     other = find_planned_visibility(recording, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
     # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
-    assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
+    assert other.track.tolist() == [IN_VIEW] * 7 + [OUT_OF_VIEW] * 16
 
 
 def test_a_track_out_of_sight_is_where_planners_expect_its_person():
@@ -64,4 +64,4 @@ def test_a_track_out_of_sight_is_where_planners_expect_its_person():
     for place in planned.path:
         belief = make_tracker_parameters(recording.setting).motion.predict(belief)
         inside.append(np.abs(belief.mean[:2] - place).max() < 9.5)
-    assert planned.track.tolist() == np.where(inside, IN_VIEW, OUTSIDE).tolist() and 7 < sum(inside) < 23
+    assert planned.track.tolist() == np.where(inside, IN_VIEW, OUT_OF_VIEW).tolist() and 7 < sum(inside) < 23

@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader  # noqa: E402
 from sim.replay.flight import Flight  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
-from sim.replay.rerun.scene import find_gaps  # noqa: E402
+from sim.replay.rerun.scene import find_disagreements  # noqa: E402
 from sim.replay.tracking_replay import replay_tracking  # noqa: E402
 from tracking.plugins.registry import InputError  # noqa: E402
 
@@ -122,8 +122,8 @@ def test_beliefs_and_intents_are_drawn(recording, entities):
         np.testing.assert_allclose(intents[5][0][0], recording.poses[5, i, :3], atol=1e-5)
     apart = rows(entities, "/world/agreement", "labels")
     for k in range(16):
-        assert len(apart[k]) == len(find_gaps(recording, k))
-    assert max(gap.metres for k in range(16) for gap in find_gaps(recording, k)) > 0.01
+        assert len(apart[k]) == len(find_disagreements(recording, k))
+    assert max(pair.metres for k in range(16) for pair in find_disagreements(recording, k)) > 0.01
 
 
 def test_curves_have_a_value_at_every_scan(recording, entities):
