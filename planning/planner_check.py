@@ -3,6 +3,7 @@
 import math
 import pickle
 import random
+import timeit
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
@@ -15,17 +16,8 @@ from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
-from tracking.plugins.findings import (
-    Finding,
-    Unfit,
-    Untried,
-    describe_time,
-    find_change,
-    judge_plugin,
-    require,
-    time_calls,
-    try_checks,
-)
+from tracking.plugins.findings import Finding, Untried, describe_time, require, require_untouched, try_checks
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 Maker = Callable[[], Planner]
 TEAM, OTHER = flying_team(), flying_team(1)
@@ -54,8 +46,8 @@ def check_planner(planner: str | Maker) -> list[Finding]:
 
 
 def _call(planner: Planner, team: list[Situation]) -> list[Plan]:
-    """A planner's plans for a team, always with the same random numbers; `Unfit` if they cannot be used."""
-    with judge_plugin(planner, "plan"):
+    """A planner's plans for a team, always with the same random numbers; PluginError if they cannot be used."""
+    with plugin_call(planner, "plan"):
         plans = check_count(planner.plan(team, np.random.default_rng(0)), len(team))
         return [copy_plan(plan) for plan in plans]
 
@@ -73,7 +65,7 @@ def _measure_difference(one: Plan, other: Plan) -> float:
 
 
 def _compare(before: Sequence[Plan], after: Sequence[Plan], when: str) -> None:
-    """Raise `Unfit` if plans differ."""
+    """Raise ValueError if plans differ."""
     gap = max(map(_measure_difference, before, after))
     require(gap == 0.0, f"{when}, plans differ by {spell(gap, 3)} m/s")
 
@@ -94,8 +86,7 @@ def _check_speed(make: Maker) -> str:
 def _check_inputs(make: Maker) -> str:
     team = deepcopy(TEAM)
     _call(make(), team)
-    changed = find_change(TEAM, team, "team")
-    require(not changed, changed)
+    require_untouched(TEAM, team, "team")
     return "the situations are as they were"
 
 
@@ -130,8 +121,7 @@ def _check_pickling(make: Maker) -> str:
         where = "a function" if "<locals>" in kind.__qualname__ else kind.__module__
         raise Untried(f"its class is defined in {where}, where pickle does not find it") from error
     _plan(planner, TEAM)
-    with judge_plugin():
-        copied = pickle.loads(pickle.dumps(planner))
+    copied = pickle.loads(pickle.dumps(planner))
     _compare(_plan(planner, TEAM), _plan(copied, TEAM), "of a pickled copy")
     return "a copy plans the same"
 
@@ -152,8 +142,8 @@ def _check_claim(make: Maker) -> str:
             mixed = [two if one.own.id in changed else one for one, two in zip(team, other, strict=True)]
             try:
                 plans = zip(team, _plan_late(make(), team), _plan_late(make(), mixed), strict=True)
-            except Unfit as error:
-                raise Untried(f"without contact it does not plan: {error}") from error
+            except PluginError as error:
+                raise Untried(f"without contact it does not plan: {error.with_place}") from error
             for o, before, after in plans:
                 gap = _measure_difference(before, after)
                 told = f"{when} changes the plan of UAV {o.own.id} by {spell(gap, 3)} m/s"
@@ -174,10 +164,9 @@ def _check_situation(team: Sequence[Situation], make: Maker) -> str:
 
 
 def _check_time(make: Maker) -> str:
-    planner = make()
-    took = time_calls(partial(_call, planner, deepcopy(TEAM)) for _ in range(6))
+    seconds = timeit.repeat(partial(_call, make(), deepcopy(TEAM)), repeat=6, number=1)[1:]
     scene = f"{len(TEAM)} UAVs, {len(TEAM[0].tracks)} tracks, {len(TEAM[0].forest.trees)} trees"
-    return describe_time(took, f"a decision of {scene}", TEAM[0].step, "a step of its plan")
+    return describe_time(seconds, f"a decision of {scene}", TEAM[0].step, "a step of its plan")
 
 
 CHECKS: dict[str, Callable[[Maker], str]] = {

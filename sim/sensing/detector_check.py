@@ -1,21 +1,21 @@
 """Conformance of a detector to `tracking.detection.detector.Detector`, checked on rendered frames."""
 
 import math
-from collections.abc import Callable
+import timeit
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cache, partial
-from statistics import mean
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import DETECTORS
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose
 from sim.sensing.detection_truth import MaskDetector, match_detections
-from sim.sensing.renderer import Rendered, Renderer
+from sim.sensing.renderer import Renderer
 from sim.sensing.sensor_output_check import check_detections
 from sim.world.world import World
 from tracking.detection.detector import Detections, Frame
@@ -23,64 +23,51 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
-from tracking.plugins.findings import (
-    Finding,
-    Unfit,
-    Untried,
-    check_nees,
-    describe_time,
-    find_change,
-    judge_plugin,
-    require,
-    time_calls,
-    try_checks,
-)
+from tracking.plugins.findings import Finding, check_nees, describe_time, find_change, require, try_checks
+from tracking.plugins.plugin_error import PluginError, plugin_call
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
 PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
 _ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 _UAV = Uav(start=(74.0, 49.0))
 _ALTITUDE = 25.0  # m
-_ORDINARY, _EMPTY = "ordinary", "no person in view"
+_ORDINARY, _TILTED, _EMPTY = "ordinary", "tilted camera", "no person in view"
 
 
 @dataclass(frozen=True, eq=False)
 class StagedFrame:
-    """A frame, the renderer's output for it, the positions of the people (M, 2) m, and how many the frame shows."""
+    """A frame with the renderer's mask of people, as in `Rendered`, and their positions (M, 2) m."""
 
     frame: Frame
-    rendered: Rendered
+    mask: NDArray[np.int32]
     people: Array
-    shown: int
 
     def match(self, found: Detections) -> Indices:
         """Index (M,) of each person's detection, -1 for none."""
-        return match_detections(found.pixels, self.rendered.people, len(self.people))
+        return match_detections(found.pixels, self.mask, len(self.people))
 
 
 @cache
 def stage_frames() -> dict[str, StagedFrame]:
-    """Staged frames by name, rendered once."""
-    tilted = Uav(start=(0.0, 0.0), tilt_deg=30.0)
-    low, level = Pose.level(0.0, 0.0, 15.0), Pose.level(0.0, 0.0, _ALTITUDE)
+    """Staged frames by name, rendered once; all people are in plain view, or none."""
+    level, tilted = Pose.level(0.0, 0.0, _ALTITUDE), Uav(start=(0.0, 0.0), tilt_deg=30.0)
     wanted = {
         _ORDINARY: (128, level, PEOPLE),
         "turned and moved": (128, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
-        "low UAV": (128, low, PEOPLE),
-        "tilted camera": (128, camera_pose(tilted, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
+        "low UAV": (128, Pose.level(0.0, 0.0, 15.0), PEOPLE),
+        _TILTED: (128, camera_pose(tilted, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
         "finer image": (256, level, PEOPLE),
         _EMPTY: (128, level, PEOPLE + _ELSEWHERE),
     }
     with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
         renderer = Renderer(world)
-        found = {}
+        staged = {}
         for name, (pixels, pose, people) in wanted.items():
             world.place_people(people, np.linspace(0.0, 5.0, len(people)))
             camera = Camera(math.radians(60), pixels)
             rendered = renderer.render(camera, pose)
-            shown = len(np.unique(rendered.people[rendered.people >= 0]))
-            found[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered, people, shown)
-        return found
+            staged[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered.people, people)
+        return staged
 
 
 def check_detector(detector: str) -> list[Finding]:
@@ -88,24 +75,32 @@ def check_detector(detector: str) -> list[Finding]:
 
     detector: a name or an import string. InputError if there is no such detector, or it cannot be made.
     """
-    return try_checks(_Subject(partial(DETECTORS.make, detector, FOREST)), _CHECKS)
+    return try_checks(_Subject(detector), _CHECKS)
 
 
 @dataclass
 class _Subject:
-    """A detector under test: how it is made, and what a new instance found in each staged frame."""
+    """A detector under test, by name or import string, and what new instances found in each staged frame."""
 
-    make: Callable[[], Any]
+    name: str
     found: dict[str, Detections] = field(default_factory=dict)
+
+    def make(self) -> Any:  # noqa: ANN401 - a plug-in
+        """A new instance."""
+        return DETECTORS.make(self.name, FOREST)
+
+    def count_hits(self, frame: str) -> int:
+        """Number of people that are found in a staged frame."""
+        return int(np.sum(stage_frames()[frame].match(self.found[frame]) >= 0))
 
 
 def _detect(made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
-    """What a detector finds in the staged frame of that name; `Unfit` if that cannot be used."""
+    """What a detector finds in the staged frame of that name; PluginError if that cannot be used."""
     staged = stage_frames()[name]
-    with judge_plugin(made, "detect"):
+    with plugin_call(made, "detect"):
         frame = deepcopy(staged.frame)
         if isinstance(made, MaskDetector):
-            return made.detect(frame, staged.rendered.people)
+            return made.detect(frame, staged.mask)
         return check_detections(made.detect(frame))
 
 
@@ -113,24 +108,22 @@ def _check_detections(subject: _Subject) -> str:
     for name in stage_frames():
         try:
             subject.found[name] = _detect(subject.make(), name)
-        except Unfit as error:
-            raise error if name == _ORDINARY else Unfit(f"{name}: {error}") from error
+        except PluginError as error:
+            raise PluginError(f"{name}: {error}", error.trace) from error
     return f"usable in {len(subject.found)} frames"
 
 
 def _check_people(subject: _Subject) -> str:
-    staged, found = stage_frames()[_ORDINARY], subject.found[_ORDINARY]
-    hits = int(np.sum(staged.match(found) >= 0))
-    wrong = len(found.ground) - hits
-    seen = f"{hits} of {staged.shown} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
-    require(2 * hits >= staged.shown >= wrong, seen)
+    hits = subject.count_hits(_ORDINARY)
+    wrong = len(subject.found[_ORDINARY].ground) - hits
+    seen = f"{hits} of {len(PEOPLE)} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
+    require(2 * hits >= len(PEOPLE) >= wrong, seen)
     return seen
 
 
 def _check_other_views(subject: _Subject) -> str:
-    views = [view for view in stage_frames().items() if view[0] not in (_ORDINARY, _EMPTY)]
-    hits = [(name, np.sum(view.match(subject.found[name]) >= 0), view.shown) for name, view in views]
-    return ", ".join(f"{name} {count} of {shown}" for name, count, shown in hits)
+    views = [name for name in stage_frames() if name not in (_ORDINARY, _EMPTY)]
+    return ", ".join(f"{name} {subject.count_hits(name)} of {len(PEOPLE)}" for name in views)
 
 
 def _check_empty(subject: _Subject) -> str:
@@ -147,28 +140,25 @@ def _check_covariances(subject: _Subject) -> str:
         hit = of_people >= 0
         errors = found.ground[of_people[hit]] - staged.people[hit]
         squares += squared_distance(errors, found.covariances[of_people[hit]]).tolist()
-    if not squares:
-        raise Untried("it finds no person")
-    return check_nees(mean(squares))
+    return check_nees(squares)
 
 
 def _check_repeatable(subject: _Subject) -> str:
     first, again = subject.found[_ORDINARY], subject.make()
-    changed = find_change(first, _detect(again, _ORDINARY), "detections")
-    require(not changed, "another instance finds otherwise in the same frame")
-    _detect(again, "tilted camera")
-    changed = find_change(first, _detect(again, _ORDINARY), "detections")
-    require(not changed, "after another frame it finds otherwise in the first")
+    differs = find_change(first, _detect(again, _ORDINARY), "")
+    require(not differs, "another instance finds otherwise in the same frame")
+    _detect(again, _TILTED)
+    differs = find_change(first, _detect(again, _ORDINARY), "")
+    require(not differs, "after another frame it finds otherwise in the first")
     return "equal bit for bit, on another instance and after another frame"
 
 
 def _check_time(subject: _Subject) -> str:
-    made = subject.make()
-    took = time_calls(partial(_detect, made, _ORDINARY) for _ in range(6))
-    return describe_time(took, "a frame of 128 x 128 pixels")
+    seconds = timeit.repeat(partial(_detect, subject.make(), _ORDINARY), repeat=6, number=1)
+    return describe_time(seconds[1:], "a frame of 128 x 128 pixels")  # the first may prepare something
 
 
-_CHECKS: dict[str, Callable[[_Subject], str]] = {
+_CHECKS = {
     "detections": _check_detections,
     "people": _check_people,
     "other views": _check_other_views,

@@ -1,16 +1,13 @@
-"""Findings of checks that a plug-in keeps its contract."""
+"""Checks that a plug-in keeps its contract, and what they find."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import pickle
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from statistics import median
-from time import perf_counter
+from statistics import mean, median
 from typing import Any, TypeVar
 
-import numpy as np
-
 from tracking.errors import spell
-from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
 
 Subject = TypeVar("Subject")
 _NEES = 0.2, 20.0  # least and largest mean NEES of two-dimensional errors, for which 2 is consistent
@@ -29,34 +26,20 @@ class Finding:
         return f"{_MARKS[self.passed]:<8}{self.check:<26}{self.seen}"
 
 
-class Unfit(Exception):
-    """Failure of a check; the message says what the plug-in does."""
-
-
 class Untried(Exception):
     """A check that is not possible; the message says why."""
 
 
 def require(fits: object, told: str) -> None:
-    """Raise `Unfit`, which tells what the plug-in does, unless it fits."""
+    """Raise `Unusable`, which tells what the plug-in does, unless it fits."""
     if not fits:
-        raise Unfit(told)
-
-
-@contextmanager
-def judge_plugin(plugin: object = None, method: str = "") -> Iterator[None]:
-    """Raise `Unfit` for any exception of a plug-in in the block; arguments as in `plugin_call`."""
-    try:
-        with plugin_call(plugin, method):
-            yield
-    except PluginError as error:
-        raise Unfit(error.with_place) from error
+        raise Unusable(told)
 
 
 def try_checks(
     subject: Subject, checks: Mapping[str, Callable[[Subject], str]], needs: Mapping[str, str] = {}
 ) -> list[Finding]:
-    """Findings of checks by name; each check returns what it saw, or raises `Unfit` or `Untried`.
+    """Findings of checks by name; each returns what it saw, or raises `Untried`, or an exception that is a failure.
 
     If the first one fails, the plug-in does not work at all, and the others are not tried. needs: the check, if there
     is one, without which another one tells nothing.
@@ -67,29 +50,23 @@ def try_checks(
         try:
             if missed:
                 raise Untried(f"it fails {missed[0]!r}")
-            found.append(Finding(name, True, check(subject)))
-        except Unfit as error:
-            found.append(Finding(name, False, str(error)))
+            with plugin_call(passing=(Untried,)):
+                found.append(Finding(name, True, check(subject)))
+        except PluginError as error:
+            found.append(Finding(name, False, error.with_place))
         except Untried as error:
             found.append(Finding(name, None, f"not tried: {error}"))
     return found
 
 
-def time_calls(calls: Iterable[Callable[[], object]]) -> list[float]:
-    """Time [s] that each call takes except the first, which may prepare something."""
-    seconds = []
-    for call in calls:
-        start = perf_counter()
-        call()
-        seconds.append(perf_counter() - start)
-    return seconds[1:]
-
-
-def check_nees(nees: float) -> str:
-    """The mean NEES of positions in words; raise `Unfit` if covariances are ten times too large or too small."""
+def check_nees(squares: Sequence[float]) -> str:
+    """The mean of the NEES of positions in words; raise `Unusable` if covariances are ten times too large or small."""
+    if not squares:
+        raise Untried("it finds no person")
+    nees = mean(squares)
     seen = f"mean NEES of positions {spell(nees, 3)}, consistent is 2"
-    if not _NEES[0] <= nees <= _NEES[1]:
-        raise Unfit(f"{seen}: covariances are far too {'large' if nees < _NEES[0] else 'small'}")
+    require(nees >= _NEES[0], f"{seen}: covariances are far too large")
+    require(nees <= _NEES[1], f"{seen}: covariances are far too small")
     return seen
 
 
@@ -106,22 +83,22 @@ def _spell_time(seconds: float) -> str:
 
 def find_change(before: Any, after: Any, path: str) -> str:  # noqa: ANN401 - any value
     """The first part of a value that differs from its copy from before, in words; empty if there is none."""
-    if type(before) is not type(after):
-        return f"{path} is changed"
-    if isinstance(before, np.ndarray):
-        same = before.dtype == after.dtype and before.shape == after.shape and before.tobytes() == after.tobytes()
-        return "" if same else f"{path} is changed"
-    if is_dataclass(before):
-        parts = {f"{path}.{f.name}": (getattr(before, f.name), getattr(after, f.name)) for f in fields(before)}
-    elif isinstance(before, Mapping):
-        if before.keys() != after.keys():
-            return f"{path} is changed"
-        parts = {f"{path}[{key!r}]": (value, after[key]) for key, value in before.items()}
-    elif isinstance(before, list | tuple):
-        if len(before) != len(after):
-            return f"{path} is changed"
-        parts = {f"{path}[{k}]": pair for k, pair in enumerate(zip(before, after, strict=True))}
-    else:
-        comparable = any("__eq__" in vars(kind) for kind in type(before).__mro__[:-1])
-        return f"{path} is changed" if comparable and before != after else ""
-    return next(filter(None, (find_change(*pair, name) for name, pair in parts.items())), "")
+    old, new = _name_parts(before), _name_parts(after)
+    if old and old.keys() == new.keys():
+        return next(filter(None, (find_change(old[name], new[name], path + name) for name in old)), "")
+    return "" if pickle.dumps(before) == pickle.dumps(after) else f"{path} is changed"
+
+
+def require_untouched(before: object, after: object, path: str) -> None:
+    """Raise `Unusable`, which names the part that is changed, if a value differs from its copy from before."""
+    changed = find_change(before, after, path)
+    require(not changed, changed)
+
+
+def _name_parts(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any value
+    """Parts of a value by what is written to get them; none of arrays and of what is no container."""
+    if is_dataclass(value):
+        return {f".{f.name}": getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {f"[{key!r}]": part for key, part in value.items()}
+    return {f"[{k}]": part for k, part in enumerate(value)} if isinstance(value, list | tuple) else {}
