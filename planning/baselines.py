@@ -74,7 +74,7 @@ class Lawnmower:
 
     def _step(self, situation: Situation, strip: int, strips: int) -> Plan:
         own = situation.own
-        corners = _lines(situation, strip, strips)
+        corners = _lay_lines(situation, strip, strips)
         lengths = length(np.diff(corners, axis=0))
         run = self.pace * own.max_speed * (situation.time + situation.step)
         reached = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -85,7 +85,7 @@ class Lawnmower:
         return Plan(limit_speed((gap / situation.step)[None], own.max_speed))
 
 
-def _lines(situation: Situation, strip: int, strips: int) -> Array:
+def _lay_lines(situation: Situation, strip: int, strips: int) -> Array:
     """Corners (K, 2) m of the lines that the aim point follows over one strip of the area's height."""
     width, height = situation.area
     half = radius_in_view(view_quadrangle(situation.own))

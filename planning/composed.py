@@ -12,7 +12,7 @@ from planning.coordination.decision import Coordination
 from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
 from planning.objective.cost_to_go import cost_to_go
-from planning.objective.nbo import Measure, objective
+from planning.objective.nbo import Measure, make_objective
 from planning.objective.objective import Term
 from planning.objective.terms import Connectivity, Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -24,7 +24,7 @@ from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
-from planning.prediction.surroundings import surroundings
+from planning.prediction.surroundings import find_surroundings
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -164,30 +164,28 @@ class Composed:
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Terms of the objective besides the uncertainty of tracks; a subclass may have others."""
-        terms: dict[Term, float] = {
-            Search(self.search): self.search,
-            Separation(self.separation): self.separation,
-            Connectivity(self.connectivity): self.connectivity,
-        }
-        return tuple(term for term, weight in terms.items() if weight)
+        given = ((Search, self.search), (Separation, self.separation), (Connectivity, self.connectivity))
+        return tuple(make(value) for make, value in given if value)
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """As `planning.coordination.decision.Decision.decide`."""
         # The MWTP and the learned cost-to-go count what is out of reach, and samples depend on the number of targets.
         local = self.beta == 0.0 and self.cost_to_go == 0.0 and isinstance(self.propagator, Nominal)
-        scene, rows = surroundings(situation, uavs, self.horizon) if local else (situation, np.arange(len(controls)))
+        scene, rows = (
+            find_surroundings(situation, uavs, self.horizon) if local else (situation, np.arange(len(controls)))
+        )
         belief = self.propagator.predict(scene, self.horizon, rng)
         samples = belief.points.shape[1] // len(scene.tracks) if scene.tracks else 1
         if self.existence:
             belief = belief._replace(weights=np.tile([t.existence for t in scene.tracks], samples).astype(float))
-        starts = self._initial_plans(situation, controls, uavs)
+        starts = self._make_initial_plans(situation, controls, uavs)
         vehicles, step = situation.vehicles, situation.step
         ahead = cost_to_go(vehicles, float(self.cost_to_go))
         measure = Measure(self.uncertainty == "information", float(self.cutoff) or math.inf, ahead)
         own, fleet = response([vehicles[i] for i in uavs], step), response(vehicles, step)
         expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]
         deciding = np.searchsorted(rows, uavs).tolist()
-        of_tracks = objective(belief, expected[rows], deciding, self.beta, samples, measure)
+        of_tracks = make_objective(belief, expected[rows], deciding, self.beta, samples, measure)
         others = [term.objective(situation, expected, uavs) for term in self.terms]
         of_others = [one for one in others if one is not None]
 
@@ -214,7 +212,7 @@ class Composed:
         ]
         return np.stack(plans, axis=1)
 
-    def _initial_plans(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
+    def _make_initial_plans(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
         """Initial plans (S, k, h, 2) m/s over the h steps that are optimised.
 
         They are the intents, and the intents with one UAV that pursues a target or flies two straight legs instead.

@@ -15,7 +15,7 @@ from tracking.track import Track
 from tracking.undetected import Intensity
 
 
-def random_team(
+def make_random_team(
     seed: int, *, uavs: int = 3, targets: int = 4, trees: int = 45, spread: float = 25.0
 ) -> list[Situation]:
     """Situations of a team with equal beliefs, in a random forest.
@@ -46,9 +46,9 @@ def random_team(
     ]
 
 
-def flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
+def make_flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
     """Three quadrotors in flight, each with its own top speed and beliefs; all know the last plans of UAVs 0 and 1."""
-    rng, team = np.random.default_rng([seed, 1]), random_team(seed, targets=targets)
+    rng, team = np.random.default_rng([seed, 1]), make_random_team(seed, targets=targets)
     fleet = [
         replace(s.own, max_speed=5.0 - k, velocity=np.array([1.0 + 0.5 * k, 0.5]), lag=0.65) for k, s in enumerate(team)
     ]
@@ -60,7 +60,7 @@ def flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             time=12.0,
             own=fleet[k],
             neighbours=tuple(v for v in fleet if v is not fleet[k]),
-            tracks=random_team(10 * seed + k, targets=targets)[k].tracks,
+            tracks=make_random_team(10 * seed + k, targets=targets)[k].tracks,
             intents=dict(intents),
             undetected=Intensity(people[k], (-75.0, -50.0), (5.0, 5.0)),
         )
@@ -75,7 +75,7 @@ def keep_contact(situation: Situation, ids: Collection[int]) -> Situation:
     return replace(situation, neighbours=neighbours, intents=intents)
 
 
-def cut_off(team: Sequence[Situation], uav: int) -> list[Situation]:
+def break_contact(team: Sequence[Situation], uav: int) -> list[Situation]:
     """The team when one UAV is out of contact with the others."""
     others = {s.own.id for s in team} - {uav}
     return [keep_contact(s, {uav} if s.own.id == uav else others) for s in team]

@@ -63,7 +63,7 @@ class _Knowing:
         return self.planner.exchange
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
-        known = [replace(s, tracks=true_tracks(s, self.people, self.planner.horizon)) for s in team]
+        known = [replace(s, tracks=make_true_tracks(s, self.people, self.planner.horizon)) for s in team]
         return self.planner.plan(known, rng)
 
 
@@ -100,12 +100,12 @@ class _KnowingFound:
             here = self.people(situation.time)
             gaps = length(here[:, None] - beliefs_of(situation.tracks).means[None, :, :2])
             self.found.update(person for person, _ in pairs_within(np.where(np.isnan(gaps), np.inf, gaps), FOUND))
-        known = [replace(s, tracks=corrected_tracks(s, self.people, self.found)) for s in team]
+        known = [replace(s, tracks=correct_tracks(s, self.people, self.found)) for s in team]
         return self.planner.plan(known, rng)
 
 
-def corrected_tracks(situation: Situation, people: TruePositions, found: Collection[int]) -> tuple[Track, ...]:
-    """Tracks of the people `found` who are present, as in `true_tracks`, then those that are assigned to nobody.
+def correct_tracks(situation: Situation, people: TruePositions, found: Collection[int]) -> tuple[Track, ...]:
+    """Tracks of the people `found` who are present, as in `make_true_tracks`, then those that are assigned to nobody.
 
     A track is assigned to a person within `_REACH` m at most, as others may be of people who have not been found.
     A velocity is the mean over `_MOMENT` s, so that it tells nothing of turns to come.
@@ -113,7 +113,7 @@ def corrected_tracks(situation: Situation, people: TruePositions, found: Collect
     here = people(situation.time)
     persons = np.array(sorted(person for person in found if not np.isnan(here[person, 0])), dtype=int)
     states = np.hstack([here, np.nan_to_num((people(situation.time + _MOMENT) - here) / _MOMENT)])[persons]
-    spread, taken = _second_moments(states, np.arange(len(persons)), situation.tracks, _REACH)
+    spread, taken = _compute_second_moments(states, np.arange(len(persons)), situation.tracks, _REACH)
     known = [Track(n, Gaussian(state, P)) for n, (state, P) in enumerate(zip(states, spread, strict=True))]
     others = [track for k, track in enumerate(situation.tracks) if k not in taken]
     return (*known, *(replace(track, id=len(known) + k) for k, track in enumerate(others)))
@@ -121,7 +121,7 @@ def corrected_tracks(situation: Situation, people: TruePositions, found: Collect
 
 @dataclass(frozen=True)
 class _TruePaths:
-    """Belief propagation along the true paths of people, for the tracks of `true_tracks`."""
+    """Belief propagation along the true paths of people, for the tracks of `make_true_tracks`."""
 
     people: TruePositions
 
@@ -147,7 +147,7 @@ def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
     return belief._replace(blockers=blockers, offsets=belief.offsets + np.concatenate([[0], np.cumsum(rows)]))
 
 
-def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tuple[Track, ...]:
+def make_true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tuple[Track, ...]:
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
     The assignment has the least total distance. A true velocity is the mean over the next step. Only the error of a
@@ -160,12 +160,12 @@ def true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tu
         first = np.where(np.isnan(first), people(situation.time + step * situation.step), first)
     persons = np.flatnonzero(~np.isnan(first[:, 0]))
     states = np.hstack([first, np.nan_to_num((there - here) / situation.step)])[persons]
-    spread, _ = _second_moments(states, np.flatnonzero(~np.isnan(here[persons, 0])), situation.tracks)
+    spread, _ = _compute_second_moments(states, np.flatnonzero(~np.isnan(here[persons, 0])), situation.tracks)
     rows = zip(persons.tolist(), states, spread, strict=True)
     return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)
 
 
-def _second_moments(
+def _compute_second_moments(
     states: Array, present: Indices, tracks: Sequence[Track], reach: float = np.inf
 ) -> tuple[Array, set[int]]:
     """Second moments (N, 4, 4) about true states (N, 4), and the indices of the tracks that are assigned to them.

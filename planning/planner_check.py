@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from planning.made_up_teams import cut_off, flying_team, keep_contact, lose_plans, slow_down
+from planning.made_up_teams import break_contact, keep_contact, lose_plans, make_flying_team, slow_down
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
 from tracking.errors import InputError, spell
@@ -20,7 +20,7 @@ from tracking.plugins.findings import Finding, Untried, describe_time, require, 
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 Maker = Callable[[], Planner]
-TEAM, OTHER = flying_team(), flying_team(1)
+TEAM, OTHER = make_flying_team(), make_flying_team(1)
 _SEED = 5  # with which stateful planners are reset
 _ROUNDING = 1e-9  # m/s; smaller differences of plans count as rounding
 
@@ -134,7 +134,7 @@ def _check_claim(make: Maker) -> str:
     for s in TEAM:
         uav, others = s.own.id, {v.id for v in s.neighbours}
         for vary, changed, when in (
-            (partial(cut_off, uav=uav), others, f"UAV {uav} is out of contact, but what others know"),
+            (partial(break_contact, uav=uav), others, f"UAV {uav} is out of contact, but what others know"),
             (partial(slow_down, uav=uav), {uav}, f"UAV {uav} cannot move, but what it knows"),
             (partial(lose_plans, uav=uav, rounds=rounds), {uav}, f"UAV {uav}'s plan is lost, but what it knows"),
         ):
@@ -183,6 +183,6 @@ CHECKS: dict[str, Callable[[Maker], str]] = {
     "a UAV broken down": partial(_check_situation, [keep_contact(s, {0, 2}) for s in TEAM[::2]]),
     "out of contact": partial(_check_situation, [keep_contact(s, {s.own.id}) for s in TEAM]),
     "first decision": partial(_check_situation, [replace(s, time=0.0, intents={}) for s in TEAM]),
-    "fifty tracks": partial(_check_situation, flying_team(targets=50)),
+    "fifty tracks": partial(_check_situation, make_flying_team(targets=50)),
     "time": _check_time,
 }

@@ -159,10 +159,10 @@ def _find_spec(name: str) -> PlannerSpec:
     if ":" in name:
         return PlannerSpec(name)
     allowed = f"allowed are {', '.join(planners)}, or package.module:Class"
-    raise InputError(f"planner: {name!r} is unknown; {allowed}{_hint(name)}")
+    raise InputError(f"planner: {name!r} is unknown; {allowed}{_suggest_planner(name)}")
 
 
-def _hint(name: str) -> str:
+def _suggest_planner(name: str) -> str:
     """A hint for an unknown name: an import string if it looks like a module or class, else a similar planner."""
     module, _, last = name.rpartition(".")
     if module and (last == "py" or last[:1].isupper()):

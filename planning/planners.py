@@ -21,7 +21,7 @@ class PlannerSpec:
     source: str = ""  # package that the planner is from; empty: built in
 
 
-def _composed(summary: str, **options: object) -> PlannerSpec:
+def _compose(summary: str, **options: object) -> PlannerSpec:
     return PlannerSpec("planning.composed:Composed", options, summary)
 
 
@@ -42,22 +42,22 @@ _EXPECTED: dict[str, Any] = {"search": 0.1, "visibility": "expected", "evaluatio
 _GOSPA: dict[str, Any] = {"cutoff": 10.0, "beta": 0.0}
 
 PLANNERS = {
-    "sma-nbo-gospa": _composed("SMA-NBO on squared errors up to a cut-off, as in GOSPA", **_GOSPA, **_EXPECTED),
-    "sma-nbo-mwtp": _composed("SMA-NBO with the MWTP cost-to-go", **_EXPECTED),
-    "sma-nbo": _composed("SMA-NBO, truncated at the horizon", beta=0.0),
-    "pma-nbo": _composed("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),
-    "mcr": _composed(
+    "sma-nbo-gospa": _compose("SMA-NBO on squared errors up to a cut-off, as in GOSPA", **_GOSPA, **_EXPECTED),
+    "sma-nbo-mwtp": _compose("SMA-NBO with the MWTP cost-to-go", **_EXPECTED),
+    "sma-nbo": _compose("SMA-NBO, truncated at the horizon", beta=0.0),
+    "pma-nbo": _compose("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),
+    "mcr": _compose(
         "sequential, on 50 sampled trajectories instead of the nominal",
         propagation="monte-carlo",
         beta=0.0,
         evaluations=10_240,
     ),
-    "dec-pomdp": _composed(
+    "dec-pomdp": _compose(
         "each UAV plans for all, flies its share, sends nothing", coordination="decentralised", beta=0.0
     ),
-    "centralized": _composed("one joint plan for all UAVs", coordination="centralised"),
-    "greedy-mi": _composed("each UAV in turn adds the most mutual information", **_INFORMATIVE),
-    "rsp": _composed("as greedy-mi, in two rounds that UAVs draw (RSP)", rounds=2, **_INFORMATIVE),
+    "centralized": _compose("one joint plan for all UAVs", coordination="centralised"),
+    "greedy-mi": _compose("each UAV in turn adds the most mutual information", **_INFORMATIVE),
+    "rsp": _compose("as greedy-mi, in two rounds that UAVs draw (RSP)", rounds=2, **_INFORMATIVE),
     "dec-mcts": PlannerSpec("planning.rivals.dec_mcts:DecMCTS", {}, "each UAV searches a tree, sends likely sequences"),
     "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV draws a world and flies to its errors"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV sweeps a strip, whatever it sees"),

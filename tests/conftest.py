@@ -20,7 +20,7 @@ def random_team():
     """Makes situations of a team with the same beliefs in all its members, in a random forest."""
     from planning import made_up_teams  # not at the top, as the process that only hands out the tests needs none of it
 
-    return made_up_teams.random_team
+    return made_up_teams.make_random_team
 
 
 @pytest.fixture

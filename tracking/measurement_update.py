@@ -62,12 +62,12 @@ def predict_scan(
     undetected = negative_information_update(*beliefs, temper(missed, p.negative_information))
     detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.detection_probability
     if p.management == "existence":
-        detectable *= 1.0 - _unresolved_probability(beliefs[0], existence)
+        detectable *= 1.0 - _compute_unresolved_probability(beliefs[0], existence)
     return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
 
 
 @compiled
-def _unresolved_probability(means: Array, existence: Array) -> Array:
+def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
     Without it, one of two people that pass each other would be taken for a false track. Source: [Koch97], nearest only.
@@ -91,11 +91,11 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
-        return _updated(before, z, R, lost, p.association)
+        return _update_beliefs(before, z, R, lost, p.association)
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates, weights = np.zeros(len(z), np.bool_), [], []
     for rows, columns in find_gating_batches(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _updated(before.select(rows), z[columns], R[columns], lost[columns], p.association)
+        part = _update_beliefs(before.select(rows), z[columns], R[columns], lost[columns], p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
@@ -127,7 +127,9 @@ def associate(
     return likelihood, *existence_association(likelihood, chances, clutter, before.existence)
 
 
-def _updated(before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings) -> ScanUpdate:
+def _update_beliefs(
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings
+) -> ScanUpdate:
     # Compiled in parts, because code that calls code is compiled with it once more.
     likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)

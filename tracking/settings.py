@@ -41,7 +41,7 @@ def _explain(message: str, data: Any, kind: type[msgspec.Struct]) -> str:  # noq
     if isinstance(allowed, inspect.StructType) and isinstance(value, Mapping):
         known = [f.encode_name for f in allowed.fields]
         if unknown := [key for key in value if key not in known]:
-            return f"{'.'.join([*parts, unknown[0]])}: unknown key; {_hint(unknown[0], field, known, kind)}"
+            return f"{'.'.join([*parts, unknown[0]])}: unknown key; {_suggest_key(unknown[0], field, known, kind)}"
         if missing := [f.encode_name for f in allowed.fields if f.required and f.encode_name not in value]:
             return f"{'.'.join([*parts, missing[0]])}: is missing, and has no default"
     if isinstance(allowed, inspect.LiteralType):
@@ -63,19 +63,19 @@ def _type_of_part(whole: inspect.Type, part: str) -> inspect.Type:
     return whole.item_type if isinstance(whole, inspect.VarTupleType) else inspect.AnyType()
 
 
-def _hint(key: str, table: str, known: list[str], kind: type[msgspec.Struct]) -> str:
+def _suggest_key(key: str, table: str, known: list[str], kind: type[msgspec.Struct]) -> str:
     """A hint for an unknown key: the same name in another table or, without one, the most similar `known` key."""
-    same = [name for name in _keys(inspect.type_info(kind), "") if name.rpartition(".")[2] == key]
+    same = [name for name in _list_keys(inspect.type_info(kind), "") if name.rpartition(".")[2] == key]
     if not same:
         return did_you_mean(key, known)
     return (f"allowed are {', '.join(known)}; " if table else "") + f"did you mean {' or '.join(same)}?"
 
 
-def _keys(kind: inspect.Type, name: str) -> Iterator[str]:
+def _list_keys(kind: inspect.Type, name: str) -> Iterator[str]:
     """Dotted names of all keys in the tables of a struct, and in the first of each list of tables."""
     if isinstance(kind, inspect.StructType):
         for field in kind.fields:
             yield f"{name}{field.encode_name}"
-            yield from _keys(field.type, f"{name}{field.encode_name}.")
+            yield from _list_keys(field.type, f"{name}{field.encode_name}.")
     if isinstance(kind, inspect.VarTupleType):
-        yield from _keys(kind.item_type, f"{name}0.")
+        yield from _list_keys(kind.item_type, f"{name}0.")

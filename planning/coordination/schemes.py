@@ -39,7 +39,7 @@ class Sequential:
     def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by holder and author
-        sequence = self._sequence(team, rng)
+        sequence = self._order_team(team, rng)
         for sweep in range(self.sweeps):
             for situation in sequence:
                 sender = situation.own.id
@@ -50,15 +50,15 @@ class Sequential:
                         known[s.own.id][sender] = plan
         return [Plan(known[s.own.id][s.own.id]) for s in team]
 
-    def _sequence(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Situation]:
+    def _order_team(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Situation]:
         if self.order == "random":
             return [team[k] for k in rng.permutation(len(team))]
         if self.order == "worst-first":
-            return sorted(team, key=_largest_trace, reverse=True)
+            return sorted(team, key=_find_largest_trace, reverse=True)
         return list(team)
 
 
-def _largest_trace(situation: Situation) -> float:
+def _find_largest_trace(situation: Situation) -> float:
     near = [
         float(np.trace(t.belief.covariance[:2, :2]))
         for t in situation.tracks

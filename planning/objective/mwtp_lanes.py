@@ -158,41 +158,43 @@ def _move(work: Workspace, m: int, i: int, views: Array) -> None:
     for lane in range(LANES):
         offset = x[lane] - east[lane], y[lane] - north[lane]
         # Displacement from the nearest corner, or from the foot on the first side that has its foot between its ends.
-        best = _from(offset, corners[0])
-        best = _less(best, _from(offset, corners[1]))
-        best = _less(best, _from(offset, corners[2]))
-        best = _less(best, _from(offset, corners[3]))
-        best = _foot(best, offset, four, (one, two, three))
-        best = _foot(best, offset, three, (one, two, four))
-        best = _foot(best, offset, two, (one, three, four))
-        best = _foot(best, offset, one, (two, three, four))
-        outside = _beyond(offset, one) | _beyond(offset, two) | _beyond(offset, three) | _beyond(offset, four)
+        best = _subtract(offset, corners[0])
+        best = _choose_shorter(best, _subtract(offset, corners[1]))
+        best = _choose_shorter(best, _subtract(offset, corners[2]))
+        best = _choose_shorter(best, _subtract(offset, corners[3]))
+        best = _find_foot(best, offset, four, (one, two, three))
+        best = _find_foot(best, offset, three, (one, two, four))
+        best = _find_foot(best, offset, two, (one, three, four))
+        best = _find_foot(best, offset, one, (two, three, four))
+        outside = (
+            _is_beyond(offset, one) | _is_beyond(offset, two) | _is_beyond(offset, three) | _is_beyond(offset, four)
+        )
         go = (row[lane] == i) & outside
         east[lane] += best[0] if go else 0.0
         north[lane] += best[1] if go else 0.0
 
 
 @compiled
-def _beyond(point: Pair, side: Triple) -> bool:
+def _is_beyond(point: Pair, side: Triple) -> bool:
     return not (side[0] * point[0] + side[1] * point[1] <= side[2])
 
 
 @compiled
-def _from(point: Pair, other: Pair) -> Pair:
+def _subtract(point: Pair, other: Pair) -> Pair:
     return point[0] - other[0], point[1] - other[1]
 
 
 @compiled
-def _less(one: Pair, other: Pair) -> Pair:
+def _choose_shorter(one: Pair, other: Pair) -> Pair:
     closer = other[0] * other[0] + other[1] * other[1] < one[0] * one[0] + one[1] * one[1]
     return other[0] if closer else one[0], other[1] if closer else one[1]
 
 
 @compiled
-def _foot(best: Pair, point: Pair, side: Triple, others: tuple[Triple, Triple, Triple]) -> Pair:
+def _find_foot(best: Pair, point: Pair, side: Triple, others: tuple[Triple, Triple, Triple]) -> Pair:
     """Displacement to a point outside a side from its foot, if the foot lies between the side's ends, else `best`."""
     excess = side[0] * point[0] + side[1] * point[1] - side[2]
     foot = point[0] - excess * side[0], point[1] - excess * side[1]
-    off = _beyond(foot, others[0]) | _beyond(foot, others[1]) | _beyond(foot, others[2])
+    off = _is_beyond(foot, others[0]) | _is_beyond(foot, others[1]) | _is_beyond(foot, others[2])
     on = (excess > 0.0) & (not off)
     return excess * side[0] if on else best[0], excess * side[1] if on else best[1]

@@ -36,7 +36,7 @@ class Measure(NamedTuple):
 TRACE = Measure(gains=False, cutoff=np.inf)
 
 
-def objective(
+def make_objective(
     belief: PredictedBelief,
     velocities: Array,
     uavs: Sequence[int],
@@ -60,14 +60,14 @@ def objective(
     every frame, by default five in a step of 1 s, so beliefs in people in view become narrower than predicted.
     """
     deciding = np.asarray(uavs, dtype=np.int64)
-    others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)
+    others = _predict_others(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
         eased = belief
         if ease is not None:  # the margins of wider fields of view may lack some of the trees that hide targets
             eased = belief._replace(views=belief.views.copy())
             eased.views[deciding, :4, 2] += belief.step * ease[:, None]
-        return _costs(eased, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
+        return _compute_costs(eased, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
 
     return values
 
@@ -87,14 +87,14 @@ class _Others(NamedTuple):
 
 
 @compiled
-def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
+def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
     result, count = np.empty(len(own)), belief.points.shape[1]
     finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
     work, weight = make_workspace(count // samples, len(belief.positions)), others.measure.ahead.weight
     if len(own) == 0:
         return result
     flights = camera_lanes(belief, others.uavs, own)
-    in_reach = _targets_in_reach(belief, others.uavs, flights.boxes)
+    in_reach = _find_targets_in_reach(belief, others.uavs, flights.boxes)
     for index in range(len(finals) if beta > 0.0 or weight > 0.0 else 0):
         _fill(finals[index], others.finals[index : index + 1])  # those out of reach stay as they are
     for first in range(0, len(own), LANES):
@@ -112,7 +112,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 
 @compiled
-def _targets_in_reach(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
+def _find_targets_in_reach(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
     """Mask (T,) of targets that may be in view in any of C groups of plans, with boxes (C, k, H, 4) m."""
     whole, count = boxes[0].copy(), belief.points.shape[2]
     for g in range(len(boxes)):
@@ -210,7 +210,7 @@ def _penalise(
     own (k, 2, LANES) m: final positions of the deciding UAVs; finals (T K, LANES) m².
     """
     each, points, ends = len(work.unseen), belief.points[-1, :, 0], others.ends
-    traces = _weighted_costs(belief, finals, others.measure.cutoff)
+    traces = _weigh_costs(belief, finals, others.measure.cutoff)
     sums[:] = 0.0
     for first in range(0, len(traces), max(each, 1)):
         targets, seen = points[first : first + each], others.seen[first : first + each]
@@ -230,7 +230,7 @@ def _penalise(
 
 
 @compiled
-def _weighted_costs(belief: PredictedBelief, finals: Array, cutoff: float) -> Array:
+def _weigh_costs(belief: PredictedBelief, finals: Array, cutoff: float) -> Array:
     """Weighted costs (T, LANES) of the targets with these traces, which are cut off."""
     costs, count = np.zeros((len(belief.weights), LANES)), belief.points.shape[2]
     for index in range(len(finals)):
@@ -261,7 +261,7 @@ def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Ar
 
 
 @compiled
-def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, measure: Measure) -> _Others:
+def _predict_others(belief: PredictedBelief, velocities: Array, uavs: Indices, measure: Measure) -> _Others:
     """Contribution of the UAVs other than `uavs` with their mean velocities (n, H, 2) m/s."""
     targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
     rows = belief.points.shape[0] * each

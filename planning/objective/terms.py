@@ -13,7 +13,7 @@ from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
-from planning.prediction.surroundings import LEAST_RADIUS, near_uavs
+from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
 from tracking.geometry.line_of_sight import Grid, free_share
 from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
 from tracking.numerics.arrays import Array, Indices
@@ -218,7 +218,7 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cel
     reach = [math.ceil(steps * step * vehicles[i].max_speed / _SPACING) for i in uavs]  # places in each direction
     low = np.array([vehicles[i].position[:2] - _SPACING * r for i, r in zip(uavs, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
-    near, _ = near_uavs(situation, uavs, steps)
+    near, _ = find_near_uavs(situation, uavs, steps)
     places = [path if keep else path[:0] for path, keep in zip(fleet, near, strict=True)]
     for j, i in enumerate(uavs):
         places[i] = _square(low[j], int(side[j]), float(vehicles[i].position[2]))

@@ -95,7 +95,7 @@ class CrossEntropy:
             elite = choose_distinct(pool, order, most, scale * self.apart, task.max_speeds)
             pool, values = pool[elite], values[elite]
             count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
-            before, ease = ease, 0.0 if task.in_reach is None else self._ease(k, count)
+            before, ease = ease, 0.0 if task.in_reach is None else self._widen_views(k, count)
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
                 values, count = task.costs(pool, ease), count - most - (not ease)
@@ -107,7 +107,7 @@ class CrossEntropy:
             values = task.objective(pool)
         return np.asarray(pool[np.argmin(values)])
 
-    def _ease(self, k: int, count: int) -> float:
+    def _widen_views(self, k: int, count: int) -> float:
         """Widening of fields of view in round k; zero if evaluating the elites anew would take most evaluations."""
         if count <= 2 * max(self.elites, self.last_elites) or k + 1 >= self.eased_rounds * self.rounds:
             return 0.0

@@ -210,10 +210,10 @@ def choose_distinct(plans: Array, order: Indices, most: int, apart: float, max_s
     paths = np.empty((most, 2 * k * H))
     for i in order:
         path = paths[count]
-        _path(plans[i], max_speeds, path)
+        _trace_paths(plans[i], max_speeds, path)
         alike = False
         for c in range(count):
-            if _within(path, paths[c], k * H * apart * apart):
+            if _are_within(path, paths[c], k * H * apart * apart):
                 alike = True
                 break
         if not alike:
@@ -225,7 +225,7 @@ def choose_distinct(plans: Array, order: Indices, most: int, apart: float, max_s
 
 
 @inlined
-def _path(plans: Array, max_speeds: Array, path: Array) -> None:
+def _trace_paths(plans: Array, max_speeds: Array, path: Array) -> None:
     """Set the paths (2 k H,) of plans (k, H, 2) m/s, in steps at maximum speed."""
     d = 0
     for j in range(plans.shape[0]):
@@ -238,7 +238,7 @@ def _path(plans: Array, max_speeds: Array, path: Array) -> None:
 
 
 @inlined
-def _within(one: Array, other: Array, square: float) -> bool:
+def _are_within(one: Array, other: Array, square: float) -> bool:
     """True if the squared distance of points (D,) is below `square`; begins with the last coordinates."""
     total = 0.0
     for d in range(len(one) - 1, -1, -1):

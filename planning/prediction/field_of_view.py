@@ -42,11 +42,11 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
 
     Note: a view all round has no image; marks are taken in an image of 90 degrees instead.
     """
-    return _points(_view_of(vehicle), marks.tobytes()).copy()
+    return _find_points(_view_of(vehicle), marks.tobytes()).copy()
 
 
 @lru_cache(_KEPT)
-def _points(view: _View, given: bytes) -> Array:
+def _find_points(view: _View, given: bytes) -> Array:
     marks, height = np.frombuffer(given).reshape(-1, 2), view.height
     half = height * (1.0 if view.fov >= ALL_ROUND else tan(view.fov / 2))
     rays = np.column_stack([half * marks, np.full(len(marks), -height)])
@@ -61,12 +61,12 @@ def aim_point(vehicle: Vehicle) -> Array:
 
 def viewing_range(vehicle: Vehicle) -> float:
     """Longest planar distance at which the vehicle can see a target [m]."""
-    return _range(_view_of(vehicle))
+    return _find_range(_view_of(vehicle))
 
 
 @lru_cache(_KEPT)
-def _range(view: _View) -> float:
-    return math.inf if view.fov >= ALL_ROUND else float(np.max(length(_points(view, _CORNERS.tobytes()))))
+def _find_range(view: _View) -> float:
+    return math.inf if view.fov >= ALL_ROUND else float(np.max(length(_find_points(view, _CORNERS.tobytes()))))
 
 
 def view_quadrangle(vehicle: Vehicle) -> Array:
@@ -75,11 +75,11 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A pinhole
     camera sees points with |x| and |y| up to tan(fov / 2) times their depth; at constant height that is linear.
     """
-    return _quadrangle(_view_of(vehicle)).copy()
+    return _make_quadrangle(_view_of(vehicle)).copy()
 
 
 @lru_cache(_KEPT)
-def _quadrangle(view: _View) -> Array:
+def _make_quadrangle(view: _View) -> Array:
     if view.fov >= ALL_ROUND:
         return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)
     slope, R, out = tan(view.fov / 2), rotation(np.frombuffer(view.attitude).copy()), np.empty((5, 3))
@@ -87,5 +87,5 @@ def _quadrangle(view: _View) -> Array:
         normal = sign * R[:, axis] + slope * R[:, 2]
         size = hypot(normal[0], normal[1])
         out[k] = normal[0] / size, normal[1] / size, view.height * normal[2] / size
-    out[4] = *_points(view, _MIDDLE.tobytes())[0], 0.0
+    out[4] = *_find_points(view, _MIDDLE.tobytes())[0], 0.0
     return out

@@ -30,7 +30,7 @@ def base_control(situation: Situation) -> Array:
 
 def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
     """Controls (H, 2) m/s that a UAV is expected to fly: its last plan shifted, extended by the base policy."""
-    return np.asarray(_intents(situation, [vehicle], horizon)[0])
+    return np.asarray(_extend_intents(situation, [vehicle], horizon)[0])
 
 
 def expect_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
@@ -38,18 +38,18 @@ def expect_plans(situation: Situation, horizon: int, decided: Mapping[int, Array
     vehicles = situation.vehicles
     expected = [v for v in vehicles if v.id not in decided]
     plans = dict(decided)
-    plans.update(zip((v.id for v in expected), _intents(situation, expected, horizon), strict=True))
+    plans.update(zip((v.id for v in expected), _extend_intents(situation, expected, horizon), strict=True))
     return np.array([plans[v.id] for v in vehicles])
 
 
-def _intents(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> Array:
+def _extend_intents(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> Array:
     plans, given = np.zeros((len(vehicles), horizon, 2)), np.zeros(len(vehicles), np.int64)
     for k, vehicle in enumerate(vehicles):
         if plan := situation.intents.get(vehicle.id):
             known = plan.controls[1 : horizon + 1]
             given[k] = len(known)
             plans[k, : len(known)] = known
-    _extend(plans, given, _pursuit(situation, vehicles, horizon), float(situation.step))
+    _extend(plans, given, _make_pursuit(situation, vehicles, horizon), float(situation.step))
     return plans
 
 
@@ -61,7 +61,7 @@ def base_policy_plans(situation: Situation, vehicle: Vehicle, given: Array, hori
     plans = np.zeros((len(given), horizon, 2))
     plans[:, : given.shape[1]] = given
     steps = np.full(len(given), given.shape[1])
-    _extend(plans, steps, _pursuit(situation, [vehicle], horizon), float(situation.step))
+    _extend(plans, steps, _make_pursuit(situation, [vehicle], horizon), float(situation.step))
     return plans
 
 
@@ -76,7 +76,7 @@ class _Pursuit(NamedTuple):
     traces: Array  # (T,) m²
 
 
-def _pursuit(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> _Pursuit:
+def _make_pursuit(situation: Situation, vehicles: Sequence[Vehicle], horizon: int) -> _Pursuit:
     _, covariances = beliefs_of(situation.tracks)
     return _Pursuit(
         np.array([v.position[:2] for v in vehicles], dtype=float).reshape(-1, 2),

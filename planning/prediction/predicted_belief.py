@@ -11,7 +11,7 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
 from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
-from tracking.geometry.visibility import PART, TARGET_HEIGHT, Forest, any_of_two
+from tracking.geometry.visibility import PART_EXPONENT, TARGET_HEIGHT, Forest, any_of_two
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -44,7 +44,7 @@ def predict_belief(situation: Situation, points: Array, covariances: Array) -> P
     Each target has weight one.
     """
     vehicles, motion = situation.vehicles, situation.motion
-    blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
+    blockers, offsets = _find_hiding_cylinders(situation.forest, points, vehicles, motion.dt * len(points))
     return PredictedBelief(
         step=motion.dt,
         transition=motion.transition,
@@ -60,20 +60,22 @@ def predict_belief(situation: Situation, points: Array, covariances: Array) -> P
     )
 
 
-def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float) -> tuple[Array, Indices]:
+def _find_hiding_cylinders(
+    forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float
+) -> tuple[Array, Indices]:
     """Cylinders that can hide each point (..., 3) m from a UAV that has it in view within `duration` s.
 
     A few metres from the target a line of sight is above the trees, so each point has few such cylinders.
     """
     sights = np.array([(*v.position, viewing_range(v), v.max_speed * duration) for v in vehicles])
     points, order = points.reshape(-1, 3), forest.from_west
-    reach = forest.blockers[:, 2] + _reach(forest.blockers, points, sights.reshape(-1, 5))
-    columns, offsets = _cylinders_within(points, forest.blockers, reach, order)
+    reach = forest.blockers[:, 2] + _compute_reach(forest.blockers, points, sights.reshape(-1, 5))
+    columns, offsets = _find_cylinders_within(points, forest.blockers, reach, order)
     return forest.blockers[columns], offsets
 
 
 @compiled
-def _reach(cylinders: Array, points: Array, sights: Array) -> Array:
+def _compute_reach(cylinders: Array, points: Array, sights: Array) -> Array:
     """Largest distance (B,) m from a cylinder's side at which it hides any of N points from any of n UAVs.
 
     sights (n, 5): position, viewing range and distance flown [m].
@@ -92,7 +94,7 @@ def _reach(cylinders: Array, points: Array, sights: Array) -> Array:
 
 
 @compiled
-def _cylinders_within(points: Array, cylinders: Array, reach: Array, order: Indices) -> tuple[Indices, Indices]:
+def _find_cylinders_within(points: Array, cylinders: Array, reach: Array, order: Indices) -> tuple[Indices, Indices]:
     """Indices of the cylinders (B, 6) within `reach` (B,) m of the points (N, 3) m, and where each point's begin.
 
     order (B,): the cylinders from west to east.
@@ -193,7 +195,7 @@ def _find_visible_shares(
         for lane in range(0 if opaque else LANES):
             camera = east[lane], north[lane], height
             if free[lane] > 0.0 and is_blocked(camera, point, cylinder):
-                free[lane] *= exp(-PART * blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
+                free[lane] *= exp(-PART_EXPONENT * blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
     for lane in range(LANES if porous else 0):
         free[lane] = any_of_two(free[lane])
     return some > 0
@@ -216,7 +218,7 @@ def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[f
 
 
 @inlined
-def _gain(xx: float, xy: float, yy: float, jxx: float, jxy: float, jyy: float) -> tuple[float, float, float]:
+def _compute_gain(xx: float, xy: float, yy: float, jxx: float, jxy: float, jyy: float) -> tuple[float, float, float]:
     """S⁻¹ = (I + J P_pp)⁻¹ J (xx, xy, yy), which needs no inverse of J and is 0 without information."""
     a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
     c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
@@ -229,7 +231,7 @@ def last_traces(P: Array, transition: Transition, noise: Array, information: Arr
     """Set `traces` (LANES,) as `belief_transition` does, which is enough at the last step; P stays as it is."""
     for k in range(LANES):
         xx, xy, _, _, yy, _, _, _, _, _ = predicted(P, k, transition, noise)
-        sxx, sxy, syy = _gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
+        sxx, sxy, syy = _compute_gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         traces[k] = (xx - gx0 * xx - gx1 * xy) + (yy - gy0 * xy - gy1 * yy)
 
@@ -245,7 +247,7 @@ def belief_transition(P: Array, transition: Transition, noise: Array, informatio
     """
     for k in range(LANES):
         xx, xy, xu, xv, yy, yu, yv, uu, uv, vv = predicted(P, k, transition, noise)
-        sxx, sxy, syy = _gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
+        sxx, sxy, syy = _compute_gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
         P[k], P[LANES + k], P[4 * LANES + k] = (

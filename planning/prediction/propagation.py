@@ -78,7 +78,7 @@ class MonteCarlo:
         points[..., 2] = TARGET_HEIGHT
         motion, spread = situation.motion, covariances
         for step in range(horizon):
-            drift = _disturbance(motion, standard_normal(rng, (S, T, 2, 2)))
+            drift = _make_disturbance(motion, standard_normal(rng, (S, T, 2, 2)))
             ahead, spread = motion.predict_all(means, spread)
             pull = ahead - apply(motion.F, means)  # of the long-run velocity
             states, means = apply(motion.F, states) + drift + pull, ahead
@@ -98,7 +98,7 @@ def nominal_positions(situation: Situation, horizon: int) -> Array:
     return situation.motion.positions_ahead(*beliefs_of(situation.tracks), horizon)
 
 
-def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
+def _make_disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
     """Process noise of a step on states (S, T, 4), from two normal numbers for each axis (S, T, 2, 2), x first.
 
     The two numbers of an axis are multiplied by the Cholesky factor of its block of Q, of rank one over a single scan.

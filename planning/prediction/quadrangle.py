@@ -38,14 +38,14 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
     for k in range(4):
         a, b = views[uav, k, 0], views[uav, k, 1]
         excess = a * dx + b * dy - views[uav, k, 2]
-        if excess > 0.0 and _within_others(views, uav, (dx - excess * a, dy - excess * b), k):
+        if excess > 0.0 and _is_within_others(views, uav, (dx - excess * a, dy - excess * b), k):
             return excess * a, excess * b
-    x, y = _nearest_corner(views, uav, dx, dy)
+    x, y = _find_nearest_corner(views, uav, dx, dy)
     return dx - x, dy - y
 
 
 @compiled
-def _nearest_corner(views: Array, uav: int, dx: float, dy: float) -> tuple[float, float]:
+def _find_nearest_corner(views: Array, uav: int, dx: float, dy: float) -> tuple[float, float]:
     """The corner of the quadrangle nearest to (dx, dy) [m]."""
     best, nearest = np.inf, (dx, dy)
     for k in range(4):
@@ -67,7 +67,7 @@ def corner(views: Array, uav: int, k: int) -> tuple[float, float]:
 
 
 @compiled
-def _within_others(views: Array, uav: int, point: tuple[float, float], k: int) -> bool:
+def _is_within_others(views: Array, uav: int, point: tuple[float, float], k: int) -> bool:
     """True if a point (x, y) on the line of side k is on the inner side of the other three."""
     x, y = point
     for i in range(4):

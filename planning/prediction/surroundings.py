@@ -17,19 +17,19 @@ _REACHES = 3.0  # two would do for targets that are where they are expected
 _DEVIATIONS = 5.0  # of targets' beliefs
 
 
-def surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Situation, Indices]:
+def find_surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Situation, Indices]:
     """The situation with the tracks and UAVs around those in rows `uavs` of its UAVs, and the rows that are left.
 
     A UAV's reach is the distance at which it can have something in view within the horizon. Targets out of reach, and
     UAVs that reach none of the targets in reach, add the same to the costs of all plans, up to rounding.
     """
     vehicles, duration = situation.vehicles, horizon * situation.step
-    near, radius = near_uavs(situation, uavs, horizon)
+    near, radius = find_near_uavs(situation, uavs, horizon)
     means, covariances = beliefs_of(situation.tracks)
     spread = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
     drift = length(means[:, 2:]) + _DEVIATIONS * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
     centres = np.array([vehicles[i].position[:2] for i in uavs])
-    tracked = _within(means[:, :2], centres, radius + _DEVIATIONS * spread + duration * drift)
+    tracked = _are_within(means[:, :2], centres, radius + _DEVIATIONS * spread + duration * drift)
     if tracked.all() and near.all():
         return situation, np.arange(len(vehicles))
     rows = np.flatnonzero(near)
@@ -38,14 +38,14 @@ def surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tup
     return replace(situation, neighbours=others, tracks=tracks), rows
 
 
-def near_uavs(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Flags, float]:
+def find_near_uavs(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Flags, float]:
     """Mask (n,) of the UAVs in the surroundings of those in rows `uavs`, and the radius of the surroundings [m]."""
     vehicles, duration = situation.vehicles, horizon * situation.step
     radius = max(LEAST_RADIUS, _REACHES * max(v.max_speed * duration + viewing_range(v) for v in vehicles))
     places = np.array([v.position[:2] for v in vehicles])
-    return _within(places, places[list(uavs)], radius), radius
+    return _are_within(places, places[list(uavs)], radius), radius
 
 
-def _within(places: Array, centres: Array, radii: Array | float) -> Flags:
+def _are_within(places: Array, centres: Array, radii: Array | float) -> Flags:
     """Mask (N,) of places (N, 2) m that are at most radii (N,) m from any of some centres (k, 2) m."""
     return np.asarray(np.min(length(places[:, None] - centres), axis=1, initial=np.inf) <= radii)

@@ -11,10 +11,10 @@ from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import policy_of_intent
 from planning.prediction.propagation import Nominal
 from planning.prediction.response import camera_paths
-from planning.rivals.distribution import Team, gains, optimise_probabilities
+from planning.rivals.distribution import Team, compute_gains, optimise_probabilities
 from planning.rivals.gathered_information import build_prior, gather_information
 from planning.rivals.moves import make_moves
-from planning.rivals.tree import find_promising_sequences, grow, new_tree
+from planning.rivals.tree import find_promising_sequences, grow, make_tree
 from tracking.numerics.arrays import Array, Indices
 
 
@@ -93,7 +93,7 @@ class TreeSearch:
         own = situation.own
         places = own.position[:2] + own.max_speed * situation.step * self._moves.places
         self._own = gather_information(self._belief, self._vehicles.index(own), places, self._moves.steps)
-        self._tree = new_tree(planner.evaluations, horizon, len(self._moves.controls))
+        self._tree = make_tree(planner.evaluations, horizon, len(self._moves.controls))
         self._others: dict[int, _Distribution] = {}
         for vehicle in situation.neighbours:
             self._expect(vehicle.id, policy_of_intent(situation, vehicle, horizon)[None], np.ones(1))
@@ -101,13 +101,15 @@ class TreeSearch:
 
     def advance(self, now: int) -> None:
         """Grow the tree by a round's share of the evaluations, and update the distribution."""
-        planner, team = self._planner, self._team()
+        planner, team = self._planner, self._gather_team()
         count = planner.evaluations * (now + 1) // planner.rounds - planner.evaluations * now // planner.rounds
         draws = self._rng.random((count, len(self._others) + planner.horizon))
         fading = np.cumprod(np.append(1.0, np.full(planner.evaluations, planner.discount)))
         grow(self._tree, self._moves, team, draws, fading, planner.exploration)
         chosen = find_promising_sequences(self._tree, planner.sequences)
-        found = gains(team, self._information_of(chosen), self._rng.random((planner.samples, len(self._others))))
+        found = compute_gains(
+            team, self._gather_information(chosen), self._rng.random((planner.samples, len(self._others)))
+        )
         heat = planner.temperature * np.prod(np.full(now, planner.cooling))
         scaled = found / max(float(found.max()), 1e-12)
         self.controls = self._situation.own.max_speed * self._moves.controls[chosen]
@@ -138,7 +140,7 @@ class TreeSearch:
         information = np.ascontiguousarray(table.reshape(shape).swapaxes(0, 1))
         self._others[uav] = _Distribution(information, chances / chances.sum())
 
-    def _information_of(self, sequences: Indices) -> Array:
+    def _gather_information(self, sequences: Indices) -> Array:
         """Information (S, H, B, 3 LANES) of own sequences of controls (S, H)."""
         places = np.full(len(sequences), -1)
         seen = []
@@ -147,7 +149,7 @@ class TreeSearch:
             seen.append(self._own[places])
         return np.ascontiguousarray(np.stack(seen, axis=1))
 
-    def _team(self) -> Team:
+    def _gather_team(self) -> Team:
         others = [self._others[uav] for uav in sorted(self._others)]
         none = np.zeros((0, self._planner.horizon, *self._own.shape[1:]))
         return Team(

@@ -60,9 +60,9 @@ class Thompson:
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """The rest of each UAV's flight, or a flight to the best place in a new world."""
-        return [self._flight(s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
+        return [self._choose_flight(s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
 
-    def _flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
+    def _choose_flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
         last = situation.intents.get(situation.own.id)
         if last is not None and len(last.controls) > 1:
             return Plan(limit_speed(last.controls[1:], situation.own.max_speed))
@@ -76,10 +76,12 @@ class Thompson:
         own, forest = situation.own, situation.forest
         spots = points_shown(own, IMAGE_POINTS)
         start, reach = own.position.astype(float), own.max_speed * situation.step
-        places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
+        places = np.concatenate(
+            [own.position[None, :2], _list_places(start, reach, situation.step, world.states, spots)]
+        )
         view = view_quadrangle(own)
         flight = _Flight(start, reach, situation.step)
-        found = _errors_in_view(places, flight, view, world, self.cutoff, forest.blockers, forest.grid)
+        found = _find_errors_in_view(places, flight, view, world, self.cutoff, forest.blockers, forest.grid)
         # If no place shows an error, the first one is taken: the UAV's own position.
         return np.asarray(places[np.argmax(found.sum(axis=1) / _count_steps_to_each(places, start, reach))])
 
@@ -116,7 +118,7 @@ def _count_steps_to_each(places: Array, start: Array, reach: float) -> Array:
 
 
 @compiled
-def _places(start: Array, reach: float, step: float, states: Array, spots: Array) -> Array:
+def _list_places(start: Array, reach: float, step: float, states: Array, spots: Array) -> Array:
     """Places (M S, 2) m from which, on arrival, each person is nearly at each of the image's `spots` (S, 2) m."""
     places = np.empty((len(states) * len(spots), 2))
     for n in range(len(places)):
@@ -130,7 +132,7 @@ def _places(start: Array, reach: float, step: float, states: Array, spots: Array
 
 
 @compiled
-def _errors_in_view(
+def _find_errors_in_view(
     places: Array, flight: _Flight, view: Array, world: DrawnWorld, most: float, blockers: Array, grid: Grid
 ) -> Array:
     """Errors (N, M) up to `most` m of people that places (N, 2) m are expected to show on arrival; 0 out of view."""

@@ -25,7 +25,7 @@ class SearchTree(NamedTuple):
     counts: Indices  # (2,): nodes and iterations so far
 
 
-def new_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
+def make_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
     """An empty tree with room for one node per iteration."""
     room = iterations + 1
     return SearchTree(

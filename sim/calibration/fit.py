@@ -23,7 +23,7 @@ from tracking.detection.detection_errors import (
 )
 from tracking.detection.ground_measurement import detections_of, split_gaps
 from tracking.detection.leaf_cover import are_behind_leaves, measure_parts
-from tracking.detection.partial_visibility import PART, PartError, Places, find_places
+from tracking.detection.partial_visibility import PART_ERROR, PartError, Places, find_places
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -188,7 +188,7 @@ def fit_part(seed: int, frames: int) -> PartError:
     def surprise(x: Array) -> float:
         return math.inf if np.min(x) < 0.0 else _fit_excess(x, cases[::5]).surprise
 
-    start = np.array(PART[:4])
+    start = np.array(PART_ERROR[:4])
     return _fit_excess(np.round(_minimise(surprise, start, 100), 3), cases).error
 
 
@@ -201,7 +201,7 @@ class _PartFit(NamedTuple):
 
 def _fit_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> _PartFit:
     """The constants with the likeliest factors of the covariance."""
-    plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
+    plain = ((1.0,) * len(PART_ERROR.hidden),) * len(PART_ERROR.pixel)
     error = PartError(*x.tolist())._replace(excess=plain)
     rows = []
     for places, person in cases:

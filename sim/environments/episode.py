@@ -86,12 +86,12 @@ class Episode:
         if self._drawn < self.now.time:
             for snapshot in self._flown:
                 if self._drawn < snapshot.time < self.now.time:
-                    self._film.follow(snapshot, self._last_frames(snapshot.time))
+                    self._film.follow(snapshot, self._find_last_frames(snapshot.time))
             self._drawn = self.now.time
-            self._image = self._film.draw(self.now, self._last_frames(self.now.time))
+            self._image = self._film.draw(self.now, self._find_last_frames(self.now.time))
         return self._image.copy()
 
-    def _last_frames(self, time: float) -> list[NDArray[np.uint8] | None]:
+    def _find_last_frames(self, time: float) -> list[NDArray[np.uint8] | None]:
         """The last frame of each UAV if it was taken at this time [s], otherwise None."""
         return [self.images[i] if self._taken.get(i) == time else None for i in range(len(self.mission.scenario.uavs))]
 

@@ -63,7 +63,7 @@ class MissionEnvironment:
         self._check(self._scenario)
         self._uavs = range(len(self._scenario.uavs))
         self._observations = Observations(len(self._uavs) - 1, rows["tracks"], rows["trees"])
-        self._spaces = self._observation_spaces(self._scenario)  # one per UAV
+        self._spaces = self._make_observation_spaces(self._scenario)  # one per UAV
         self._reward = find_reward(reward)
         self.metadata = {
             **self.metadata,
@@ -83,7 +83,7 @@ class MissionEnvironment:
 
     def render(self) -> NDArray[np.uint8] | None:
         """A frame (720, 1280, 3) RGB as in films, with the true people; None and a warning without `render_mode`."""
-        episode = self._episode()
+        episode = self._require_episode()
         if self.render_mode is None:
             logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
             return None
@@ -100,7 +100,7 @@ class MissionEnvironment:
 
         `flight().save("episode.npz")` writes it for `understory explain`, `replay` and `export`.
         """
-        return self._episode().flight()
+        return self._require_episode().flight()
 
     @cached_property
     def state_space(self) -> spaces.Box:
@@ -113,9 +113,9 @@ class MissionEnvironment:
         Time [s]; of each UAV x, y, z [m], velocity east and north [m/s], and 1 if it works; of each person x, y [m],
         velocity east and north [m/s], and 1 if present. What is absent is zero.
         """
-        return true_state.make_state(self._episode(), self.state_space)
+        return true_state.make_state(self._require_episode(), self.state_space)
 
-    def _episode(self) -> Episode:
+    def _require_episode(self) -> Episode:
         """The episode since the last reset; `ResetNeeded` if there was no reset."""
         if self._present is None:
             raise error.ResetNeeded("call reset first")
@@ -137,7 +137,7 @@ class MissionEnvironment:
         number, repeat = parse_seed_and_repeat(0 if seed is None else seed, given.get("repeat", 0))
         scenario = change_settings(self._scenario, given.get("settings"))
         self._check(scenario)
-        if scenario is not self._scenario and self._observation_spaces(scenario) != self._spaces:
+        if scenario is not self._scenario and self._make_observation_spaces(scenario) != self._spaces:
             raise InputError("options: settings of other area, uavs or pixels need an environment of their own")
         return Asked(scenario, None if seed is None else number, repeat)
 
@@ -154,14 +154,14 @@ class MissionEnvironment:
 
     def _fly(self, actions: Mapping[int, object]) -> None:
         """Fly to the next decision; `InvalidAction` names a wrong action, `ResetNeeded` means the mission is over."""
-        episode = self._episode()
+        episode = self._require_episode()
         if episode.over:
             raise error.ResetNeeded("the episode is over; call reset")
-        episode.step({uav: self._velocity(uav, action) for uav, action in actions.items()})
+        episode.step({uav: self._limit_velocity(uav, action) for uav, action in actions.items()})
 
     def _observe(self, uav: int) -> Observed:
         """Observation of a UAV; zeros if it has broken down."""
-        episode = self._episode()
+        episode = self._require_episode()
         situation = episode.team.get(uav)
         if situation is None:
             return {name: _make_zeros(space) for name, space in self._spaces[uav].items()}
@@ -171,9 +171,9 @@ class MissionEnvironment:
             found["image"] = _make_zeros(self._spaces[uav]["image"]) if image is None else image.copy()
         return found
 
-    def _reward_of(self, uav: int) -> float:
+    def _compute_reward(self, uav: int) -> float:
         """Present reward of a UAV, 0 if it has broken down; InputError if a function returns no finite number."""
-        episode = self._episode()
+        episode = self._require_episode()
         situation = episode.team.get(uav)
         if situation is None:
             return 0.0
@@ -186,7 +186,7 @@ class MissionEnvironment:
             raise InputError(f"reward: the function returned {given!r}; expected a finite number")
         return reward
 
-    def _flat_space(self, space: spaces.Dict) -> spaces.Space[Any]:
+    def _flatten_space(self, space: spaces.Dict) -> spaces.Space[Any]:
         """The space of observations that are given: one vector if they are asked for as `flat`."""
         return spaces.flatten_space(space) if self._flat else space
 
@@ -194,12 +194,12 @@ class MissionEnvironment:
         """An observation as it is given: one vector if they are asked for as `flat`."""
         return np.asarray(spaces.flatten(space, observed)) if self._flat else observed
 
-    def _observation_spaces(self, scenario: Scenario) -> list[spaces.Dict]:
+    def _make_observation_spaces(self, scenario: Scenario) -> list[spaces.Dict]:
         """Observation spaces of the UAVs of a scenario."""
         area = scenario.area.width, scenario.area.height
-        return [self._space(area, uav.pixels) for uav in scenario.uavs]
+        return [self._make_space(area, uav.pixels) for uav in scenario.uavs]
 
-    def _space(self, area: tuple[float, float], edge: int) -> spaces.Dict:
+    def _make_space(self, area: tuple[float, float], edge: int) -> spaces.Dict:
         """Observation space of one UAV, given width and height [m] of the area and the edge [pixels] of its image."""
         o = self._observations
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
@@ -213,7 +213,7 @@ class MissionEnvironment:
             found["image"] = spaces.Box(0, 255, (edge, edge, 3), np.uint8)
         return spaces.Dict(found)
 
-    def _velocity(self, uav: int, action: object) -> Array:
+    def _limit_velocity(self, uav: int, action: object) -> Array:
         """Velocity (2,) m/s of an action, shortened to the UAV's speed limit."""
         try:
             given = np.asarray(action, dtype=float)
@@ -223,7 +223,7 @@ class MissionEnvironment:
             what = f"of shape {given.shape}" if given.shape != (2,) else f"{given.tolist()}"
             raise error.InvalidAction(f"action of UAV {uav}: {what} is not allowed; expected two numbers in [-1, 1]")
         east, north = np.clip(given, -1.0, 1.0).tolist()
-        most = self._episode().mission.scenario.uavs[uav].max_speed
+        most = self._require_episode().mission.scenario.uavs[uav].max_speed
         return np.array([east, north]) * (most / max(1.0, math.hypot(east, north)))
 
 

@@ -21,7 +21,7 @@ class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observation, NDArray[
     def _set_up(self) -> None:
         self.possible_agents = [f"uav_{i}" for i in self._uavs]
         self.agents: list[str] = []
-        self.observation_spaces = dict(zip(self.possible_agents, map(self._flat_space, self._spaces), strict=True))
+        self.observation_spaces = dict(zip(self.possible_agents, map(self._flatten_space, self._spaces), strict=True))
         self.action_spaces = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
         self._last: dict[str, Observation] = {}
         self.np_random, self.np_random_seed = seeding.np_random()
@@ -43,7 +43,7 @@ class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observation, NDArray[
             self.np_random, self.np_random_seed = seeding.np_random(asked.seed)
         self.agents = [f"uav_{i}" for i in self._start(asked, self.np_random).team]
         self._last = {agent: self._observe_agent(agent) for agent in self.agents}
-        return dict(self._last), self._infos(self.agents)
+        return dict(self._last), self._make_infos(self.agents)
 
     def step(
         self, actions: dict[str, NDArray[np.floating[Any]]]
@@ -63,27 +63,27 @@ class TeamParallelEnv(MissionEnvironment, ParallelEnv[str, Observation, NDArray[
         for agent in flying:
             if agent not in actions:
                 raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")
-        if self._episode().over and not actions:
+        if self._require_episode().over and not actions:
             return {}, {}, {}, {}, {}
         self._fly({_parse_id(agent): actions[agent] for agent in flying})
-        episode = self._episode()
+        episode = self._require_episode()
         left = [agent for agent in flying if _parse_id(agent) in episode.team]
         self._last |= {agent: self._observe_agent(agent) for agent in left}
         self.agents = [] if episode.over else left
         return (
             {agent: self._last[agent] for agent in flying},
-            {agent: self._reward_of(_parse_id(agent)) for agent in flying},
+            {agent: self._compute_reward(_parse_id(agent)) for agent in flying},
             {agent: agent not in left for agent in flying},
             {agent: agent in left and episode.over for agent in flying},
-            self._infos(flying),
+            self._make_infos(flying),
         )
 
     def _observe_agent(self, agent: str) -> Observation:
         uav = _parse_id(agent)
         return self._flatten(self._spaces[uav], self._observe(uav))
 
-    def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
-        return {agent: self._episode().metrics(_parse_id(agent)) for agent in agents}
+    def _make_infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
+        return {agent: self._require_episode().metrics(_parse_id(agent)) for agent in agents}
 
 
 def _parse_id(agent: str) -> int:

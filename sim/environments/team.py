@@ -26,7 +26,7 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
         count = len(self._uavs)
         repeated = {name: _repeat(space, count) for name, space in self._spaces[0].items()}
         self._whole = spaces.Dict({**repeated, "working": make_mask_space(count)})
-        self.observation_space = self._flat_space(self._whole)
+        self.observation_space = self._flatten_space(self._whole)
         self.action_space = spaces.Box(-1.0, 1.0, (count, 2), np.float32)
 
     def reset(
@@ -36,27 +36,27 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
         asked = self._read_reset(seed, options)
         super().reset(seed=asked.seed)
         self._start(asked, self.np_random)
-        return self._observe_all(), self._info()
+        return self._observe_all(), self._make_info()
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly to the next decision by actions (n, 2); actions of UAVs that have broken down are ignored."""
         if np.shape(action) != self.action_space.shape:
             raise error.InvalidAction(f"action: of shape {np.shape(action)}, not {self.action_space.shape}")
-        episode = self._episode()
+        episode = self._require_episode()
         self._fly({i: action[i] for i in episode.team})
         team = episode.team
-        reward = math.fsum(map(self._reward_of, team)) / max(len(team), 1)
-        return self._observe_all(), reward, not team, bool(team) and episode.over, self._info()
+        reward = math.fsum(map(self._compute_reward, team)) / max(len(team), 1)
+        return self._observe_all(), reward, not team, bool(team) and episode.over, self._make_info()
 
     def _observe_all(self) -> Observation:
         each = [self._observe(i) for i in self._uavs]
         found: Observed = {name: np.stack([one[name] for one in each]) for name in each[0]}
-        found["working"] = np.array([i in self._episode().team for i in self._uavs], dtype=np.int8)
+        found["working"] = np.array([i in self._require_episode().team for i in self._uavs], dtype=np.int8)
         return self._flatten(self._whole, found)
 
-    def _info(self) -> dict[str, Any]:
+    def _make_info(self) -> dict[str, Any]:
         """Time, and means of OSPA and GOSPA over the working UAVs."""
-        metrics = [self._episode().metrics(i) for i in self._uavs]
+        metrics = [self._require_episode().metrics(i) for i in self._uavs]
         names = {name for each in metrics for name in each}
         return {name: float(np.mean([each[name] for each in metrics if name in each])) for name in sorted(names)}
 

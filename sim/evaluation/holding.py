@@ -20,7 +20,7 @@ class Episode(NamedTuple):
     value: int
 
 
-def episodes(values: Indices) -> list[Episode]:
+def find_episodes(values: Indices) -> list[Episode]:
     """Episodes of equal values (K,), in order of time."""
     edges = np.flatnonzero(np.diff(values)).tolist()
     firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]

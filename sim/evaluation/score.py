@@ -58,7 +58,7 @@ def find_reported_tracks(recording: Recording, uav: int) -> Held:
     return Held(ids, means, found)
 
 
-def velocities(recording: Recording) -> Array:
+def estimate_velocities(recording: Recording) -> Array:
     """True velocities (K, M, 2) m/s: central differences of positions, one-sided when a person comes or goes."""
     positions, times = recording.people, recording.times
     steps = np.full((len(times) + 1, *positions.shape[1:]), np.nan)
@@ -134,7 +134,7 @@ def score(recording: Recording, uav: int) -> Score:
     near = find_correspondence(tracks, people, recording.setting.loss_distance)
     present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
-    truth = np.concatenate([people, velocities(recording)[on]], axis=2)
+    truth = np.concatenate([people, estimate_velocities(recording)[on]], axis=2)
     holders = _find_holders(recording, believed.means[:, :, :2])[on]
     there = np.take_along_axis(np.pad(reported, ((0, 0), (0, 1))), holders, axis=1)  # the last column is for none
     k, m = np.nonzero(present & there)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.evaluation.holding import episodes
+from sim.evaluation.holding import find_episodes
 from sim.evaluation.score import FAR, Held, find_reported_tracks
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import find_correspondence
@@ -55,12 +55,12 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
         place = places[id_][np.arange(len(table)), table.argmax(axis=1)]
         gaps = np.hypot(*np.moveaxis(people - place[:, None], 2, 0))  # (K, M) m
         gaps[np.isnan(gaps)] = np.inf
-        for first, last, value in episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
+        for first, last, value in find_episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
             if value:
                 span = slice(first, last + 1)
-                left = _left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
+                left = _find_person_who_left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
                 since = int(rows[np.argmax(recording.track_ids == id_)])
-                nearest, gap = _nearest(gaps[span])
+                nearest, gap = _find_nearest(gaps[span])
                 duplicate = gap <= recording.setting.loss_distance
                 yield Unmatched(id_, first, last, nearest, gap, duplicate, table[span], left, since)
 
@@ -78,13 +78,13 @@ def _find_unmatched(held: Held, standing: Indices, people: Array) -> Flags:
     return free
 
 
-def _left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
+def _find_person_who_left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
     """The last person for whom a track stood, by any UAV's ids (K, M), if that person is absent (M,)."""
     scans, people = np.nonzero(np.any([ids == id for ids in stood], axis=0))
     return int(people[-1]) if len(scans) and absent[people[-1]] else None
 
 
-def _nearest(gaps: Array) -> tuple[int | None, float]:
+def _find_nearest(gaps: Array) -> tuple[int | None, float]:
     """The person with the least median of distances (K, M) m, and this median [m]."""
     median = np.median(gaps, axis=0)
     if not np.isfinite(median).any():

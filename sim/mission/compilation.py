@@ -15,8 +15,8 @@ import numpy as np
 from numba.core import event
 
 from planning.composed import Composed
-from planning.made_up_teams import flying_team
-from planning.objective.nbo import Measure, objective
+from planning.made_up_teams import make_flying_team
+from planning.objective.nbo import Measure, make_objective
 from planning.planner import Situation
 from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
@@ -124,7 +124,9 @@ def _evaluate_plans() -> None:
     """The objective of the default planner, except the search."""
     situation, planner, belief = _predict()
     velocities = np.zeros((len(situation.vehicles), planner.horizon, 2))
-    objective(belief, velocities, [0], planner.beta, 1, Measure(False, float(planner.cutoff)))(velocities[None, :1])
+    make_objective(belief, velocities, [0], planner.beta, 1, Measure(False, float(planner.cutoff)))(
+        velocities[None, :1]
+    )
 
 
 def _search_plans() -> None:
@@ -145,7 +147,7 @@ def _predict() -> tuple[Situation, Composed, PredictedBelief]:
     """A situation, the default planner and what it predicts."""
     planner = load_planner(DEFAULT_PLANNER)
     assert isinstance(planner, Composed)
-    situation = replace(flying_team()[0], motion=make_planned_motion(Scenario()))
+    situation = replace(make_flying_team()[0], motion=make_planned_motion(Scenario()))
     return situation, planner, planner.propagator.predict(situation, planner.horizon, np.random.default_rng(0))
 
 

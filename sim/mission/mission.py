@@ -170,7 +170,7 @@ class Mission:
             pixels=[look.pixels for look in looks],
             tracks=tracks,
             plans=None,
-            ospa=self._errors(tracks, people[~np.isnan(people[:, 0])]),
+            ospa=self._measure_errors(tracks, people[~np.isnan(people[:, 0])]),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
@@ -186,7 +186,7 @@ class Mission:
         self._working = [i for i in self._working if i not in failed]
         return [Fault(self.scenario.uavs[i].fails_at or 0.0, i, BREAKDOWN) for i in failed]
 
-    def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
+    def _measure_errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m; NaN after a breakdown."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:

@@ -34,10 +34,10 @@ def find_links(network: Network, time: float, positions: Array) -> Flags:
     gap = length(positions[:, None] - positions[None])
     heard = np.asarray((gap <= network.range) & ~np.eye(len(gap), dtype=np.bool_))
     if network.links:
-        heard &= _adjacency(network.links, len(gap))
+        heard &= _make_adjacency(network.links, len(gap))
     for cut in network.cuts:
         if cut.start <= time and (cut.end is None or time < cut.end):
-            heard &= ~_adjacency(cut.links, len(gap))
+            heard &= ~_make_adjacency(cut.links, len(gap))
     return heard
 
 
@@ -51,7 +51,7 @@ def draw_lost_messages(network: Network, uavs: int, rng: np.random.Generator) ->
     return rng.random((network.rounds, uavs, uavs)) < network.loss
 
 
-def _adjacency(links: Sequence[UavPair], uavs: int) -> Flags:
+def _make_adjacency(links: Sequence[UavPair], uavs: int) -> Flags:
     table = np.zeros((uavs, uavs), dtype=np.bool_)
     ends = np.array(links)
     table[ends[:, 0], ends[:, 1]] = table[ends[:, 1], ends[:, 0]] = True

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.evaluation.score import velocities
+from sim.evaluation.score import estimate_velocities
 from sim.recording.recording import Recording
 from sim.replay.event import Event, find_ends
 from sim.replay.history import STATES, History
@@ -26,7 +26,7 @@ def columns(name: str, recording: Recording, history: History) -> Columns:
 
 def _people(r: Recording, history: History) -> Columns:
     k, m = np.nonzero(history.present)
-    v = velocities(r)[k, m]
+    v = estimate_velocities(r)[k, m]
     return {
         "time_s": r.times[k],
         "person": m,

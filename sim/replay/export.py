@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.evaluation.score import velocities
+from sim.evaluation.score import estimate_velocities
 from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, TREE_LEAVES
@@ -138,7 +138,7 @@ def _list_tracks(recording: Recording) -> Columns:
 def _list_truth(recording: Recording) -> Columns:
     """Position [m] and velocity [m/s] of each person present."""
     k, person = np.nonzero(~np.isnan(recording.people[:, :, 0]))
-    state = np.hstack([recording.people[k, person], velocities(recording)[k, person]])
+    state = np.hstack([recording.people[k, person], estimate_velocities(recording)[k, person]])
     return {"scan": k, "person": person, "time": recording.times[k], **dict(zip(STATE, state.T, strict=True))}
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.holding import NO_TRACK, episodes, find_gaps, hold_states
+from sim.evaluation.holding import NO_TRACK, find_episodes, find_gaps, hold_states
 from sim.evaluation.score import find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording, find_last_frames
@@ -137,7 +137,7 @@ class History:
         found = []
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)
-            spans = [episode for episode in episodes(lost.astype(np.int64)) if episode.value]
+            spans = [episode for episode in find_episodes(lost.astype(np.int64)) if episode.value]
             for first, last, _ in spans:
                 off, outside, without = np.bincount(self.gaps[first : last + 1, m], minlength=3).tolist()
                 found.append(Loss(m, first, last, bool(np.any(self.held[:first, m])), (without, outside, off)))

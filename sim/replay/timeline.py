@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
-from sim.evaluation.holding import HOLDS, episodes
+from sim.evaluation.holding import HOLDS, find_episodes
 from sim.replay.event import IDENTITIES, Event, find_ends, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
@@ -184,7 +184,7 @@ def _in_brackets(uavs: Sequence[int]) -> str:
 def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
     """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
     bars: list[Bar] = []
-    for first, last, _ in episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
+    for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
         low = top
         for hold in ("lost", "not found yet", "off", "held by some", "held"):
             height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
@@ -199,7 +199,7 @@ def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]
     colour = uav_colour(uav)
     bars = []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
-    for first, last, value in episodes(states):
+    for first, last, value in find_episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
             shade = rgb(shades[STATES[value]])
@@ -210,7 +210,7 @@ def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]
 def _hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
     """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
     bars: list[Bar] = []
-    for first, last, value in episodes(states):
+    for first, last, value in find_episodes(states):
         start, end = find_ends(times, first, last)
         hold = HOLDS[value]
         if hold == "lost":

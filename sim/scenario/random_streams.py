@@ -11,7 +11,11 @@ def stream(seed: int, component: str, *index: int, repeat: int = 0) -> np.random
     repeat: always 0 for the map (forest, people and their appearance), which the seed alone decides. Sensors, network,
     wind and planner have different streams in each repeat; those of repeat 0 depend on the seed alone.
     """
-    path = (_key(component), *index) if repeat == 0 else (_key("repeat"), repeat, _key(component), *index)
+    path = (
+        (_number_name(component), *index)
+        if repeat == 0
+        else (_number_name("repeat"), repeat, _number_name(component), *index)
+    )
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=path))
 
 
@@ -20,5 +24,5 @@ def format_seed(seed: int, repeat: int) -> str:
     return f"seed {seed}, repeat {repeat}" if repeat else f"seed {seed}"
 
 
-def _key(name: str) -> int:
+def _number_name(name: str) -> int:
     return zlib.crc32(name.encode())

@@ -36,7 +36,7 @@ def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehic
     uav = scenario.uavs[i]
     camera, noise = view_of(uav, scenario), noise_of(uav, scenario)
     lag = COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0
-    attitude = _planned_attitude(uav, body)
+    attitude = _find_planned_attitude(uav, body)
     return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, attitude, np.array(velocity), lag)
 
 
@@ -51,7 +51,7 @@ def camera_pose(uav: Uav, body: Pose) -> Pose:
     return Pose(body.position, _pitch(carrier, math.radians(uav.tilt_deg)))
 
 
-def _planned_attitude(uav: Uav, body: Pose) -> Array:
+def _find_planned_attitude(uav: Uav, body: Pose) -> Array:
     """Quaternion (4,) of the camera as planners assume it: in level flight at the present heading.
 
     Note: for a body-fixed camera without mounting angle the heading is ignored and taken as east, with north up.

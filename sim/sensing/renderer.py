@@ -171,7 +171,7 @@ def capture(
     view = np.eye(4)
     view[:3, :3] = rotation.T
     view[:3, 3] = -apply(rotation.T, position)
-    projection = _projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
+    projection = _make_projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         camera.pixels,
         camera.pixels,
@@ -191,7 +191,7 @@ def capture(
     )
 
 
-def _projection(camera: Camera, shift: float, far: float) -> Array:
+def _make_projection(camera: Camera, shift: float, far: float) -> Array:
     """OpenGL projection (4, 4) up to the depth `far` m.
 
     shift: 0.5 pixels for TinyRenderer, which samples pixels at their corners.

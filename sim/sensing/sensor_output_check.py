@@ -28,7 +28,7 @@ def check_detections(found: Detections) -> Detections:
     count = len(arrays["ground"]) if arrays["ground"].ndim else 0
     if count > _MOST:
         raise Unusable(f"{count} detections are more than {_MOST}")
-    return Detections(**{name: _usable(name, array, count) for name, array in arrays.items()})
+    return Detections(**{name: _check_output(name, array, count) for name, array in arrays.items()})
 
 
 def check_output(output: SensorOutput, people: Array) -> SensorOutput:
@@ -44,11 +44,11 @@ def check_output(output: SensorOutput, people: Array) -> SensorOutput:
         _check_frame(output.frame)
     return replace(
         output,
-        ground=_usable("ground", output.ground, count),
-        visible=_visible(output.visible, people),
-        covariances=None if output.covariances is None else _usable("covariances", output.covariances, count),
-        errors=None if output.errors is None else _usable("covariances", output.errors, count),
-        pixels=None if output.pixels is None else _usable("pixels", output.pixels, count),
+        ground=_check_output("ground", output.ground, count),
+        visible=_check_visible(output.visible, people),
+        covariances=None if output.covariances is None else _check_output("covariances", output.covariances, count),
+        errors=None if output.errors is None else _check_output("covariances", output.errors, count),
+        pixels=None if output.pixels is None else _check_output("pixels", output.pixels, count),
         faults=faults,
     )
 
@@ -62,7 +62,7 @@ def check_matches(matched: object, people: Array) -> Flags:
     return found
 
 
-def _usable(name: str, given: object, count: int) -> Array:
+def _check_output(name: str, given: object, count: int) -> Array:
     """Valid pixels, ground points or covariances of `count` detections."""
     array = check_array(name, given, (count, *_SHAPES[name]))
     if name not in _UNITS:
@@ -72,7 +72,7 @@ def _usable(name: str, given: object, count: int) -> Array:
     return array
 
 
-def _visible(given: object, people: Array) -> Indices:
+def _check_visible(given: object, people: Array) -> Indices:
     """Number (M,) of pixels that show each person; True and False count as 1 and 0."""
     visible = check_whole_numbers("visible", given, (len(people),), "biu")
     if visible.min(initial=0) < 0:

@@ -94,7 +94,7 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         repeat=repeat,
         light=light,
         ambient=ambient,
-        ground_tint=tint * _on_the_ground(light, ambient) / _on_the_ground(LIGHT, AMBIENT),
+        ground_tint=tint * _light_the_ground(light, ambient) / _light_the_ground(LIGHT, AMBIENT),
         ground_place=np.array([[cos(turn), -sin(turn), east], [sin(turn), cos(turn), north]]),
         clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
         canopies=(1 + season) * (1 + each),
@@ -104,6 +104,6 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
     )
 
 
-def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
+def _light_the_ground(light: tuple[float, float, float], ambient: float) -> float:
     """Brightness of a level surface under a light."""
     return ambient + DIFFUSE * light[2] / float(length(np.array(light)))

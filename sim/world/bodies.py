@@ -61,7 +61,7 @@ def list_looks(scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSam
         size, height = t.canopy_radius, t.canopy_top - t.canopy_base
         leaves = Leaves(style.seed, k, t) if math.isfinite(t.leaf_area_density) else None
         wider = leaves.reach if leaves else 0.01 * size
-        tint, sphere = _multiply(_foliage(k), style.canopies[k]), hypot(size + wider, height / 2 + wider)
+        tint, sphere = _multiply(_tint_tree(k), style.canopies[k]), hypot(size + wider, height / 2 + wider)
         looks.append(Look("canopy", tint, sphere, (size, size, height), (t.x, t.y, t.canopy_base), leaves))
     for t in trees:
         size, height = t.trunk_radius, t.canopy_base
@@ -134,7 +134,7 @@ class Bodies:
         self.people_by_id = empty_people_by_id(looks)
         self.people_by_id[[body.id for body in self.people]] = np.arange(len(self.people))
 
-    def _cylinder(self, radius: float, height: float) -> int:
+    def _make_cylinder(self, radius: float, height: float) -> int:
         place = (0.0, 0.0, height / 2)
         solid = self.engine.createCollisionShape
         return int(solid(pybullet.GEOM_CYLINDER, radius=radius, height=height, collisionFramePosition=place))
@@ -158,13 +158,13 @@ class Bodies:
             if look.shape not in self._shapes:
                 size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if look.kind == "person" else look.scale[1:]
                 mesh = add_mesh(self.engine, look) if self._drawn or look.leaves is None else -1
-                self._shapes[look.shape] = self._cylinder(*size), mesh
+                self._shapes[look.shape] = self._make_cylinder(*size), mesh
             id_ = int(self.engine.createMultiBody(0.0, *self._shapes[look.shape], look.place))
         paint(self.engine, id_, look)
         return Body(**vars(look), id=id_)
 
 
-def _foliage(k: int) -> tuple[float, float, float]:
+def _tint_tree(k: int) -> tuple[float, float, float]:
     """Tint of the k-th tree; hues and shades are spread evenly over the forest, not at random."""
     spread = (k * _GOLDEN) % 1.0
     return colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))

@@ -41,15 +41,15 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
     Source: [Li22] IV-A.
     """
     expected = trees.expected_count(area)
-    least = _least_distance(trees) / 2
-    if expected > _most(least, area):
-        raise _too_dense(trees, area, f"no more than {_most(least, area):.0f}")
+    least = _find_least_distance(trees) / 2
+    if expected > _bound_number(least, area):
+        raise _explain_density(trees, area, f"no more than {_bound_number(least, area):.0f}")
     sizes = _draw_sizes(trees, draw_poisson(rng, expected), rng)
     count = len(sizes.heights)
     room = sizes.trunk_radii + GAP / 2 if trees.overlap else sizes.crown_radii
     centres = _place(room, sizes.trunk_radii, area, rng, keep_clear)
     if len(centres) < count:
-        raise _too_dense(trees, area, f"this seed asks for {count}, and only {len(centres)}")
+        raise _explain_density(trees, area, f"this seed asks for {count}, and only {len(centres)}")
     density = np.full(count, trees.leaf_area)
     return Forest(tuple(Tree(*row) for row in np.column_stack([centres, *sizes, density]).tolist()))
 
@@ -84,21 +84,21 @@ def crown_radius(height: float) -> float:
     return power(diameter / (0.557 * exp(0.056 * 0.056 / 2)), 1 / 0.809) / height / 2
 
 
-def _least_distance(trees: Trees) -> float:
+def _find_least_distance(trees: Trees) -> float:
     """Least distance [m] between two trees of the smallest size."""
     if trees.overlap:
         return GAP + 2 * (trees.trunk_radius if trees.height is None else trunk_radius(trees.height[0]))
     return 2 * (trees.canopy_radius if trees.height is None else crown_radius(trees.height[0]))
 
 
-def _most(radius: float, area: Area) -> float:
+def _bound_number(radius: float, area: Area) -> float:
     """Upper bound of the number of discs of a radius [m] in the area, by the densest packing."""
     reach = 2 * radius
     packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
     return min(packed / (math.pi * radius * radius), MAX_TREES)
 
 
-def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
+def _explain_density(trees: Trees, area: Area, fit: str) -> InputError:
     key = "density" if trees.per_hectare is None else "per_hectare"
     upper = "" if trees.largest_radius is None else f" to {trees.largest_radius:g}"
     sizes = f"with canopies of {trees.canopy_radius:g}{upper} m radius"
@@ -125,8 +125,8 @@ def _place(radii: Array, trunks: Array, area: Area, rng: np.random.Generator, ke
         # Candidates are checked in the order drawn, so the result is the same as if they were drawn one by one.
         candidates = rng.uniform(-half, half, (_BATCH, 2))
         least = 2 * radii[-1] if count else 0.0  # a distance at which a smaller, later tree may still fit
-        free = _apart(candidates, centres[:n], least)
-        free &= _apart(candidates, keep_clear, thickest + CLEARANCE)
+        free = _are_apart(candidates, centres[:n], least)
+        free &= _are_apart(candidates, keep_clear, thickest + CLEARANCE)
         for candidate in candidates[free]:
             if n == count:
                 return centres
@@ -146,6 +146,6 @@ def _fits(centre: Array, radius: float, centres: Array, radii: Array) -> bool:
     return True
 
 
-def _apart(points: Array, others: Array, distance: float) -> Flags:
+def _are_apart(points: Array, others: Array, distance: float) -> Flags:
     """Mask (n,) of the points (n, 2) m that are at least a distance [m] from all others (m, 2) m."""
     return np.asarray(cKDTree(others).query(points)[0] >= distance)

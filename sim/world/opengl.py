@@ -46,7 +46,7 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
         raise RuntimeError("EGL renders one world at a time: close the other one first")
     client = int(pybullet.connect(pybullet.DIRECT))
     with silence_c_code():
-        pybullet.loadPlugin(_plugin(), _PLUGIN, physicsClientId=client)
+        pybullet.loadPlugin(_find_plugin(), _PLUGIN, physicsClientId=client)
         for _ in range(2):  # the plug-in prints at the first and the second image
             pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
     _open.add(client)
@@ -63,12 +63,12 @@ def disconnect(client: int) -> None:
 @functools.lru_cache(maxsize=1)
 def explain_refusal() -> str:
     """Reason why the plug-in cannot start here; empty if it can."""
-    plugin = _plugin()
+    plugin = _find_plugin()
     if not plugin:
         return "this PyBullet has no plug-in eglRenderer"
     return explain_failure("OpenGL", _TRIAL, plugin)
 
 
-def _plugin() -> str:
+def _find_plugin() -> str:
     found = importlib.util.find_spec("eglRenderer")
     return (found.origin or "") if found else ""

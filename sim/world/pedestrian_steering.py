@@ -56,8 +56,8 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
             for i in range(len(states)):
                 if k % _PERIOD == 0:
                     progress[i] = _advance(states[i], routes[i], progress[i])
-                    goal = _goal(states[i], routes[i], progress[i], drifts[k, i])
-                    hazards = _hazards(i, states, paces[k], trunks, near[i])
+                    goal = _find_heading(states[i], routes[i], progress[i], drifts[k, i])
+                    hazards = _list_hazards(i, states, paces[k], trunks, near[i])
                     decisions[i] = _decide(states[i], goal, decisions[i], paces[k, i], hazards, half)
                 _turn(states[i], decisions[i], paces[k, i], _STEP)
                 _move(i, states, paces[k, i], trunks, half, near[i])
@@ -103,7 +103,7 @@ def _advance(state: Array, route: Array, progress: int) -> int:
 
 
 @merged
-def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
+def _find_heading(state: Array, route: Array, progress: int, drift: float) -> float:
     """Heading [rad] to the next point of the route; after the last one, a heading that turns at the rate `drift`."""
     if progress == len(route) or math.isnan(route[progress, 0]):
         return float(state[2] + 2 * drift / _RESPONSE)
@@ -111,7 +111,7 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
 
 
 @merged
-def _hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) -> Array:
+def _list_hazards(i: int, states: Array, paces: Array, trunks: Array, near: _Near) -> Array:
     """Trunks and people that person i may meet soon (n, 5): position m, velocity m/s, distance to keep m."""
     hazards, n = np.zeros((len(near.trunks) + len(near.people), 5)), 0
     time = _HORIZON * _ROLLOUT_STEP
@@ -139,7 +139,7 @@ def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Ar
         heading = state[2] + (n - _HEADINGS // 2) * _SPREAD
         to_goal, to_decision = _wrap(heading - goal), _wrap(heading - decision)
         costs[n] = to_goal * to_goal + _PERSISTENCE * to_decision * to_decision
-        costs[n] += _conflict(state, heading, pace, hazards, half)
+        costs[n] += _rate_conflict(state, heading, pace, hazards, half)
     best = np.argmin(costs)
     offset = 0.0
     if 0 < best < _HEADINGS - 1:
@@ -156,7 +156,7 @@ def _wrap(angle: float) -> float:
 
 
 @merged
-def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
+def _rate_conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
     """Cost of turning to `heading`; it grows with nearness to the border and to hazards at constant velocity."""
     ahead = state.copy()
     cost = 0.0
@@ -166,16 +166,16 @@ def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: A
         dx, dy = pace * cos(ahead[2]) * _ROLLOUT_STEP, pace * sin(ahead[2]) * _ROLLOUT_STEP
         ahead[0], ahead[1] = x + dx, y + dy
         weight = exp(-n * _ROLLOUT_STEP / _FORESIGHT) * _ROLLOUT_STEP
-        cost += _ROLLOUT_STEP * _discomfort(_to_border(ahead, half), _BORDER_COMFORT)
+        cost += _ROLLOUT_STEP * _rate_gap(_measure_to_border(ahead, half), _BORDER_COMFORT)
         for h in hazards:
             hx, hy = h[2] * _ROLLOUT_STEP, h[3] * _ROLLOUT_STEP
-            gap = _nearest(h[0] + n * hx - x, h[1] + n * hy - y, hx - dx, hy - dy) - h[4]
-            cost += weight * _discomfort(gap, _COMFORT)
+            gap = _measure_to_segment(h[0] + n * hx - x, h[1] + n * hy - y, hx - dx, hy - dy) - h[4]
+            cost += weight * _rate_gap(gap, _COMFORT)
     return cost
 
 
 @compiled
-def _discomfort(gap: float, comfort: float) -> float:
+def _rate_gap(gap: float, comfort: float) -> float:
     """Cost per second [rad²/s] of a distance that is `gap` m more than the least one."""
     if gap >= comfort:
         return 0.0
@@ -184,7 +184,7 @@ def _discomfort(gap: float, comfort: float) -> float:
 
 
 @merged
-def _to_border(state: Array, half: Array) -> float:
+def _measure_to_border(state: Array, half: Array) -> float:
     """Distance [m] to the border of the rectangle with half edges (2,) m, with corners rounded for turning."""
     radius = min(_CORNER, min(half[0], half[1]))
     x, y = abs(state[0]) - half[0] + radius, abs(state[1]) - half[1] + radius
@@ -192,7 +192,7 @@ def _to_border(state: Array, half: Array) -> float:
 
 
 @merged
-def _nearest(x: float, y: float, dx: float, dy: float) -> float:
+def _measure_to_segment(x: float, y: float, dx: float, dy: float) -> float:
     """Distance from the origin to the segment from (x, y) to (x + dx, y + dy)."""
     length = dx * dx + dy * dy
     s = min(max(-(x * dx + y * dy) / length, 0.0), 1.0) if length > 0 else 0.0

@@ -46,10 +46,10 @@ def rotor_thrusts(state: Array, target: Array, disturbance: Array) -> Array:
     Source: attitude control of Lee, Leok and McClamroch, CDC 2010.
     """
     R = rotation(state[3:7])
-    acceleration = _acceleration(state, target, R, disturbance)
+    acceleration = _command_acceleration(state, target, R, disturbance)
     # Divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
     lift = MASS * (GRAVITY + acceleration[2]) / max(R[2, 2], 0.5)
-    return _mix(lift, _torque(R, state[10:13], acceleration))
+    return _mix(lift, _command_torque(R, state[10:13], acceleration))
 
 
 @merged
@@ -75,7 +75,7 @@ def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tup
 
 
 @merged
-def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> Array:
+def _command_acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> Array:
     """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
     climb = _ALTITUDE_GAINS[0] * (target[2] - state[2]) - _ALTITUDE_GAINS[1] * state[9] - disturbance[2]
     climb = min(max(climb, -MAX_CLIMB_ACCELERATION), MAX_CLIMB_ACCELERATION)
@@ -92,7 +92,7 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
 
 
 @merged
-def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
+def _command_torque(R: Array, omega: Array, acceleration: Array) -> Array:
     """Body torque (3,) N m that turns the body's z axis to the thrust for an acceleration, and its x axis east."""
     up = acceleration + np.array([0.0, 0.0, GRAVITY])
     up /= math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2])

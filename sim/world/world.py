@@ -173,7 +173,7 @@ class World:
         The engine makes only those steps before which a UAV is near another body.
         """
         air = np.zeros((steps, 2)) if winds is None else winds
-        targets, done = self._targets(commands), 0
+        targets, done = self._make_targets(commands), 0
         while done < steps:
             if self._kinematic:
                 done += glide(self.states, commands, self._dt, steps - done, self._top)
@@ -199,7 +199,7 @@ class World:
             self._touch()
             return
         self._put_uavs(bodies)
-        targets, calm = self._targets(commands), wind is None
+        targets, calm = self._make_targets(commands), wind is None
         given = wrenches(self.states, targets, self._memories, _CALM if wind is None else wind, calm, self._dt)
         for body, state, wrench in zip(bodies.uavs, self.states.tolist(), given.tolist(), strict=True):
             self.engine.applyExternalForce(body.id, -1, wrench[:3], state[_POSITION], pybullet.WORLD_FRAME)
@@ -261,7 +261,7 @@ class World:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _targets(self, commands: Array) -> Array:
+    def _make_targets(self, commands: Array) -> Array:
         """Velocities m/s east and north, and altitudes m (n, 3) that quadrotors are to reach."""
         return np.column_stack([commands, self._altitudes])
 

@@ -14,7 +14,7 @@ from helpers.timing import least
 
 from planning.baselines import Hover
 from planning.composed import Composed
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
 from sim.scenario.loading import load
@@ -81,7 +81,7 @@ def test_scan(benchmark, judged, uavs, targets):
 def test_objective_of_256_candidates(benchmark, random_team):
     situation, joint, candidates = problem(random_team)
     belief = nominal(situation, 5)
-    values = benchmark(lambda: objective(belief, joint, [0], 0.5)(candidates[:, None]))
+    values = benchmark(lambda: make_objective(belief, joint, [0], 0.5)(candidates[:, None]))
     assert values[0] == pytest.approx(plain_cost(situation, joint, 0.5)[0])
 
 

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from helpers.teams import among
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
 from planning.objective.mwtp_lanes import mark_in_view
-from planning.objective.nbo import Measure, objective
+from planning.objective.nbo import Measure, make_objective
 from planning.prediction.propagation import Nominal
 from planning.prediction.quadrangle import shortest_move
 from tracking.filter.kalman import Gaussian
@@ -28,13 +28,13 @@ def nominal(situation, horizon):
 
 def team_cost(belief, controls, beta, samples=1):
     """Objective of one joint plan (n, H, 2) m/s."""
-    return float(objective(belief, controls, range(len(controls)), beta, samples)(controls[None])[0])
+    return float(make_objective(belief, controls, range(len(controls)), beta, samples)(controls[None])[0])
 
 
 def information(situation, uavs, plans, *, expected=False):
     """Mutual information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id, as if there were no others."""
     belief = Nominal(expected).predict(among(situation, uavs), plans.shape[2], np.random.default_rng(0))
-    return -objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
+    return -make_objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
 
 
 class Match(NamedTuple):

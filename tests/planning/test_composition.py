@@ -7,7 +7,7 @@ import pytest
 from helpers.teams import planned, refitted
 
 from planning.composed import Composed
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from planning.planner import Plan
 from planning.prediction.intent import base_policy_plans, expect_plans
 from planning.prediction.propagation import Nominal
@@ -63,7 +63,7 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     others = mean_velocities(response(situation.vehicles, situation.step), expected[None])[0]
     flown = mean_velocities(response([situation.own], situation.step), plans)
     np.testing.assert_array_equal(told.velocities, others)
-    of_tracks = objective(belief, others, uavs, 0.5)
+    of_tracks = make_objective(belief, others, uavs, 0.5)
     np.testing.assert_allclose(asking.values, [of_tracks(flown), of_tracks(flown, EASE)], rtol=1e-12)
     assert np.any(asking.values[0] != asking.values[1])
-    assert np.mean(np.abs(asking.values[0] - objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5
+    assert np.mean(np.abs(asking.values[0] - make_objective(belief, expected, uavs, 0.5)(plans)) > 1e-6) > 0.5

@@ -11,7 +11,7 @@ from helpers.teams import knowing, planned
 from planning.composed import Composed
 from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import make_pursuits, make_turns
@@ -31,7 +31,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
     chases = make_pursuits(nominal_positions(team[0], 3), team[0].own, 1.0)
     chases = np.concatenate([chases, make_turns(5.0, 3)])
     view = nominal(team[0], 3)
-    value = objective(view, intent, [0], 0.5)
+    value = make_objective(view, intent, [0], 0.5)
     alone = CrossEntropy().minimise(
         value,
         np.concatenate([intent[None], chases[:, None]]),
@@ -85,9 +85,12 @@ def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
         for s in team
     ]
     order = sorted(range(3), key=lambda i: -traces[i])
-    assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in order]
+    rng, scheme = np.random.default_rng(0), Sequential("worst-first")
+    assert scheme._order_team(team, rng) == [team[i] for i in order]
     team[order[0]] = dataclasses.replace(team[order[0]], tracks=())  # one without tracks comes last
-    assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in np.roll(order, -1)]
+    assert Sequential("worst-first")._order_team(team, np.random.default_rng(0)) == [
+        team[i] for i in np.roll(order, -1)
+    ]
 
 
 def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team):

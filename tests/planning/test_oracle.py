@@ -11,8 +11,8 @@ from helpers.flights import mission_of
 from helpers.studies import task_of
 from helpers.teams import Spy
 
-from planning.objective.nbo import objective
-from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, corrected_tracks, true_tracks
+from planning.objective.nbo import make_objective
+from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, correct_tracks, make_true_tracks
 from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
@@ -77,7 +77,9 @@ def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothin
         rng = np.random.default_rng(seed)
         team, people = walking(random_team(seed), rng)
         believed = Nominal().predict(team[0], 5, rng)
-        known = _TruePaths(people).predict(dataclasses.replace(team[0], tracks=true_tracks(team[0], people, 5)), 5, rng)
+        known = _TruePaths(people).predict(
+            dataclasses.replace(team[0], tracks=make_true_tracks(team[0], people, 5)), 5, rng
+        )
         np.testing.assert_array_equal(known.points, np.repeat(believed.points, 5, axis=2))
         np.testing.assert_array_equal(known.covariances, believed.covariances)
 
@@ -91,7 +93,7 @@ def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(ran
         return here + 2.0 * time
 
     situation = dataclasses.replace(situation, tracks=situation.tracks[:3])
-    found = true_tracks(situation, people, 0)
+    found = make_true_tracks(situation, people, 0)
     assert [t.id for t in found] == [0, 1, 2, 3]
     for person, track, error in ((0, 1, (3.0, -4.0)), (1, 0, (3.0, -4.0)), (3, 2, (0.0, 0.0))):
         truth = np.concatenate([people(0.0)[person], [2.0, 2.0]])
@@ -106,7 +108,7 @@ def test_tracks_are_assigned_by_place_alone_and_velocities_are_per_second(random
     means = np.array([[0.0, 0.0, 40.0, 0.0], [10.0, 0.0, -40.0, 0.0]])
     tracks = tuple(Track(k, Gaussian(mean, (k + 1.0) * np.eye(4))) for k, mean in enumerate(means))
     situation = dataclasses.replace(random_team(0)[0], tracks=tracks, motion=NearlyConstantVelocity(0.5, 1.0))
-    found = true_tracks(situation, lambda time: means[::-1, :2] + time * means[:, 2:], 0)
+    found = make_true_tracks(situation, lambda time: means[::-1, :2] + time * means[:, 2:], 0)
     for person, track in ((0, 1), (1, 0)):
         np.testing.assert_array_equal(found[person].belief.covariance, tracks[track].belief.covariance)
         np.testing.assert_allclose(found[person].belief.mean, [*means[track, :2], *means[person, 2:]], atol=1e-12)
@@ -115,7 +117,7 @@ def test_tracks_are_assigned_by_place_alone_and_velocities_are_per_second(random
 def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(random_team):
     situation = dataclasses.replace(random_team(0)[0], time=3.0)
     circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
-    situation = dataclasses.replace(situation, tracks=true_tracks(situation, circle, 4))
+    situation = dataclasses.replace(situation, tracks=make_true_tracks(situation, circle, 4))
     view = _TruePaths(circle).predict(situation, 4, np.random.default_rng(0))
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
@@ -134,10 +136,12 @@ def test_the_oracle_foresees_people_that_appear_and_leave(random_team):
     for first, last in itertools.product(range(7), range(7)):
         people = lambda t: np.array([place if first <= round(t) <= last else [np.nan] * 2])  # noqa: B023, E731
         (plan,) = oracle.knowing(people).plan([situation], np.random.default_rng(0))
-        known = dataclasses.replace(situation, tracks=true_tracks(situation, people, 5))
+        known = dataclasses.replace(situation, tracks=make_true_tracks(situation, people, 5))
         assert len(known.tracks) == (first <= min(last, 5))
         belief = _TruePaths(people).predict(known, 5, np.random.default_rng(0))
-        values = objective(belief, np.zeros((1, 5, 2)), [0], 0.0)(np.array([np.zeros((1, 5, 2)), plan.controls[None]]))
+        values = make_objective(belief, np.zeros((1, 5, 2)), [0], 0.0)(
+            np.array([np.zeros((1, 5, 2)), plan.controls[None]])
+        )
         in_time = len(known.tracks) > 0 and max(first, 1) <= last  # at some step of the horizon the person is there
         assert (values[1] < 0.9 * values[0]) == in_time and np.isfinite(values).all()
 
@@ -156,14 +160,14 @@ def test_an_oracle_of_the_people_found_corrects_their_tracks_and_keeps_all_other
         step = time - situation.time
         return here + np.array([[2.0, 1.0]]) * min(step, 2 * turn - step)
 
-    found = corrected_tracks(dataclasses.replace(situation, tracks=(other, first)), people, {0, 1, 3})
+    found = correct_tracks(dataclasses.replace(situation, tracks=(other, first)), people, {0, 1, 3})
     assert [track.id for track in found] == [0, 1, 2]
     np.testing.assert_allclose(found[0].belief.mean, [*here[0], 2.0, 1.0], atol=1e-9)
     moment = first.belief.covariance + np.outer([6.0, -8.0, 0.0, 0.0], [6.0, -8.0, 0.0, 0.0])
     np.testing.assert_allclose(found[0].belief.covariance, moment, rtol=1e-12)
     np.testing.assert_array_equal(found[1].belief.covariance, _UNKNOWN)
     assert found[2].belief is far and found[2].existence == 0.7
-    assert [t.belief for t in corrected_tracks(situation, people, set())] == [t.belief for t in situation.tracks]
+    assert [t.belief for t in correct_tracks(situation, people, set())] == [t.belief for t in situation.tracks]
 
 
 def test_a_person_counts_as_found_from_the_first_track_of_any_uav_within_a_metre(random_team):

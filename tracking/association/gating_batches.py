@@ -20,7 +20,7 @@ def find_gating_batches(
     distance. Each track is in one batch; a measurement near no track is in none. A batch consists of whole
     connected components of the graph of gates, which JPDA calls clusters.
     """
-    roots = _roots(means, covariances, measurements, noise, gate)
+    roots = _find_roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
     batch = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
     near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
@@ -30,7 +30,7 @@ def find_gating_batches(
 
 
 @compiled
-def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
+def _find_roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
     """Roots (T + N,) of tracks, then measurements: the smallest index among those that boxes around gates connect."""
     order = np.argsort(measurements[:, 0], kind="mergesort")
     xs = measurements[order, 0]
@@ -44,15 +44,15 @@ def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, 
             j = order[k]
             dy = measurements[j, 1] - means[i, 1]
             if dy * dy <= _ROOM * gate * (covariances[i, 1, 1] + noise[j, 1, 1]):
-                a, b = _root(parents, i), _root(parents, len(means) + j)
+                a, b = _find_root(parents, i), _find_root(parents, len(means) + j)
                 parents[max(a, b)] = min(a, b)
     for i in range(len(parents)):
-        parents[i] = _root(parents, i)
+        parents[i] = _find_root(parents, i)
     return parents
 
 
 @compiled
-def _root(parents: Indices, i: int) -> int:
+def _find_root(parents: Indices, i: int) -> int:
     """Root of a node; the search halves the path to the root."""
     while parents[i] != i:
         parents[i] = parents[parents[i]]

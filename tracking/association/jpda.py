@@ -50,7 +50,7 @@ def existence_association(
     Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's position.
     """
     existence = np.maximum(existence, _LEAST)
-    misses, pairs = _joint_weights(likelihood, detection_probability, clutter_density, existence)
+    misses, pairs = _compute_joint_weights(likelihood, detection_probability, clutter_density, existence)
     beta = marginals(misses, pairs, EXACT_SIDE)
     if np.all(existence == 1.0):
         return beta, beta, existence
@@ -65,7 +65,9 @@ def existence_association(
 
 
 @merged
-def _joint_weights(likelihood: Array, detection: Array, clutter: float, existence: Array) -> tuple[Array, Array]:
+def _compute_joint_weights(
+    likelihood: Array, detection: Array, clutter: float, existence: Array
+) -> tuple[Array, Array]:
     """Weights of misses (T,) and of pairs (T, N), relative to the largest weight of their track.
 
     Every joint event has one factor from each track, so scaling changes no probability and keeps products in range.

@@ -26,7 +26,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
     for start in range(len(pairs)):
         if done[start]:
             continue
-        rows, columns = _cluster(pairs, start)
+        rows, columns = _find_cluster(pairs, start)
         weights, rest = np.empty((len(rows), len(columns))), np.empty(len(rows))
         for i in range(len(rows)):
             done[rows[i]], rest[i] = True, misses[rows[i]]
@@ -50,7 +50,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
 
 
 @merged
-def _cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
+def _find_cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
     """Tracks and measurements, ascending, of the cluster of the track `start`."""
     rows = np.zeros(pairs.shape[0], dtype=np.bool_)
     columns = np.zeros(pairs.shape[1], dtype=np.bool_)
@@ -152,10 +152,10 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     for _ in range(min(_ITERATIONS, _MESSAGES * len(misses) // len(rows))):
         for e in range(len(rows)):
             values[e] = weights[e] * back[e]
-        _others(values, misses, by_row, sums)
+        _sum_others(values, misses, by_row, sums)
         for e in range(len(rows)):
             values[e] = weights[e] / sums[e]
-        _others(values, clutter, by_column, sums)
+        _sum_others(values, clutter, by_column, sums)
         change = 0.0
         for e in range(len(rows)):
             new = 1.0 / sums[e]
@@ -187,7 +187,7 @@ def _group(keys: Indices, count: int) -> tuple[Indices, Indices]:
 
 
 @compiled
-def _others(values: Array, bases: Array, groups: tuple[Indices, Indices], sums: Array) -> None:
+def _sum_others(values: Array, bases: Array, groups: tuple[Indices, Indices], sums: Array) -> None:
     """Set the sum of each value to the base plus all other values of its group, without differences, which cancel.
 
     groups: as from `_group`, of the values; group g has the base bases[g]; `sums` takes the result.

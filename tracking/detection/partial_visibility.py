@@ -52,7 +52,7 @@ class PartError(NamedTuple):
         return float(np.interp(pixel, self.pixel, [np.interp(hidden, self.hidden, row) for row in self.excess]))
 
 
-PART = PartError()
+PART_ERROR = PartError()
 
 
 class Seen(NamedTuple):
@@ -84,9 +84,9 @@ class Places(NamedTuple):
         (a, b), (c, d) = self.clearing.footprint.tolist()
         return math.sqrt(abs(a * d - b * c))
 
-    def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
+    def posterior(self, error: PartError = PART_ERROR) -> tuple[Array, Array, float]:
         """Mean (2,) m, covariance (2, 2) m² and the hidden share of a person, with a uniform prior over places."""
-        mean, covariance, hidden = _moments(self, _deviances(self, error))
+        mean, covariance, hidden = _compute_moments(self, _compute_deviances(self, error))
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
@@ -99,7 +99,7 @@ def find_places(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     lens = frame.camera.lens(frame.pose)
     if lens.eye[2] <= TALLEST:
         return None  # the camera is not above people's heads
-    hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
+    hidden, clearing, area = _find_surroundings(lens, blob, forest.blockers)
     if not hidden:
         return None
     x, y = clearing.away
@@ -108,12 +108,12 @@ def find_places(frame: Frame, blob: Array, forest: Forest) -> Places | None:
         _transform_covariance(np.array([[x, y], [-y, x]]), whole),
         _transform_covariance(clearing.footprint, np.eye(2)),
     )
-    places = _places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART)
+    places = _cover_places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART_ERROR)
     return places if places.shares.max() >= _LEAST else None
 
 
 @compiled
-def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
+def _find_surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
     """Flag for possible occlusion of a blob's (K, 2) person, clearing around its centroid, and a whole person's area.
 
     The clearing has the shadows that may matter; the area is in pixels.
@@ -158,7 +158,7 @@ def _is_all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
 
 
 @compiled
-def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -> Places:
+def _cover_places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -> Places:
     """Grid that covers all possible places of the person and no more."""
     silhouette = make_silhouette(clearing.distance, altitude)
     rounding = error.rounding * error.rounding * max(seen.pixel[0, 0], seen.pixel[1, 1])
@@ -166,8 +166,8 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
     # `int`, because Numba compiles a function anew for each constant argument.
-    coarse = _grid(clearing, seen, silhouette, low, high, int(_COARSE))
-    deviances = _deviances(coarse, error)
+    coarse = _make_grid(clearing, seen, silhouette, low, high, int(_COARSE))
+    deviances = _compute_deviances(coarse, error)
     least = deviances.min()
     if least == math.inf:
         return coarse
@@ -177,11 +177,11 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -
             if deviances[i, j] <= least + _IMPROBABLE:
                 low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
                 high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
-    return _grid(clearing, seen, silhouette, low, high, int(_FINE))
+    return _make_grid(clearing, seen, silhouette, low, high, int(_FINE))
 
 
 @compiled
-def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, low: Pair, high: Pair, count: int) -> Places:
+def _make_grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, low: Pair, high: Pair, count: int) -> Places:
     """Grid of about `count` places in the box from the corner `low` to the corner `high`, (u, v) m."""
     width, height = high[0] - low[0], high[1] - low[1]
     columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
@@ -200,7 +200,7 @@ def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, low: Pair, hig
 
 
 @compiled
-def _deviances(places: Places, error: PartError) -> Array:
+def _compute_deviances(places: Places, error: PartError) -> Array:
     """Deviances (M, N) of places, twice the negative log-likelihood up to a constant; inf where too little shows."""
     posture, rounding, fringe, limb = error.posture, error.rounding, error.fringe, error.limb
     seen, cell = places.seen, places.cell
@@ -229,7 +229,7 @@ def _deviances(places: Places, error: PartError) -> Array:
 
 
 @compiled
-def _moments(places: Places, deviances: Array) -> tuple[Array, Array, float]:
+def _compute_moments(places: Places, deviances: Array) -> tuple[Array, Array, float]:
     """Mean (2,) m, covariance (2, 2) m² and expected hidden share, from deviances (M, N)."""
     least = deviances.min()
     total = along = across = uu = uv = vv = hidden = 0.0

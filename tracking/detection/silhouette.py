@@ -112,8 +112,8 @@ def _add_visible_moments(clearing: Clearing, silhouette: Silhouette, u: Array, v
         cover, moment = silhouette.cover[row], silhouette.moment[row]
         for m in range(find_openings(clearing, v + rise, intervals)):
             for j in range(len(u)):
-                start = _bins(intervals[m, 0] - u[j], silhouette)
-                end = _bins(intervals[m, 1] - u[j], silhouette)
+                start = _count_bins(intervals[m, 0] - u[j], silhouette)
+                end = _count_bins(intervals[m, 1] - u[j], silhouette)
                 if end > start:
                     area = silhouette.row * (_interpolate(cover, end) - _interpolate(cover, start))
                     out[j, 0] += area
@@ -122,7 +122,7 @@ def _add_visible_moments(clearing: Clearing, silhouette: Silhouette, u: Array, v
 
 
 @compiled
-def _bins(u: float, silhouette: Silhouette) -> float:
+def _count_bins(u: float, silhouette: Silhouette) -> float:
     return min(max((u - silhouette.low) / silhouette.bin, 0.0), float(_BINS))
 
 

@@ -49,7 +49,7 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     @cached_property
     def transition(self) -> Transition:
         """As `NearlyConstantVelocity.transition`, for deviations from the mean."""
-        return _reversion(self.dt, 2.0 * _MEMORY)
+        return _make_reversion(self.dt, 2.0 * _MEMORY)
 
     @cached_property
     def Q(self) -> Array:
@@ -75,9 +75,9 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         scans = min(self.scans, math.ceil(_SETTLED * self.scans / self.dt))
         means, covariances = np.ascontiguousarray(means), np.ascontiguousarray(covariances)
-        means, covariances = _after_scans(means, covariances, scans, self._scan)
+        means, covariances = _predict_scans(means, covariances, scans, self._scan)
         if scans < self.scans:
-            moved, spread = _after_scans(means, covariances, 1, self._scan)
+            moved, spread = _predict_scans(means, covariances, 1, self._scan)
             means[:, :2] += (self.scans - scans) * (moved - means)[:, :2]
             covariances[:, :2, :2] += (self.scans - scans) * (spread - covariances)[:, :2, :2]
         return means, covariances
@@ -102,17 +102,17 @@ def make_mean_reverting_model(
 def _make_scan(dt: float, sigma_a: float) -> _Scan:
     """The model over a scan of `dt` s, without its walking speed."""
     Q = NearlyConstantVelocity(dt, sigma_a).Q
-    return _Scan(dt, _reversion(dt, 2.0 * _MEMORY), Q, _reversion(dt, _MEMORY), math.nan)
+    return _Scan(dt, _make_reversion(dt, 2.0 * _MEMORY), Q, _make_reversion(dt, _MEMORY), math.nan)
 
 
-def _reversion(dt: float, memory: float) -> Transition:
+def _make_reversion(dt: float, memory: float) -> Transition:
     """Transition over `dt` s of a deviation of velocity that fades in `memory` s."""
     left = exp(-dt / memory)
     return Transition(memory * (1.0 - left), left)
 
 
 @compiled
-def _after_scans(means: Array, covariances: Array, scans: int, scan: _Scan) -> tuple[Array, Array]:
+def _predict_scans(means: Array, covariances: Array, scans: int, scan: _Scan) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of beliefs `scans` scans later."""
     way, left = scan.reversion
     for _ in range(scans):

@@ -33,7 +33,7 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     Note: the sum of novel information is recovered by mixing each UAV's share as well, rather than by the number of
     UAVs as a factor, so that no information counts more than once if messages are lost.
     """
-    linked = _links(adjacency, len(members))
+    linked = _check_adjacency(adjacency, len(members))
     if type(rounds) is not int or rounds < 0:
         raise ValueError(f"rounds must be a whole number of at least 0, is {rounds!r}")
     if lost is not None and lost.shape != (rounds, *linked.shape):
@@ -70,12 +70,12 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     mixed = own.select(joint.rows[0], **rest)
     there = joint.rows[0] >= 0
     novel[there, : own.novel.shape[1]] = own.novel[joint.rows[0][there]]
-    shares, before, history = mixed.shares.copy(), novel.copy(), _history_of(mixed)
+    shares, before, history = mixed.shares.copy(), novel.copy(), _read_history(mixed)
     for m, rows in zip(received, joint.rows[1:], strict=True):
         divisor = 1.0 + max(own.degree, m.degree)
         _add_shares(mixed.shares, shares, m.shares, rows, divisor)
         _add_shares(novel, before, m.novel, rows, divisor)
-        _take_latest(history, _history_of(m), rows)
+        _take_latest(history, _read_history(m), rows)
     return mixed
 
 
@@ -90,8 +90,8 @@ def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indi
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
     shares = np.array([m.shares for m in messages])
-    history = _History(*map(np.array, zip(*map(_history_of, messages), strict=True)))
-    novel, shares, history, numbers = _after_rounds(novel, shares, history, degrees, heard)
+    history = _History(*map(np.array, zip(*map(_read_history, messages), strict=True)))
+    novel, shares, history, numbers = _run_rounds(novel, shares, history, degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
@@ -106,7 +106,7 @@ def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indi
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
-def _history_of(m: Message) -> _History:
+def _read_history(m: Message) -> _History:
     return _History(m.times, m.views, m.misses, m.sightings)
 
 
@@ -116,7 +116,7 @@ def _join_partitions(partitions: Sequence[Partition]) -> Partition:
 
 
 @compiled
-def _after_rounds(
+def _run_rounds(
     novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
 ) -> tuple[Array, Array, _History, Indices]:
     """Columns of N messages after rounds `heard` (R, N, N), and count (N,) of the numbers of novel information sent."""
@@ -187,7 +187,7 @@ def _check(messages: Sequence[Message]) -> None:
         raise ValueError("fusion must be the same for all members, is not")
 
 
-def _links(adjacency: Flags, count: int) -> Flags:
+def _check_adjacency(adjacency: Flags, count: int) -> Flags:
     """The adjacency matrix of a graph over `count` UAVs with a false diagonal; ValueError if it is no such matrix."""
     graph = np.asarray(adjacency)
     if graph.shape != (count, count) or graph.dtype != np.bool_:

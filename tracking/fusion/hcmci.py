@@ -28,11 +28,11 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        return _contribution(local)
+        return _split_information(local)
 
 
 @compiled
-def _contribution(local: LocalBeliefs) -> Contribution:
+def _split_information(local: LocalBeliefs) -> Contribution:
     P, weights, seen = local.covariances, local.weights, local.detected
     means, covariances = local.prior
     omega = inverses(P)
@@ -109,11 +109,11 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
             most, shift = g * reach[t], after[t, i, 0] - ratio[t, i] * before[t, i, 0]
             gain[t, i], novel[t, i] = g, g * before[t, i, 0] + min(max(shift, -most), most)
             ratio[t, i], kept[t, i] = ratio[t, i] - g, after[t, i, 0] - novel[t, i]
-    return _packed(L, kept, ratio), _packed(L, novel, gain)
+    return _pack(L, kept, ratio), _pack(L, novel, gain)
 
 
 @compiled
-def _packed(L: Array, y: Array, weights: Array) -> Array:
+def _pack(L: Array, y: Array, weights: Array) -> Array:
     """Information (T, 20) with the vector L y and the matrix L diag(weights) Lᵀ."""
     out = np.zeros((len(L), INFORMATION))
     for t in range(len(L)):

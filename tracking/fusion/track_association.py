@@ -141,14 +141,14 @@ def likelihood_ratios(states: LatestTracks, pairs: Pairs, max_speed: float) -> A
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
     for one_way in (pairs, Pairs(second, first)):
-        reach, within = _reach(states, one_way, max_speed)
-        ratios = np.maximum(ratios, np.where(within, _turned(reach), -np.inf))
+        reach, within = _compute_reach(states, one_way, max_speed)
+        ratios = np.maximum(ratios, np.where(within, _rate_turned(reach), -np.inf))
     return ratios
 
 
 @elementwise
 @compiled
-def _turned(reach: Array) -> Array:
+def _rate_turned(reach: Array) -> Array:
     """Logarithm of the likelihood ratio of a person that has turned and is anywhere within reach [m]."""
     out = np.empty(len(reach))
     for k in range(len(reach)):
@@ -156,7 +156,7 @@ def _turned(reach: Array) -> Array:
     return out
 
 
-def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array, Flags]:
+def _compute_reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array, Flags]:
     """Distances (P,) [m] that a person can move from the first track's last detection to the second's, and flags (P,).
 
     A flag is set if the second track was seen later, and within this distance.
@@ -168,7 +168,7 @@ def _reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tuple[Array,
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
-def _last_seen(messages: Sequence[Message], table: _Table, tracks: Indices) -> LatestTracks:
+def _find_last_seen(messages: Sequence[Message], table: _Table, tracks: Indices) -> LatestTracks:
     """Some of the tracks, each from the first of the messages with its last detection."""
     count, source = len(tracks), table.source[tracks]
     states = LatestTracks(np.empty((count, 4)), np.empty((count, 4, 4)), np.empty((count, 3)))
@@ -198,13 +198,13 @@ def _group(messages: Sequence[Message], table: _Table, max_speed: float) -> tupl
     apart = _find_apart(holders)
     if len(apart.first) == len(alike.first) == 0:
         return group, ends
-    states = _last_seen(messages, table, some)
+    states = _find_last_seen(messages, table, some)
     ratios = _rate_pairs(states, apart, alike, max_speed)
     joined = _join(states, ratios, holders, is_new_id(table.keys[some, 1], messages[0].scan))
     group[some] = some[joined]
     others = joined[alike.first] != joined[alike.second]
     later = np.zeros(len(some), dtype=np.bool_)
-    later[alike.first[others & _reach(states, alike, max_speed)[1]]] = True
+    later[alike.first[others & _compute_reach(states, alike, max_speed)[1]]] = True
     for rows in [joined == g for g in np.unique(joined[later])]:
         if later[rows].all() and len(np.unique(table.given[np.isin(table.named, some[rows])])) == 1:
             ends[some[rows]] = True

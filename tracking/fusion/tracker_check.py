@@ -45,7 +45,7 @@ def check_tracker(tracker: str) -> list[Finding]:
     return try_checks(_Flight(tracker), _CHECKS)
 
 
-def _positions(k: int) -> Array:
+def _place_people(k: int) -> Array:
     """Positions (4, 2) m of the people at a scan."""
     velocities, angle = _PEOPLE[:, 2:], _TURN * _STEP * k
     aside = velocities[:, ::-1] * (-1.0, 1.0)
@@ -59,13 +59,13 @@ def _scan(k: int, uav: int) -> Scan | None:
     away = uav == 0 and 10 <= k < 13
     missed = [0] if k == 7 else []  # in view, but not detected
     rng = np.random.default_rng([k, uav])
-    seen = np.delete(_positions(k), missed, axis=0) + rng.normal(scale=0.2, size=(4 - len(missed), 2))
+    seen = np.delete(_place_people(k), missed, axis=0) + rng.normal(scale=0.2, size=(4 - len(missed), 2))
     alarms = _CLUTTER if k == 9 else _CLUTTER[:0]
     z = np.concatenate([seen, alarms])[: 0 if away else None]
     return Scan(uav, _STEP * k, _AWAY if away else _HERE, z, np.tile(0.05 * np.eye(2), (len(z), 1, 1)))
 
 
-def _arguments(uav: int, known: Array) -> tuple[int, Camera, Forest, TrackerParameters, list[Track]]:
+def _make_arguments(uav: int, known: Array) -> tuple[int, Camera, Forest, TrackerParameters, list[Track]]:
     """What a tracker is made with, given states (M, 4) of the people that are known at the start."""
     parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))
     initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(known.copy())]
@@ -77,7 +77,7 @@ class _Flight:
 
     def __init__(self, name: str, known: Array = _KNOWN) -> None:
         self.name = name
-        self.members = [make_tracker(name, *_arguments(uav, known)) for uav in range(2)]
+        self.members = [make_tracker(name, *_make_arguments(uav, known)) for uav in range(2)]
         self.tracks: list[list[tuple[Track, ...]]] = []  # after each scan, by scan and UAV
 
     def step(self) -> None:
@@ -98,7 +98,7 @@ class _Flight:
     def count_people(self) -> tuple[int, str]:
         """Number of people with a track at the end, and this in words; ValueError if too many tracks are false."""
         means, _ = beliefs_of(self.tracks[-1][0])
-        near = length(means[:, None, :2] - _positions(_SCANS - 1)) < _FAR
+        near = length(means[:, None, :2] - _place_people(_SCANS - 1)) < _FAR
         held, false = int(near.any(axis=0).sum()), int((~near.any(axis=1)).sum())
         seen = f"{held} of 4 people have a track at the end; {false} false tracks"
         require(false <= len(_KNOWN), seen)
@@ -143,7 +143,7 @@ def _check_covariances(flight: _Flight) -> str:
     squares: list[float] = []
     for k, (tracks, _) in enumerate(flight.tracks):
         means, covariances = beliefs_of(tracks)
-        errors = means[:, None, :2] - _positions(k)
+        errors = means[:, None, :2] - _place_people(k)
         nearest = length(errors).argmin(axis=1)
         error = errors[np.arange(len(means)), nearest]
         near = length(error) < _FAR
@@ -164,9 +164,9 @@ def _check_repeatable(flight: _Flight) -> str:
 
 def _check_inputs(flight: _Flight) -> str:
     """Check with one UAV, without the copies that trackers get in a mission."""
-    given = _arguments(0, _KNOWN)
+    given = _make_arguments(0, _KNOWN)
     made = TRACKERS.make(flight.name, *given)
-    require_untouched(_arguments(0, _KNOWN), given, "arguments")
+    require_untouched(_make_arguments(0, _KNOWN), given, "arguments")
     for k in range(_SCANS):
         scan = _scan(k, 0)
         if scan is None:

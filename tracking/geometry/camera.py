@@ -90,7 +90,7 @@ class Camera:
 
     def sees(self, pose: Pose, points: Array) -> Flags:
         """Flags (N,) of world points (N, 3) m that are inside the image, whether hidden or not."""
-        return _in_image(np.atleast_2d(points), self.lens(pose))
+        return _are_in_image(np.atleast_2d(points), self.lens(pose))
 
     def lens(self, pose: Pose) -> Lens:
         """This camera at a pose."""
@@ -116,7 +116,7 @@ class Camera:
 
 
 @compiled
-def _in_image(points: Array, lens: Lens) -> Flags:
+def _are_in_image(points: Array, lens: Lens) -> Flags:
     seen = np.empty(len(points), dtype=np.bool_)
     for k in range(len(points)):
         seen[k] = in_image((points[k, 0], points[k, 1], points[k, 2]), lens)

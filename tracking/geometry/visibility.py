@@ -21,7 +21,7 @@ TARGET_HEIGHT = 0.85
 EXTINCTION = 0.5
 # A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
 # to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
-PART = 0.555
+PART_EXPONENT = 0.555
 
 
 def at_target_height(places: Array) -> Array:
@@ -146,12 +146,12 @@ def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Gri
 @compiled
 def detectable_share(free: float) -> float:
     """Probability that enough of a person shows to detect them, given the free share of the line of sight."""
-    return any_of_two(power(free, PART)) if 0.0 < free < 1.0 else free
+    return any_of_two(power(free, PART_EXPONENT)) if 0.0 < free < 1.0 else free
 
 
 @inlined
 def any_of_two(part: float) -> float:
-    """Probability that a person shows, given that of either part: free ** `PART`."""
+    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
     return 1.0 - (1.0 - part) * (1.0 - part)
 
 
@@ -165,7 +165,7 @@ def detectable_shares(free: Array) -> Array:
     return out
 
 
-def _centroids(count: int) -> Array:
+def _compute_centroids(count: int) -> Array:
     """Means of `count` equally probable parts of a standard normal distribution (count,)."""
     edges = normal_quantiles(np.arange(1, count) / count)
     density = np.concatenate([[0.0], exp_each(-0.5 * edges * edges) / math.sqrt(2 * math.pi), [0.0]])
@@ -176,8 +176,8 @@ def _centroids(count: int) -> Array:
 # parts along each axis, which is 0.2 for outer parts and 0.02 for others. With an even number per axis no point lies on
 # an edge through the mean, and the moments of either side are exact. Rules for smooth functions, such as Gauss-Hermite
 # quadrature, give probabilities of 1/6 or 5/6 there.
-SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
-SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
+SAMPLES = np.array([(a, b) for a in _compute_centroids(6) for b in _compute_centroids(6)])
+SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_compute_centroids(6))))
 # Detectable shares (36,) beyond which each sample counts as shown. A sample and the opposite one have the same, so that
 # a share that is the same everywhere moves no belief. In this order, found by a search, the second moments of those
 # that any share shows are within 0.10 of their part of all 36; the rest of a belief's width is lost or gained.

@@ -54,7 +54,7 @@ def initiate_tracks(
     after = update_scan(_predict(tentative, elapsed, forest, lens, p), z, R, np.zeros(len(z)), p)
     grown = []
     for t, track in enumerate(tentative):
-        j = _likeliest(after, t)
+        j = _find_likeliest(after, t)
         grown.append(
             Tentative(
                 Gaussian(after.means[t], after.covariances[t]),
@@ -69,7 +69,7 @@ def initiate_tracks(
     return [t for t, confirmed in verdicts if confirmed], [t for t, confirmed in verdicts if confirmed is None]
 
 
-def _first_existence(p: TrackerParameters) -> float:
+def _find_first_existence(p: TrackerParameters) -> float:
     return p.settings.birth_density / (p.settings.birth_density + p.settings.clutter_density)
 
 
@@ -83,7 +83,7 @@ def _begin(origin: Origin, R: Array, p: TrackerParameters) -> Tentative:
     covariance[:2, :2] = R
     covariance[2, 2] = covariance[3, 3] = p.max_speed * p.max_speed / 4
     belief = Gaussian(np.array([*origin.place, 0.0, 0.0]), covariance)
-    return Tentative(belief, (origin,), 1.0 if p.management == "m_of_n" else _first_existence(p))
+    return Tentative(belief, (origin,), 1.0 if p.management == "m_of_n" else _find_first_existence(p))
 
 
 def _decide(track: Tentative, p: TrackerParameters) -> bool | None:
@@ -97,7 +97,7 @@ def _decide(track: Tentative, p: TrackerParameters) -> bool | None:
     if track.existence >= p.confirmation_threshold:
         return True
     late = track.unseen > round(PATIENCE / p.motion.dt)
-    return False if late or track.existence < p.deletion_threshold * _first_existence(p) else None
+    return False if late or track.existence < p.deletion_threshold * _find_first_existence(p) else None
 
 
 def _predict(
@@ -112,7 +112,7 @@ def _predict(
     return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
 
 
-def _likeliest(after: ScanUpdate, t: int) -> int | None:
+def _find_likeliest(after: ScanUpdate, t: int) -> int | None:
     """The measurement that is the likeliest one of track t; None if the track has probably none."""
     if after.missed[t] >= 0.5:
         return None

@@ -19,7 +19,7 @@ def check_scan(scan: Scan) -> tuple[Array, Array]:
 
     Raises ValueError for invalid values, which would lead to tracks that are NaN.
     """
-    z, R = _floats("measurements", scan.measurements), _floats("covariances", scan.covariances)
+    z, R = _read_floats("measurements", scan.measurements), _read_floats("covariances", scan.covariances)
     if not math.isfinite(scan.time):
         raise ValueError(f"time of a scan must be finite, is {scan.time}")
     _check_pose(scan.pose)
@@ -27,7 +27,7 @@ def check_scan(scan: Scan) -> tuple[Array, Array]:
         raise ValueError(f"measurements of a scan must be (N, 2), are {z.shape}")
     if R.shape != (len(z), 2, 2):
         raise ValueError(f"covariances of a scan of {len(z)} measurements must be ({len(z)}, 2, 2), are {R.shape}")
-    wrong = _first_wrong(z, R)
+    wrong = _find_first_wrong(z, R)
     if wrong < 0:
         return z, R
     if not np.isfinite(z[wrong]).all():
@@ -36,14 +36,17 @@ def check_scan(scan: Scan) -> tuple[Array, Array]:
 
 
 def _check_pose(pose: Pose) -> None:
-    position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
+    position, quaternion = (
+        _read_floats("pose.position", pose.position),
+        _read_floats("pose.quaternion", pose.quaternion),
+    )
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
     if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 
-def _floats(name: str, values: Array) -> Array:
+def _read_floats(name: str, values: Array) -> Array:
     try:
         return np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError) as error:
@@ -51,7 +54,7 @@ def _floats(name: str, values: Array) -> Array:
 
 
 @compiled
-def _first_wrong(z: Array, R: Array) -> int:
+def _find_first_wrong(z: Array, R: Array) -> int:
     """Index of the first invalid measurement or covariance, -1 for none."""
     for j in range(len(z)):
         xx, xy, yx, yy = R[j, 0, 0], R[j, 0, 1], R[j, 1, 0], R[j, 1, 1]

@@ -29,7 +29,7 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    return _between(length(X[:, None] - Y[None]), c, p)
+    return _score_gaps(length(X[:, None] - Y[None]), c, p)
 
 
 def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
@@ -55,10 +55,10 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
         gaps = np.where(here & there, np.minimum(length(x - y), c), np.where(either, c, 0.0))
         total += gaps.sum(axis=0)
         instants += either.sum(axis=0)
-    return _between(total / instants, c, p)
+    return _score_gaps(total / instants, c, p)
 
 
-def _between(gaps: Array, c: float, p: float) -> Ospa:
+def _score_gaps(gaps: Array, c: float, p: float) -> Ospa:
     """OSPA of two sets whose members are `gaps` (A, B) m apart."""
     check_metric(c, p)
     most, fewest = max(gaps.shape), min(gaps.shape)

@@ -55,7 +55,7 @@ def nearest_pairs(gaps: Array, c: float, p: float) -> Array:
     if not near.size:
         return np.zeros(0)
     if p == math.inf:
-        return _least_largest(near, c)
+        return _find_least_largest(near, c)
     costs = power_each(near, p)
     if costs.max() < _LARGE:
         found = near[linear_sum_assignment(costs)]
@@ -63,7 +63,7 @@ def nearest_pairs(gaps: Array, c: float, p: float) -> Array:
             return np.asarray(found)
     # Relative to the largest distance that any pairing has, powers are neither too large nor too small. The best pairs
     # cost between 1 and their number, so that costs may be cut off beyond.
-    least = _least_largest(near, c)
+    least = _find_least_largest(near, c)
     unit = float(least.max())
     if unit in (0.0, math.inf):
         return least
@@ -92,13 +92,13 @@ def norm(parts: Sequence[Part], p: float, count: int = 1) -> float:
     largest = max((float(part.distances.max()) for part in parts), default=0.0)
     if p == math.inf or largest in (0.0, math.inf):
         return largest
-    total = _total(parts, p, count, 1.0)
+    total = _sum_powers(parts, p, count, 1.0)
     if _SMALL < total < _LARGE:
         return float(power(total, 1 / p))
-    return largest * power(_total(parts, p, count, largest), 1 / p)
+    return largest * power(_sum_powers(parts, p, count, largest), 1 / p)
 
 
-def _total(parts: Sequence[Part], p: float, count: int, unit: float) -> float:
+def _sum_powers(parts: Sequence[Part], p: float, count: int, unit: float) -> float:
     """Sum of powers divided by `count`, with distances in multiples of `unit` m."""
     total = 0.0
     for distances, factor in parts:
@@ -106,7 +106,7 @@ def _total(parts: Sequence[Part], p: float, count: int, unit: float) -> float:
     return total
 
 
-def _least_largest(near: Array, c: float) -> Array:
+def _find_least_largest(near: Array, c: float) -> Array:
     """Distances (min(A, B),) m of as many pairs less than c apart as possible, their largest as small as possible.
 
     The other pairs are c apart. near (A, B) m, no more than c.

@@ -51,7 +51,7 @@ def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **optio
     config: Any = numba.config
     if home := code_folder():
         users = config.CACHE_DIR
-        folder = _folder_of(Path(function.__code__.co_filename), home)
+        folder = _prepare_folder(Path(function.__code__.co_filename), home)
         if "inline" not in options:
             functions[f"{function.__module__}.{function.__qualname__}"] = folder
         config.CACHE_DIR = str(folder)
@@ -68,10 +68,10 @@ def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **optio
 @cache
 def code_folder() -> Path | None:
     """The first folder for compiled code that this process can write to; None if there is none."""
-    return next((folder for folder in _code_folders() if _can_write(folder)), None)
+    return next((folder for folder in _list_code_folders() if _can_write(folder)), None)
 
 
-def _code_folders() -> Iterator[Path]:
+def _list_code_folders() -> Iterator[Path]:
     """Folders for compiled code: in NUMBA_CACHE_DIR, the installation, the user's cache and the temporary folder."""
     name = f"understory-{hashlib.sha256(os.fsencode(_ROOT)).hexdigest()[:_DIGITS]}"
     if named := numba.config.CACHE_DIR:  # type: ignore[attr-defined]
@@ -104,7 +104,7 @@ def _can_write(folder: Path) -> bool:
 
 
 @cache
-def _folder_of(module: Path, home: Path) -> Path:
+def _prepare_folder(module: Path, home: Path) -> Path:
     """The folder of a module's code; a new one gets the code of this digest that another folder has."""
     name = os.path.relpath(module, _ROOT).removesuffix(".py").replace(os.sep, "-")
     folder = home / f"{name}-{digest_of(module)[:_DIGITS]}"
@@ -112,7 +112,7 @@ def _folder_of(module: Path, home: Path) -> Path:
         older = sorted(home.glob(f"{name}-{'?' * _DIGITS}"), key=lambda path: path.stat().st_mtime)
         for stale in older[:-1]:  # the last one stays for processes that began before the source was changed
             shutil.rmtree(stale, ignore_errors=True)
-        filled = [other / folder.name for other in _code_folders() if (other / folder.name).is_dir()]
+        filled = [other / folder.name for other in _list_code_folders() if (other / folder.name).is_dir()]
         if filled:  # such as that of an installation that only its owner can write to
             copy = tempfile.mkdtemp(dir=home)
             shutil.copytree(filled[0], copy, dirs_exist_ok=True)

@@ -50,20 +50,20 @@ def plugin_call(
     except Exception as error:
         if isinstance(error, (PluginError, *passing)):
             raise
-        trace = _own_lines(error)
+        trace = _find_own_lines(error)
         refused = isinstance(error, ValueError) and not trace  # by our own code, whose text is enough
         told = ("" if refused else type(error).__name__, one_line(str(error)))
-        raise PluginError(": ".join(filter(None, told)), trace or _definition(plugin, method)) from error
+        raise PluginError(": ".join(filter(None, told)), trace or _find_definition(plugin, method)) from error
 
 
-def _own_lines(error: Exception) -> tuple[str, ...]:
+def _find_own_lines(error: Exception) -> tuple[str, ...]:
     """Last lines of a traceback in the folder of the plug-in, as "file:line, in function: code"."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_NOT_PLUGINS)]
     own = [f for f in frames if os.path.dirname(f.filename) == os.path.dirname(frames[0].filename)]
     return tuple(one_line(f"{f.filename}:{f.lineno}, in {f.name}: {f.line}", _LONGEST_LINE) for f in own[-_LAST:])
 
 
-def _definition(plugin: object, method: str) -> tuple[str, ...]:
+def _find_definition(plugin: object, method: str) -> tuple[str, ...]:
     """The line that defines a plug-in's method or else its class, as in a traceback; empty if the code is ours."""
     home = plugin if isinstance(plugin, type) or inspect.isfunction(plugin) else type(plugin)
     found = inspect.getattr_static(plugin, method, home)

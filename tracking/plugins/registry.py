@@ -58,7 +58,7 @@ class Registry:
     def check_methods(self, name: str, made: object) -> None:
         """Raise InputError unless a plug-in has the methods of this registry."""
         for method in self.methods:
-            if lacking := _lack(name, made, method):
+            if lacking := _describe_lack(name, made, method):
                 raise InputError(f"{self.field}: {lacking}")
 
     @contextmanager
@@ -82,7 +82,7 @@ class Registry:
             raise self.raises(f"{self.field}: {name!r} cannot {what}: {error.with_place}") from error
 
 
-def _lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
+def _describe_lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
     """Error text if a plug-in lacks the method "method(argument, ...)" or takes other arguments; empty if not."""
     called, _, arguments = method.removesuffix(")").partition("(")
     found = getattr(made, called, None)
@@ -110,9 +110,9 @@ def import_plugin(target: str) -> Any:  # noqa: ANN401 - whatever a user's modul
     except SystemExit as error:  # of a script without a guard by `__name__`
         raise ImportError(f"{module} calls sys.exit when it is imported") from error
     except ModuleNotFoundError as error:
-        raise ImportError(_missing(module, error) + _clash()) from error
+        raise ImportError(_describe_missing(module, error) + _describe_clash()) from error
     except PluginError as error:
-        raise ImportError(error.with_place + _clash()) from error
+        raise ImportError(error.with_place + _describe_clash()) from error
     found: Any = loaded
     for part in attribute.split("."):
         found = getattr(found, part, None)
@@ -135,7 +135,7 @@ def _check_names(module: str, attribute: str) -> None:
     if not _is_dotted(attribute):
         raise ImportError(f"{attribute!r} is not the name of a class; only planners have options in brackets")
     top = module.partition(".")[0]
-    if top in (*_OURS, *sys.stdlib_module_names) and _hidden([module]):
+    if top in (*_OURS, *sys.stdlib_module_names) and _find_hidden([module]):
         owner = "Understory" if top in _OURS else "Python"
         raise ImportError(f"{top!r} is a module of {owner}, which hides that of the current folder; rename yours")
 
@@ -145,20 +145,20 @@ def _is_dotted(text: str) -> bool:
     return all(part.isidentifier() for part in text.split("."))
 
 
-def _hidden(names: Iterable[str]) -> list[str]:
+def _find_hidden(names: Iterable[str]) -> list[str]:
     """Those of the names of modules that also exist in the current folder, unless that is our own."""
     here = Path.cwd()
     places = {name: here.joinpath(*name.split(".")) for name in names if here != _ROOT}
     return [name for name, place in places.items() if place.is_dir() or place.with_name(f"{place.name}.py").is_file()]
 
 
-def _clash() -> str:
+def _describe_clash() -> str:
     """The end of an error message: modules of the current folder that ours hide; empty if there are none."""
-    hidden = ", ".join(_hidden(_OURS))
+    hidden = ", ".join(_find_hidden(_OURS))
     return f"; Understory's packages hide those in the current folder of the names {hidden}" if hidden else ""
 
 
-def _missing(module: str, error: ModuleNotFoundError) -> str:
+def _describe_missing(module: str, error: ModuleNotFoundError) -> str:
     """Error message about a missing module, which is misspelt or needs a module that is not installed."""
     absent = error.name or ""
     if not f"{module}.".startswith(f"{absent}."):

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from planning.composed import Composed
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import make_pursuits
 from planning.planner import Plan, Situation
@@ -60,7 +60,7 @@ class Herding(Composed):
             flown = mean_velocities(follows, joint)  # quadrotors take time to follow a command
             ends = seen_from + step * flown.sum(axis=2)  # (N, n, 2) m
             gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
-            over_horizon = objective(belief, flown[0], rows, 0.0)(flown[:, rows])
+            over_horizon = make_objective(belief, flown[0], rows, 0.0)(flown[:, rows])
             return np.asarray(over_horizon + apply(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)

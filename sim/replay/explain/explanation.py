@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 
 from sim.drawing.lettering import TextGroup
-from sim.evaluation.holding import HOLDS, episodes
+from sim.evaluation.holding import HOLDS, find_episodes
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event, find_lasting_ends
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
@@ -197,7 +197,7 @@ def _intents(facts: PersonFacts) -> list[str]:
 def _ahead(planned: PlannedVisibility, states: Indices) -> str:
     """The first time at which a place is in view on the planned path, or its state if it never is."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
-        ahead = [e for e in episodes(states) if e.value == state]
+        ahead = [e for e in find_episodes(states) if e.value == state]
         if ahead:
             first, last = (f"{planned.times[s]:.1f}" for s in ahead[0][:2])
             return f"{words} at {first} s" if first == last else f"{words} from {first} to {last} s"

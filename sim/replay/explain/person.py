@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.evaluation.score import velocities
+from sim.evaluation.score import estimate_velocities
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.planned_visibility import PlannedVisibility, find_planned_visibility
@@ -66,7 +66,7 @@ class PersonFacts:
             k=k,
             person=person,
             place=recording.people[k, person],
-            velocity=velocities(recording)[k, person],
+            velocity=estimate_velocities(recording)[k, person],
             holders=holders,
             observations=tuple(observer.observe(k, i, person) for i in uavs),
             planned=tuple(find_planned_visibility(recording, k, i, person, beliefs[i]) for i in uavs),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.drawing import palette
 from sim.drawing.palette import Colour, lighten, pale, track_colour, uav_colour
 from sim.evaluation.fleet_facts import average_ospa
-from sim.evaluation.holding import episodes
+from sim.evaluation.holding import find_episodes
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.flight import Flight
@@ -132,7 +132,7 @@ def _log_states(
     stream: rr.RecordingStream, path: str, times: Array, states: Indices, colours: dict[str, Colour]
 ) -> None:
     """Log the beginnings of states (K,), which are indices into the names of `colours`."""
-    names, spans = list(colours), episodes(states)
+    names, spans = list(colours), find_episodes(states)
     changes = [span.first for span in spans]
     indexes = [rr.TimeColumn("time", duration=times[changes]), rr.TimeColumn("scan", sequence=changes)]
     shown = rr.StateConfiguration(values=names, labels=names, colors=list(colours.values()))

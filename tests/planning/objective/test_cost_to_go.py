@@ -8,7 +8,7 @@ from helpers.nominal import plain_cost
 from helpers.teams import planned
 
 from planning.objective.cost_to_go import FUTURE, cost_to_go
-from planning.objective.nbo import Measure, objective
+from planning.objective.nbo import Measure, make_objective
 from planning.prediction.propagation import Nominal
 from tracking.filter.kalman import Gaussian
 from tracking.track import Track
@@ -25,7 +25,7 @@ def test_the_cost_to_go_equals_a_plain_transcription(random_team, uavs, expected
         controls, weights = rng.uniform(-3.5, 3.5, (3, 5, 2)), rng.uniform(0.1, 1.0, 4)
         view = Nominal(expected).predict(situation, 5, rng)._replace(weights=weights)
         measure = Measure(gains=False, cutoff=4.0, ahead=cost_to_go(situation.vehicles, 0.3))
-        found = objective(view, controls, uavs, beta, measure=measure)(controls[None, uavs])[0]
+        found = make_objective(view, controls, uavs, beta, measure=measure)(controls[None, uavs])[0]
         plain, without = (
             plain_cost(situation, controls, beta, expected=expected, weights=weights, cutoff=4.0, ahead=w)[0]
             for w in (0.3, 0.0)

@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import GAINS, information, nominal
 from helpers.porous import make_porous
 
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Pose
@@ -70,7 +70,7 @@ def test_candidates_are_valued_as_joint_plans_and_sums_by_existence(random_team)
     alone = [dataclasses.replace(situation, tracks=(track,)) for track in situation.tracks]
     for uavs in ([0], [2], [2, 1], [0, 1, 2]):
         chosen = candidates[:, : len(uavs)]
-        values = objective(view, controls, uavs, 0.0, measure=GAINS)(chosen)
+        values = make_objective(view, controls, uavs, 0.0, measure=GAINS)(chosen)
         for value, candidate in zip(values, chosen, strict=True):
             joint = controls.copy()
             joint[uavs] = candidate

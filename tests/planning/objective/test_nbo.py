@@ -9,7 +9,7 @@ from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost,
 from helpers.teams import planned
 
 from planning.composed import Composed
-from planning.objective.nbo import Measure, objective
+from planning.objective.nbo import Measure, make_objective
 from planning.prediction.predicted_belief import predict_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.filter.kalman import Gaussian
@@ -50,7 +50,9 @@ def test_expected_visibility_and_cutoffs_equal_a_plain_transcription(random_team
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
         view = Nominal(doubtful).predict(situation, 5, np.random.default_rng(0))
         expected, _ = plain_cost(situation, controls, beta, expected=doubtful, cutoff=cutoff)
-        found = objective(view, controls, [0], beta, measure=Measure(gains=False, cutoff=cutoff))(controls[None, :1])[0]
+        found = make_objective(view, controls, [0], beta, measure=Measure(gains=False, cutoff=cutoff))(
+            controls[None, :1]
+        )[0]
         assert found == pytest.approx(expected, rel=1e-6)  # marks have eight digits
         without = plain_cost(situation, controls, beta, expected=doubtful and cutoff < np.inf)[0]
         changed += not math.isclose(expected, without, rel_tol=1e-3 if cutoff == np.inf else 1e-2)
@@ -76,7 +78,7 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
     controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 3, 4, 2))
     for uavs in ([0], [1], [2], [0, 2], [2, 1], [0, 1, 2]):
         chosen = candidates[:, : len(uavs)]
-        for value, candidate in zip(objective(view, controls, uavs, 0.5)(chosen), chosen, strict=True):
+        for value, candidate in zip(make_objective(view, controls, uavs, 0.5)(chosen), chosen, strict=True):
             joint = controls.copy()
             joint[uavs] = candidate
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
@@ -170,7 +172,7 @@ def test_a_person_lost_for_longer_costs_no_more(random_team):
         for grown in (1e4, 1e6):  # of three of four people
             scales = np.array([1.0, grown, grown, grown])[:, None, None]
             lost = view._replace(covariances=view.covariances * scales)
-            values = objective(lost, still, [0], 0.0, measure=Measure(gains=False, cutoff=cutoff))
+            values = make_objective(lost, still, [0], 0.0, measure=Measure(gains=False, cutoff=cutoff))
             found[cutoff, grown] = values(still[None, :1])[0]
     assert found[np.inf, 1e6] > 90.0 * found[np.inf, 1e4]
     assert found[10.0, 1e4] <= found[10.0, 1e6] <= min(1.01 * found[10.0, 1e4], 4 * 3 * 100.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal
 
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import make_pursuits
@@ -149,7 +149,7 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
         situation = random_team(seed, uavs=2, targets=3, spread=15.0)[0]
         view, plans = nominal(situation, 2), expect_plans(situation, 2)
 
-        values = objective(view, plans, [0], 0.5)
+        values = make_objective(view, plans, [0], 0.5)
         chases = make_pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
         best = run(GridSearch(24, 3), values, plans[None, :1])
         found = run(optimizer, values, np.concatenate([plans[None, :1], chases]), seed)

@@ -8,7 +8,7 @@ from helpers.nominal import nominal, team_cost
 from helpers.teams import Spy, planned, refitted
 
 from planning.composed import Composed
-from planning.prediction.propagation import MonteCarlo, Nominal, _disturbance
+from planning.prediction.propagation import MonteCarlo, Nominal, _make_disturbance
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_planned_motion, make_tracker_parameters
 from sim.scenario.loading import load
@@ -101,7 +101,7 @@ def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
 @pytest.mark.parametrize("scans", [1, 5])
 def test_disturbances_by_unit_normal_numbers_are_a_root_of_the_process_noise(scans):
     motion = NearlyConstantVelocity(1.0, 0.5, scans=scans)
-    root = _disturbance(motion, np.eye(4).reshape(4, 1, 2, 2))[:, 0]
+    root = _make_disturbance(motion, np.eye(4).reshape(4, 1, 2, 2))[:, 0]
     np.testing.assert_allclose(root.T @ root, motion.Q, rtol=1e-12, atol=1e-15)
 
 

@@ -6,13 +6,13 @@ from itertools import product
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from planning.made_up_teams import random_team
+from planning.made_up_teams import make_random_team
 from planning.prediction.response import Response, mean_velocities, response, vehicle_after
 
 
 def lagging(lags, velocities):
     """UAVs with these lags [s], at these velocities (n, 2) m/s."""
-    (situation, *_) = random_team(0)
+    (situation, *_) = make_random_team(0)
     moving = zip(situation.vehicles[: len(lags)], lags, velocities, strict=True)
     return [dataclasses.replace(v, lag=lag, velocity=velocity) for v, lag, velocity in moving]
 

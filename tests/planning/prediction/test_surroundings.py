@@ -7,11 +7,11 @@ import pytest
 
 from planning import composed
 from planning.composed import Composed
-from planning.objective.nbo import Measure, objective
+from planning.objective.nbo import Measure, make_objective
 from planning.planner_loading import load_planner
 from planning.prediction.intent import expect_plans
 from planning.prediction.propagation import Nominal
-from planning.prediction.surroundings import surroundings
+from planning.prediction.surroundings import find_surroundings
 
 
 def far_and_wide(random_team, seed, spread=400.0):
@@ -29,15 +29,15 @@ def test_decisions_equal_those_from_the_whole_situation(random_team, monkeypatch
         situation = far_and_wide(random_team, seed)
         plans = expect_plans(situation, 5)
         found = []
-        for part in (surroundings, whole):
-            monkeypatch.setattr(composed, "surroundings", part)
+        for part in (find_surroundings, whole):
+            monkeypatch.setattr(composed, "find_surroundings", part)
             found.append(decision.decide(situation, plans, [0], np.random.default_rng(seed)))
-        near, rows = surroundings(situation, [0], 5)
+        near, rows = find_surroundings(situation, [0], 5)
         left_out += len(situation.tracks) - len(near.tracks) + len(plans) - len(rows)
         equal += np.array_equal(*found)
         if planner == "sma-nbo-gospa(":
             belief = Nominal(True).predict(situation, 5, np.random.default_rng(0))
-            cost = objective(belief, plans, [0], 0.0, measure=Measure(gains=False, cutoff=10.0))(np.stack(found))
+            cost = make_objective(belief, plans, [0], 0.0, measure=Measure(gains=False, cutoff=10.0))(np.stack(found))
             assert cost[0] == pytest.approx(cost[1], rel=1e-5)  # rounding may lead the search to another plan
     assert equal >= 9 and left_out > 100
 
@@ -49,22 +49,22 @@ def whole(situation, uavs, horizon):
 def test_nothing_is_left_out_of_the_packaged_worlds(random_team):
     """Their areas are at most 200 x 130 m, so that their recordings keep their bytes."""
     situation = random_team(0, uavs=10, targets=30, spread=85.0)[3]
-    assert surroundings(situation, [3], 5)[0] is situation
+    assert find_surroundings(situation, [3], 5)[0] is situation
 
 
 def test_the_surroundings_reach_farther_for_faster_uavs_and_longer_plans(random_team):
     situation = far_and_wide(random_team, 0, 800.0)
-    kept = [len(surroundings(situation, [0], horizon)[0].tracks) for horizon in (5, 20, 100)]
+    kept = [len(find_surroundings(situation, [0], horizon)[0].tracks) for horizon in (5, 20, 100)]
     assert kept[0] < kept[1] < kept[2] == len(situation.tracks)
 
 
 def test_a_joint_plan_has_the_surroundings_of_all_its_uavs(random_team):
     situation = far_and_wide(random_team, 0)
-    assert surroundings(situation, range(len(situation.vehicles)), 5)[0].neighbours == situation.neighbours
+    assert find_surroundings(situation, range(len(situation.vehicles)), 5)[0].neighbours == situation.neighbours
 
 
 def test_the_mwtp_counts_all_that_is_known(random_team, monkeypatch):
-    monkeypatch.setattr(composed, "surroundings", lambda *given: pytest.fail("something is left out"))
+    monkeypatch.setattr(composed, "find_surroundings", lambda *given: pytest.fail("something is left out"))
     situation = far_and_wide(random_team, 0)
     decided = Composed(evaluations=64).decide(situation, expect_plans(situation, 5), [0], np.random.default_rng(0))
     assert np.isfinite(decided).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal, squares
 
-from planning.objective.nbo import objective
+from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.mutations import draw_chances, mutate_plans
 from planning.prediction.response import Response, mean_velocities
@@ -79,9 +79,9 @@ def test_with_fields_of_view_made_wider_the_objective_is_that_of_wider_views(ran
     halves = wider[:, 0, 2] + [1.0, 0.0, 0.5]
     wide = view._replace(views=squares(halves))
     # UAVs that do not decide keep their fields of view, so UAVs 0 and 2 decide.
-    eased = objective(view, controls, [0, 2], 0.5)(candidates, np.array([1.0, 0.5]))
-    np.testing.assert_allclose(eased, objective(wide, controls, [0, 2], 0.5)(candidates), rtol=1e-12)
-    assert np.mean(eased != objective(view, controls, [0, 2], 0.5)(candidates)) > 0.5
+    eased = make_objective(view, controls, [0, 2], 0.5)(candidates, np.array([1.0, 0.5]))
+    np.testing.assert_allclose(eased, make_objective(wide, controls, [0, 2], 0.5)(candidates), rtol=1e-12)
+    assert np.mean(eased != make_objective(view, controls, [0, 2], 0.5)(candidates)) > 0.5
 
 
 def far_target(random_team):
@@ -97,7 +97,7 @@ def far_target(random_team):
 @pytest.mark.parametrize("seed", range(5))
 def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_team, seed):
     view = nominal(far_target(random_team), 5)
-    value = objective(view, np.zeros((1, 5, 2)), [0], 0.0)
+    value = make_objective(view, np.zeros((1, 5, 2)), [0], 0.0)
     hover, straight = np.zeros((1, 1, 5, 2)), np.tile([4.0, 3.0], (1, 1, 5, 1))
     assert value(straight)[0] < value(hover)[0]
     hints = find_targets_in_reach(view, [0], SPEED, Response.at_once(1))
@@ -108,7 +108,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
 def counting(random_team, uavs):
     """An objective that can be eased and the lengths of what it was asked, with hints, for so many UAVs that decide."""
     view, asked = nominal(random_team(1)[0], 5), []
-    value = objective(view, np.zeros((3, 5, 2)), range(uavs), 0.5)
+    value = make_objective(view, np.zeros((3, 5, 2)), range(uavs), 0.5)
 
     def counted(candidates, ease=None):
         asked.append((len(candidates), ease is not None))

@@ -119,7 +119,7 @@ def test_of_a_sender_those_sequences_count_that_arrive_in_this_round(random_team
     for now in range(2):
         other.advance(now)
         one.receive(other, now)
-        found, kept = one._team(), list(arriving[now])
+        found, kept = one._gather_team(), list(arriving[now])
         shares = other.chances[kept] / other.chances[kept].sum()
         np.testing.assert_allclose(np.diff(found.chances, prepend=0.0), shares, atol=1e-12)
         paths = team[1].own.position[:2] + np.cumsum(other.controls[kept], axis=1)
@@ -136,7 +136,7 @@ def test_places_of_a_plan_follow_the_length_of_its_steps(random_team):
     other.advance(0)
     one.receive(other, 0)
     one.advance(0)
-    seen = one._team().others[0] + one._information_of(find_promising_sequences(one._tree, 1))[0]
+    seen = one._gather_team().others[0] + one._gather_information(find_promising_sequences(one._tree, 1))[0]
     joint = np.stack([one.decision(), other.decision()])[None]
     assert gain_of(one._prior, seen) == pytest.approx(gained(team[0], [0, 1], joint)[0], rel=1e-9)
     assert gained(team[0], [0], joint[:, :1])[0] > 0.0 < gained(team[0], [1], joint[:, 1:])[0]

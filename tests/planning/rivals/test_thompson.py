@@ -11,7 +11,7 @@ from scipy.stats import chisquare, norm, skellam
 
 from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.rivals.thompson import DrawnWorld, Thompson, _places, draw_world
+from planning.rivals.thompson import DrawnWorld, Thompson, _list_places, draw_world
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
 from tracking.undetected import Intensity
@@ -105,7 +105,7 @@ def test_nearly_all_places_show_their_person_on_arrival(random_team, speed):
     for angle, *offset in zip(rng.uniform(0, 2 * math.pi, 200), *rng.uniform(-60, 60, (2, 200)), strict=True):
         velocity = speed * np.array([math.cos(angle), math.sin(angle)])
         state = np.array([*(own.position[:2] + offset), *velocity])
-        for place in _places(own.position, own.max_speed, 1.0, state[None], points_shown(own, IMAGE_POINTS)):
+        for place in _list_places(own.position, own.max_speed, 1.0, state[None], points_shown(own, IMAGE_POINTS)):
             steps = max(1, math.ceil(np.hypot(*(place - own.position[:2])) / own.max_speed))
             point = np.array([*state[:2] + steps * velocity, TARGET_HEIGHT])
             shown.append(own.camera.sees(Pose(np.array([*place, own.position[2]]), own.attitude), point)[0])

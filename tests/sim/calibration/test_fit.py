@@ -17,7 +17,7 @@ from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, 
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
 from tracking.detection.noise import NoiseModel
-from tracking.detection.partial_visibility import PART, find_places
+from tracking.detection.partial_visibility import PART_ERROR, find_places
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -227,7 +227,7 @@ def test_what_splitting_adds_is_what_the_fit_to_other_pairs_gives():
 def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     error = fit_part(11, 75)
     parts = [find_places(s.frame, s.blob, s.forest) for s in sample_forests(12, 20)]
-    traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART, error)] for p in parts if p is not None])
+    traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART_ERROR, error)] for p in parts if p is not None])
     assert len(traces) > 150
     ratios = traces[:, 0] / traces[:, 1]
     assert 0.8 < np.exp(np.log(ratios).mean()) < 1.25

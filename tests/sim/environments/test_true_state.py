@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import understory
-from sim.evaluation.score import velocities
+from sim.evaluation.score import estimate_velocities
 from tracking.errors import InputError
 
 SETTINGS = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4, "uavs.1.fails_at": 1.5}
@@ -30,7 +30,7 @@ def test_the_state_is_the_recorded_truth_in_both_front_ends():
         np.testing.assert_array_equal(team.state(), states[-1])
     assert env.metadata["state_sees_truth"] and team.metadata["state_sees_truth"]
     recording = env.flight().recording
-    moved = velocities(recording)
+    moved = estimate_velocities(recording)
     for k, state in zip(range(0, 21, 5), states, strict=True):
         assert env.state_space.contains(state)
         time, uavs, people = split(state, 3)

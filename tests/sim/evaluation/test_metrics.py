@@ -15,7 +15,7 @@ from helpers.summaries import SECONDS, hand_made, shown, summary
 
 from sim.cli.run import show_run
 from sim.evaluation.metric import UNKNOWN
-from sim.evaluation.score import find_reported_tracks, score, velocities
+from sim.evaluation.score import estimate_velocities, find_reported_tracks, score
 from sim.scenario.scenario import encode_scenario
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
@@ -84,7 +84,7 @@ def test_a_fleet_that_never_works_has_no_bytes_rather_than_an_error():
 
 def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     people = np.array([[0, 1, 4, 9, np.nan, 2], [np.nan, 5, np.nan, 1, 2, 4]], float).T[..., None] * [1.0, -2.0]
-    found = velocities(SimpleNamespace(people=people, times=np.arange(6) / 5))
+    found = estimate_velocities(SimpleNamespace(people=people, times=np.arange(6) / 5))
     nan = math.nan
     np.testing.assert_allclose(found[:, 0, 0], np.array([1, 2, 4, 5, nan, nan]) * 5)
     np.testing.assert_allclose(found[:, 1, 0], np.array([nan, nan, nan, 1, 1.5, 2]) * 5)

@@ -12,7 +12,7 @@ from helpers.recordings import broken, record
 from msgspec import structs
 from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
 
-from sim.evaluation.score import velocities
+from sim.evaluation.score import estimate_velocities
 from sim.recording.archive import save
 from sim.replay import export as module
 from sim.replay.export import STATE, export
@@ -122,7 +122,7 @@ def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders
     path = str(folder / "groundtruth.csv")
     truth = CSVGroundTruthReader(path, state_vector_fields=STATE, path_id_field="id", **SECONDS)
     paths = {path.id: path for _, updated in truth for path in updated}
-    states = np.concatenate([recording.people, velocities(recording)], axis=2)
+    states = np.concatenate([recording.people, estimate_velocities(recording)], axis=2)
     for m in range(4):
         there = states[~np.isnan(states[:, m, 0]), m]
         np.testing.assert_array_equal([s.state_vector.ravel() for s in paths[str(m)]], there)

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
-from sim.evaluation.holding import HOLDS, NO_TRACK, Episode, episodes
+from sim.evaluation.holding import HOLDS, NO_TRACK, Episode, find_episodes
 from sim.replay.event import Event
 from sim.replay.flight import Flight
 from sim.replay.history import BROKEN, STATES, History
@@ -20,8 +20,8 @@ from sim.replay.timeline import timeline_figure, timeline_rows
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
     assert tuple(HOLD_COLOURS) == HOLDS
-    assert episodes(np.array([3])) == [Episode(0, 0, 3)]
-    assert episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
+    assert find_episodes(np.array([3])) == [Episode(0, 0, 3)]
+    assert find_episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
     working = np.ones((6, 2), bool)
     working[4:, 1] = False
     present = np.array([[True]] * 5 + [[False]])

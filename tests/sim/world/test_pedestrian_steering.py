@@ -8,9 +8,9 @@ from sim.world.pedestrian_steering import (
     _BLOCK,
     SEPARATION,
     _find_surroundings,
+    _measure_to_border,
+    _measure_to_segment,
     _move,
-    _nearest,
-    _to_border,
     _turn,
     simulate,
 )
@@ -89,12 +89,14 @@ def test_distances_to_segments_and_borders_agree_with_brute_force():
     rng = np.random.default_rng(1)
     for x, y, dx, dy in rng.normal(0, 2, (100, 4)):
         s = np.linspace(0, 1, 20_001)
-        assert _nearest(x, y, dx, dy) == pytest.approx(np.hypot(x + s * dx, y + s * dy).min(), abs=1e-3)
-    assert _nearest(3.0, 4.0, 0.0, 0.0) == 5.0 and _to_border(np.array([0.0, 40.0]), HALF) == pytest.approx(9)
-    assert _to_border(np.array([70.0, 0.0]), HALF) == pytest.approx(4)
-    assert _to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
-    assert _to_border(HALF - 10, HALF) == pytest.approx(10)
-    assert _to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
+        assert _measure_to_segment(x, y, dx, dy) == pytest.approx(np.hypot(x + s * dx, y + s * dy).min(), abs=1e-3)
+    assert _measure_to_segment(3.0, 4.0, 0.0, 0.0) == 5.0 and _measure_to_border(
+        np.array([0.0, 40.0]), HALF
+    ) == pytest.approx(9)
+    assert _measure_to_border(np.array([70.0, 0.0]), HALF) == pytest.approx(4)
+    assert _measure_to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
+    assert _measure_to_border(HALF - 10, HALF) == pytest.approx(10)
+    assert _measure_to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -20,9 +20,9 @@ from sim.world.quadrotor import (
     MAX_ROTOR_THRUST,
     MAX_TILT,
     ROTORS,
-    _acceleration,
+    _command_acceleration,
+    _command_torque,
     _mix,
-    _torque,
     rotor_thrusts,
 )
 from sim.world.world import World
@@ -57,14 +57,16 @@ def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
     left = np.cross(up, [1.0, 0.0, 0.0])
     left /= np.linalg.norm(left)
     R = np.column_stack([np.cross(left, up), left, up])
-    assert_allclose(_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
+    assert_allclose(_command_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
 
 
 def test_accelerations_asked_for_need_no_more_than_the_largest_tilt_also_in_descent():
     rng = np.random.default_rng(7)
     for height in (20.0, 40.0):
         for target in rng.uniform(-20, 20, (50, 2)):
-            east, north, climb = _acceleration(state((0, 0, height)), np.array([*target, 20.0]), np.eye(3), CALM)
+            east, north, climb = _command_acceleration(
+                state((0, 0, height)), np.array([*target, 20.0]), np.eye(3), CALM
+            )
             tilt, most = math.atan2(math.hypot(east, north), GRAVITY + climb), math.hypot(east, north)
             assert tilt < MAX_TILT + 1e-12 and most < MAX_ACCELERATION + 1e-12
     assert climb == -4.0
@@ -89,7 +91,7 @@ def test_torques_damp_spins_alike_as_the_gyroscopic_moment_is_made_up_for():
     for R in Rotation.random(20, random_state=3).as_matrix():
         spin, acceleration = rng.uniform(-5, 5, 3), rng.uniform(-3, 3, 3)
         omega = R.T @ spin
-        still, turning = _torque(R, np.zeros(3), acceleration), _torque(R, spin, acceleration)
+        still, turning = _command_torque(R, np.zeros(3), acceleration), _command_torque(R, spin, acceleration)
         moment = turning - still - np.cross(omega, INERTIA * omega)
         assert_allclose(moment / INERTIA, -_ATTITUDE_GAINS[1] * omega, atol=1e-9)
 
@@ -100,7 +102,7 @@ def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
     R = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
     expected = np.zeros(3)
     expected[axis] = -400.0 * INERTIA[axis] * math.sin(angle)
-    assert_allclose(_torque(R, np.zeros(3), np.zeros(3)), expected, atol=1e-12)
+    assert_allclose(_command_torque(R, np.zeros(3), np.zeros(3)), expected, atol=1e-12)
 
 
 def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):

@@ -10,7 +10,13 @@ from sim.calibration.fit import sample_forests
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.clearing import make_clearing
 from tracking.detection.detector import Frame
-from tracking.detection.partial_visibility import PART, _deviances, _grid, _moments, find_places
+from tracking.detection.partial_visibility import (
+    PART_ERROR,
+    _compute_deviances,
+    _compute_moments,
+    _make_grid,
+    find_places,
+)
 from tracking.detection.shadows import add_shadows, find_openings, is_open
 from tracking.detection.silhouette import compute_visible_moments, make_silhouette
 from tracking.geometry.camera import Camera, Pose
@@ -144,9 +150,9 @@ def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
         if found is None:
             continue
         silhouette = make_silhouette(found.clearing.distance, float(s.frame.pose.position[2]))
-        many = _grid(found.clearing, found.seen, silhouette, (-3.0, -2.0), (3.0, 2.0), 20000)
+        many = _make_grid(found.clearing, found.seen, silhouette, (-3.0, -2.0), (3.0, 2.0), 20000)
         (mean, covariance, _), (exact, exactly, _) = (
-            _moments(places, _deviances(places, PART)) for places in (found, many)
+            _compute_moments(places, _compute_deviances(places, PART_ERROR)) for places in (found, many)
         )
         errors.append((mean - exact) @ np.linalg.solve(exactly, mean - exact))
         spreads.append(np.sqrt(np.trace(covariance) / np.trace(exactly)))

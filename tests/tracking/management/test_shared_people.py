@@ -12,7 +12,7 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.track_ids import new_id
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import find_duplicates, find_outcompeted
-from tracking.measurement_update import _unresolved_probability
+from tracking.measurement_update import _compute_unresolved_probability
 from tracking.tracker import Track
 
 PAIR = np.ones((2, 2), bool)
@@ -86,9 +86,9 @@ def test_people_within_a_metre_may_give_one_measurement():
     means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
     near = 0.12 * np.exp(-0.5)
     np.testing.assert_allclose(
-        _unresolved_probability(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12
+        _compute_unresolved_probability(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12
     )
-    assert _unresolved_probability(means[:1], np.ones(1)).tolist() == [0.0]
+    assert _compute_unresolved_probability(means[:1], np.ones(1)).tolist() == [0.0]
 
 
 def fed_apart(**settings) -> list[tuple[int, ...]]:

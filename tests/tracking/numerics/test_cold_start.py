@@ -45,12 +45,12 @@ def places(monkeypatch):
     """Set the folders that compiled code may be kept in, and which of them can be written to."""
 
     def set_places(folders, writable):
-        monkeypatch.setattr(subject, "_code_folders", lambda: iter(folders))
+        monkeypatch.setattr(subject, "_list_code_folders", lambda: iter(folders))
         monkeypatch.setattr(subject, "_can_write", lambda folder: folder in writable)
         monkeypatch.setattr(subject, "not_kept", kept := [])
         monkeypatch.setattr("sim.mission.warmup.not_kept", kept)
         subject.code_folder.cache_clear()
-        subject._folder_of.cache_clear()
+        subject._prepare_folder.cache_clear()
         subject.digest_of.cache_clear()
 
     yield set_places
@@ -108,7 +108,7 @@ def test_code_that_is_there_is_read_where_only_temporary_files_can_be_written(
     places, tmp_path, monkeypatch, home, holder
 ):
     """As a user of an image that was built by another one: without a home, or with one that is not there."""
-    find_folders = subject._code_folders
+    find_folders = subject._list_code_folders
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
@@ -137,7 +137,7 @@ def test_code_of_changed_sources_is_made_anew_and_only_the_last_before_it_stays(
     for scale in range(4):
         below.write_text(f"SCALE = {scale}\n")
         places([home], [home])
-        made.append(subject._folder_of(module, home))
+        made.append(subject._prepare_folder(module, home))
         made[-1].mkdir(parents=True)
         os.utime(made[-1], (scale, scale))
     assert sorted(home.iterdir()) == sorted(made[-2:])

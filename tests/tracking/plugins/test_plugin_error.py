@@ -58,7 +58,7 @@ def made(needed):
     ],
 )
 def test_a_wrong_result_has_the_line_that_defines_the_method(monkeypatch, plugin, method, text):
-    monkeypatch.setattr(plugin_error, "_own_lines", lambda error: ())  # as if the error were of a file of ours
+    monkeypatch.setattr(plugin_error, "_find_own_lines", lambda error: ())  # as if the error were of a file of ours
     with pytest.raises(PluginError) as told, plugin_call(plugin, method):
         raise Unusable("no")
     (line,) = told.value.trace

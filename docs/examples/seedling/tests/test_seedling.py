@@ -13,7 +13,7 @@ from seedling.train import TRAINED, VALIDATED, Learned, Lesson, Training, fly, m
 from seedling.weights import LEARNED, PAIR_FEATURES, PLACE_FEATURES, Weights, drawn, load, save
 from threadpoolctl import threadpool_limits
 
-from planning.made_up_teams import random_team
+from planning.made_up_teams import make_random_team
 from planning.planner_check import check_planner
 from tracking.numerics.arrays import Array
 
@@ -81,7 +81,7 @@ def test_moves_near_to_the_best_are_averaged_and_others_are_not() -> None:
 
 def test_a_uav_knows_only_plans_that_it_receives() -> None:
     """What an earlier UAV decided changes the features, but not where no message comes."""
-    first, second = random_team(3, uavs=2, targets=3, trees=4)[:2]
+    first, second = make_random_team(3, uavs=2, targets=3, trees=4)[:2]
     plan = Seedling().plan([first], np.random.default_rng(0))[0]
     far = type(plan)(-plan.controls - 1.0)
     told = [choices(second, {first.own.id: p})[1] for p in (plan, far)]

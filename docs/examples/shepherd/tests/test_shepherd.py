@@ -3,7 +3,7 @@
 import numpy as np
 from shepherd import Shepherd
 
-from planning.made_up_teams import random_team
+from planning.made_up_teams import make_random_team
 from planning.planner_check import check_planner
 
 
@@ -15,7 +15,7 @@ def test_it_conforms() -> None:
 
 def test_a_stray_is_followed() -> None:
     """Alone with one person out of view, a UAV flies there."""
-    (situation,) = random_team(5, uavs=1, targets=1, trees=0)
+    (situation,) = make_random_team(5, uavs=1, targets=1, trees=0)
     gap = situation.tracks[0].belief.mean[:2] - situation.own.position[:2]
     (plan,) = Shepherd().plan([situation], np.random.default_rng(0))
     assert np.linalg.norm(gap) > 12.0
