@@ -18,6 +18,7 @@ from sim.terminal.commands import make_command_group, run_command_line
 COMMANDS = {
     "run": ("sim.cli.run:run", "Fly one mission: recording, summary, film, page, OSPA curve and timeline."),
     "compare": ("sim.cli.compare:compare", "Compare planners or trackers on the same forests, people and seeds."),
+    "track": ("sim.cli.track:track", "Track people in a flight from elsewhere, by its poses and detections."),
     "frames": ("sim.cli.recordings:frames", "Render frames of a recorded mission again, annotated."),
     "replay": ("sim.cli.recordings:replay", "Show a recorded mission again: film, page, 3-D window or Rerun viewer."),
     "explain": ("sim.cli.explain:explain", "Say when and why people were lost, or how a track came about."),

@@ -23,7 +23,7 @@ LAYERS = {
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "mission", "recording"),
-        *("evaluation", "drawing"),
+        *("evaluation", "drawing", "flights"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
         *("calibration", "study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
     ),

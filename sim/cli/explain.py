@@ -60,9 +60,12 @@ def explain(
     scan = None if moment is None else find_scans(recording, moment, None)[0]
     print_remarks(*find_small_people(recording.setting))
     people = recording.people.shape[1]
-    person = None if target is None else _read_index(target, "--target", people, "no person walked in this mission")
+    lacking = "no person walked in this mission" if recording.labelled else "the people of this flight are unknown"
+    person = None if target is None else _read_index(target, "--target", people, lacking)
     if track is not None:
         _explain_track(flight, _read_index(track, "--track", len(recording.track_numbers), "this mission had no track"))
+    elif not recording.labelled:
+        _explain_fades(flight, recorded)
     elif scan is None or person is None:
         _explain_mission(flight, person, out or find_folder(recorded) / "timeline.png", recorded)
     else:
@@ -137,6 +140,17 @@ def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: P
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     if loss:
         show_place("The worst loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
+
+
+def _explain_fades(flight: Flight, recorded: Path) -> None:
+    """Print why each track of a flight whose people are unknown faded, and other events."""
+    faded = [event for event in flight.events if event.kind == "track deleted"]
+    _print_events("tracks that faded", faded)
+    _print_events("events", _find_other_events(flight))
+    if not faded:
+        console.print("No track faded.")
+    for event in faded[-1:]:
+        show_place("All of a track", f"understory explain {shlex.quote(str(recorded))} --track {event.track}")
 
 
 def _find_other_events(flight: Flight) -> list[Event]:

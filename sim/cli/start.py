@@ -30,6 +30,9 @@ See when and why people were lost, then everything about one person at one time:
   [bold]understory explain runs/forest-sma-nbo-gospa-seed0[/bold]
   [bold]understory explain runs/forest-sma-nbo-gospa-seed0 --target 2 --time 21[/bold]
 
+Track people in a flight of your own, from the files in a folder:
+  [bold]understory track FLIGHT[/bold]
+
 List planners and scenarios; yours are named module:Class and file.toml:
   [bold]understory planners[/bold]
   [bold]understory scenarios[/bold]

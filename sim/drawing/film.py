@@ -19,6 +19,7 @@ from sim.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, map_extent
+from sim.drawing.marks import detection
 from sim.drawing.palette import FAINT, PAPER, VERMILLION
 from sim.drawing.strokes import disc, stroke
 from sim.drawing.tiles import draw_broken, draw_tile
@@ -50,8 +51,14 @@ class Film:
     Tracks are numbered in the order of their appearance, because their ids are too long to read.
     """
 
-    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN) -> None:
-        """Lay out the film; `layout` as in `sim.drawing.layout.arrange_parts`. Ideal sensing has no cameras to show."""
+    def __init__(
+        self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN, labelled: bool = True
+    ) -> None:
+        """Lay out the film; `layout` as in `sim.drawing.layout.arrange_parts`. Ideal sensing has no cameras to show.
+
+        labelled: False if people are unknown; the film then shows detections on the map, and no OSPA.
+        """
+        self._labelled = labelled
         self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
@@ -66,11 +73,13 @@ class Film:
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         header = self._empty[:_HEADER, GAP:-GAP]
         write(header, planner, (96, _HEADER / 2), TextStyle(18))
-        write(header, "OSPA, mean of UAVs", (header.shape[1] - 424, _HEADER / 2), TextStyle(13, FAINT), align=1.0)
+        if labelled:
+            write(header, "OSPA, mean of UAVs", (header.shape[1] - 424, _HEADER / 2), TextStyle(13, FAINT), align=1.0)
         self._sparkline = _Sparkline(header[6:-4, -300:].copy(), scenario.duration)
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
-        draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale, forest=forest)
+        tiles = bool(self._layout.tiles)
+        draw_legend(legend, owner=owner, tiles=tiles, scale=self._map.scale, forest=forest, labelled=labelled)
 
     @property
     def cameras(self) -> tuple[int, ...]:
@@ -82,7 +91,11 @@ class Film:
         holds = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
-            self._map.draw(image[self._layout.map.slices], self._on_map(snapshot), holds)
+            picture = image[self._layout.map.slices]
+            self._map.draw(picture, self._on_map(snapshot), holds)
+            if not self._labelled:
+                for place in self._map.pixels(np.vstack([scan.measurements for scan in snapshot.scans])):
+                    detection(picture, place, reach=4.0)
         self._draw_tiles(image, snapshot, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
@@ -125,6 +138,8 @@ class Film:
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
         big, error = TextStyle(20, bold=True), snapshot.error
         write(image, f"{snapshot.time:.1f} s", (72, _HEADER / 2), big, align=1.0)
+        if not self._labelled:
+            return
         text = "-" if math.isnan(error) else f"{error:.2f} m"
         write(image, text, (image.shape[1] - 314, _HEADER / 2), big, align=1.0)
         self._sparkline.draw(image[6:-4, -300:])

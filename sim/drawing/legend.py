@@ -1,7 +1,7 @@
 """The legend of a film, below the map."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -17,26 +17,29 @@ _TEXT = TextStyle(13)
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float, forest: Forest) -> None:
+_Entry = tuple[Callable[[Image, Array], None], str]
+_PEOPLE: list[_Entry] = [
+    (partial(draw_person_mark, heading=0.0, view="seen"), "person"),
+    *((partial(draw_person_mark, heading=0.0, view=view), view) for view in ("hidden", "out of view")),
+    *((partial(draw_person_mark, heading=0.0, view="seen", hold=hold), hold) for hold in UNHELD_COLOURS),
+]
+
+
+def draw_legend(
+    image: Image, *, owner: str | None, tiles: bool, scale: float, forest: Forest, labelled: bool = True
+) -> None:
     """Fill an RGB strip with the marks that are shown, and a scale bar for the map's `scale` in pixels per metre.
 
-    owner: the UAV whose tracks are on the map; None for a film without the map.
+    owner: the UAV whose tracks are on the map; None for a film without the map. labelled: False if the map has
+    detections in place of people.
     """
-    entries: list[tuple[Callable[[Image, Array], None], str]] = []
+    entries: list[_Entry] = []
     if owner:
-        porous = [tree.cover for tree in forest.trees if tree.cover < 1.0]
-        if len(porous) < max(len(forest.trees), 1):
-            entries.append((partial(_draw_tree, cover=1.0), "tree"))
-        if porous:
-            entries.append((partial(_draw_tree, cover=min(porous)), "porous tree"))
-        for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
-            entries.append((partial(draw_person_mark, heading=0.0, view=view), text))
-        for hold in UNHELD_COLOURS:
-            entries.append((partial(draw_person_mark, heading=0.0, view="seen", hold=hold), hold))
+        entries += [*_list_trees(forest), *(_PEOPLE if labelled else ())]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
-        entries += [(_draw_uav, "UAV, view"), (_draw_intent, "intent")]
-    if tiles:
+        entries += [(_draw_uav, "UAV, view")] + [(_draw_intent, "intent")] * labelled
+    if tiles or not labelled:
         entries.append((partial(detection, reach=10.0), "detection"))
     middle = image.shape[0] / 2
     x = 4.0
@@ -46,6 +49,14 @@ def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float, f
         x += 34 + measure_width(text, _TEXT) + 8
     if owner:
         _draw_scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
+
+
+def _list_trees(forest: Forest) -> Iterator[_Entry]:
+    porous = [tree.cover for tree in forest.trees if tree.cover < 1.0]
+    if len(porous) < max(len(forest.trees), 1):
+        yield partial(_draw_tree, cover=1.0), "tree"
+    if porous:
+        yield partial(_draw_tree, cover=min(porous)), "porous tree"
 
 
 def _draw_scale_bar(image: Image, scale: float, right: Array) -> None:

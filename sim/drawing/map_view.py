@@ -84,8 +84,7 @@ class MapView:
         self._intents.follow(snapshot)
         means = {track.id: track.belief.mean[:2] for track in self.shown_tracks(snapshot)}
         self._past.append(_Past(snapshot.people, means, snapshot.contacts))
-        k = round(snapshot.time * self._rate)
-        self._last |= {i: snapshot for i in snapshot.working if self._scenario.has_frame(i, k)}
+        self._last |= {i: snapshot for i in snapshot.working if snapshot.frames[i]}
 
     def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> Labels:
         """Draw one snapshot into an RGB image of the map's size; return its labels for further names.

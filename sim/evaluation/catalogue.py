@@ -160,8 +160,11 @@ def _seconds(stage: str) -> Metric:
     return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
 
 
+# First parts of the names of metrics that compare nothing with the people.
+_OF_FLEET = {"network", "faults", "contacts", "planning_s_per_decision", "planning_cpu_s_per_decision"}
+_OF_FLEET |= {"real_time_factor", "wall_s", "seconds"}
 METRICS = {
-    name: replace(known, name=name, least=0.0)  # none of these can be negative
+    name: replace(known, name=name, least=0.0, judges=name.split(".")[0] not in _OF_FLEET)  # none can be negative
     for name, known in {
         "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
         "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),

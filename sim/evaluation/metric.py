@@ -33,8 +33,9 @@ class Outcome:
 
     @cached_property
     def scores(self) -> list[Score]:
-        """The score of each UAV."""
-        return [score(self.recording, i) for i in range(self.recording.poses.shape[1])]
+        """The score of each UAV; none if people are unknown."""
+        uavs = self.recording.poses.shape[1] if self.recording.labelled else 0
+        return [score(self.recording, i) for i in range(uavs)]
 
     @cached_property
     def error_sources(self) -> Array:
@@ -68,11 +69,13 @@ class Metric:
     least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
     most: float = math.inf
     name: str = ""  # column in studies and dotted key in summary.json; the import string of a plug-in metric
+    judges: bool = True  # compares with the people; False if it has a value also where they are unknown
     in_summary: bool = True  # False if another entry of summary.json tells it, such as the list of faults
 
     def __call__(self, outcome: Outcome) -> float | None:
-        """The value of a mission; None if there is nothing to count."""
-        return self.of(outcome) if self.of else None
+        """The value of a mission; None if there is nothing to count, or to compare with."""
+        known = outcome.recording.labelled or not self.judges
+        return self.of(outcome) if self.of and known else None
 
     @property
     def title(self) -> str:

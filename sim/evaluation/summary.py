@@ -12,7 +12,7 @@ from rich.table import Table
 from sim.evaluation.catalogue import METRICS, evaluate, find_metric
 from sim.evaluation.fleet_facts import count_plan_bytes, list_contacts
 from sim.evaluation.machine import describe_machine, list_versions
-from sim.evaluation.metric import Metric, Outcome, mean
+from sim.evaluation.metric import UNKNOWN, Metric, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.recording.archive import compute_digest
 from sim.recording.recording import Recording
@@ -67,8 +67,9 @@ def _put_in_unit(asked: Metric, value: float | None) -> dict[str, Any]:
 
 def _list_parts(outcome: Outcome) -> dict[str, Any]:
     """Entries beside the metrics, by dotted key: bounds, intervals, people and UAVs."""
+    people = np.zeros(outcome.recording.people.shape[1])
     held, present = (
-        np.sum([getattr(s, name).sum(axis=0) for s in outcome.scores], axis=0) for name in ("held", "present")
+        sum((getattr(s, name).sum(axis=0) for s in outcome.scores), people) for name in ("held", "present")
     )
     sent = count_plan_bytes(outcome.recording)
     return {
@@ -174,7 +175,8 @@ def _list_unmatched_rows(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]
     """Rows about tracks that stand for no person: their number, and the share of scans that have one."""
     for what in ("false", "duplicate"):
         share = METRICS[f"tracks.{what}_share"].text(tracks[f"{what}_share"] or 0.0)
-        yield METRICS[f"tracks.{what}"].label, f"{tracks[what]}, {share} % of scans" if tracks[what] else "none"
+        none = UNKNOWN if tracks[what] is None else "none"
+        yield METRICS[f"tracks.{what}"].label, f"{tracks[what]}, {share} % of scans" if tracks[what] else none
 
 
 def _list_sent_rows(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

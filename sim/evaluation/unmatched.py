@@ -37,8 +37,11 @@ def find_standing_tracks(held: Held, recording: Recording) -> Indices:
 def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
 
-    A track within `loss_distance` of a person with another track is a duplicate; others are false tracks.
+    A track within `loss_distance` of a person with another track is a duplicate; others are false tracks. There are
+    none if people are unknown.
     """
+    if not recording.labelled:
+        return
     people, working, stood = recording.people, recording.working, []
     rows = recording.cells(recording.track_offsets)[0]  # scan of each row, in ascending order
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))

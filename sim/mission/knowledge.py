@@ -12,8 +12,9 @@ from sim.mission.teammates import Teammates
 from sim.mission.tracker_fleet import make_trackers, step_trackers
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import vehicle_of, view_of
+from sim.sensing.cameras import view_of
 from sim.sensing.sensors import Observation
+from sim.sensing.vehicles import vehicle_of
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices

@@ -165,6 +165,7 @@ class Mission:
             headings=headings,
             poses=bodies,
             cameras=cameras,
+            frames=np.array(takes),
             commands=self._commands,
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],

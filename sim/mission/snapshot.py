@@ -23,6 +23,7 @@ class Snapshot:
     headings: Array  # (M,) rad
     poses: list[Pose]  # of the bodies of the n UAVs
     cameras: list[Pose]
+    frames: Flags  # (n,) True where the camera took a frame
     commands: Array  # (n, 2) m/s, with which the UAVs flew to this scan
     scans: list[Scan]
     pixels: list[Array]  # (N_i, 2) positions of the measurements in each image; empty in ideal sensing

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.recording.atomic_files import write_whole
 from sim.recording.npz import Npz, open_npz
-from sim.recording.recording import FIELDS, VERSION, Field, Recording
+from sim.recording.recording import FIELDS, OPTIONAL, VERSION, Field, Recording
 from sim.recording.recording_check import check_recording
 from tracking.errors import InputError, one_line
 
@@ -48,6 +48,8 @@ def _pack(recording: Recording, compression: int) -> bytes:
     with zipfile.ZipFile(file, "w", compression) as archive:
         for name, field in FIELDS.items():
             value = getattr(recording, name)
+            if value is None and name in OPTIONAL:
+                continue
             array = np.array(str(value)) if field.dtype == "<U" else np.ascontiguousarray(value, dtype=field.dtype)
             member = io.BytesIO()
             np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
@@ -101,6 +103,8 @@ def _decode(archive: Npz) -> Recording:
     sizes: dict[str, int] = {}
     values: dict[str, Any] = {}
     for name, field in FIELDS.items():
+        if name not in archive.names and name in OPTIONAL:
+            continue
         if name not in archive.names:
             raise ValueError(f"made by another version of understory: it has no field '{name}'")
         with _name_errors(name):

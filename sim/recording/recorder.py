@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
 from sim.recording.fault_text import encode_faults
-from sim.recording.recording import FIELDS, VERSION, Recording
+from sim.recording.recording import FIELDS, OPTIONAL, VERSION, Recording
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
 
-_BY_SCAN = {name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K"}
+_BY_SCAN = {
+    name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K" and name not in OPTIONAL
+}
 
 
 class Recorder:
@@ -62,8 +64,12 @@ class Recorder:
         forest: Forest,
         interrupted: bool = False,
         sees_truth: bool = False,
+        frames: Flags | None = None,
     ) -> Recording:
-        """The recording of all scans so far; `scenario` is the resolved JSON. ValueError without any scan."""
+        """The recording of all scans so far; `scenario` is the resolved JSON. ValueError without any scan.
+
+        frames: as in recordings, of a flight from elsewhere.
+        """
         if not len(self):
             raise ValueError("nothing to record: the mission has no scan")
         dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
@@ -92,6 +98,7 @@ class Recorder:
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
             sees_truth=sees_truth,
             faults=encode_faults(self._faults),
+            frames=frames,
         )
 
 

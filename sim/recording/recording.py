@@ -32,7 +32,8 @@ class Recording:
 
     Each annotation gives data type and shape. Tables of D measurements or S tracks have rows for each scan and UAV in
     turn: scan k and UAV i have the rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
-    quaternion xyzw. Absent people are NaN, and so is the OSPA of a UAV that has broken down.
+    quaternion xyzw. Absent people are NaN, and so is the OSPA of a UAV that has broken down. A flight from elsewhere
+    whose people are unknown has none, and an OSPA of zero.
     """
 
     version: Annotated[int, "<i8", ""]
@@ -71,6 +72,8 @@ class Recording:
     track_sightings: Annotated[Array, "<f8", "S 3"]
     faults: Annotated[str, "<U", ""]  # JSON, see `fault_text`
     repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
+    # True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it
+    frames: Annotated[Flags | None, "|b1", "K n"] = None
 
     @cached_property
     def setting(self) -> Scenario:
@@ -93,9 +96,16 @@ class Recording:
         """Mask (K, n) of the UAVs that had not broken down at each scan."""
         return ~np.isnan(self.ospa[:, :, 0])
 
+    @property
+    def labelled(self) -> bool:
+        """False if the people are unknown, as in a flight from elsewhere without labels."""
+        return self.frames is None or self.people.shape[1] > 0
+
     @cached_property
     def frames_taken(self) -> Flags:
         """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
+        if self.frames is not None:
+            return self.working & self.frames
         scans, uavs = self.working.shape
         due = [[self.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
         return np.logical_and(self.working, due)
@@ -192,6 +202,7 @@ class Recording:
             time=float(self.times[k]),
             poses=self.poses_at(k),
             cameras=[self.camera_at(k, i) for i in uavs],
+            frames=self.frames_taken[k],
             scans=[self.scan_at(k, i) for i in uavs],
             pixels=[self.pixels_at(k, i) for i in uavs],
             tracks=[self.tracks_at(k, i) for i in uavs],
@@ -215,6 +226,7 @@ FIELDS = {
     name: Field(hint.__origin__, *hint.__metadata__)
     for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
+OPTIONAL = ("frames",)  # fields that are not written if they are None
 
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:

@@ -84,7 +84,10 @@ def _check_measurements(r: Recording) -> Iterator[Finding]:
     yield "measurement_covariances", not _is_definite(r.measurement_covariances), "are no covariances"
     nowhere = np.isnan(r.pixels).all(axis=1)
     yield "pixels", not _is_finite(r.pixels[~nowhere]), "are partly NaN or not finite"
-    yield "matched", bool(np.any(r.matched.view(np.uint8) > 1)), "holds bytes that are neither true nor false"
+    for name in ("matched", "frames"):
+        flags = getattr(r, name)
+        wrong = flags is not None and bool(np.any(flags.view(np.uint8) > 1))
+        yield name, wrong, "holds bytes that are neither true nor false"
 
 
 def _check_tracks(r: Recording) -> Iterator[Finding]:

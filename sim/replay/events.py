@@ -11,6 +11,7 @@ from sim.evaluation.handoffs import find_handoffs
 from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, find_ends, find_lasting_ends
+from sim.replay.fades import tell_fade
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.replay.recorded_fleet import links_of
 from sim.world.contacts import describe_body
@@ -107,7 +108,9 @@ def _lives(recording: Recording) -> Iterator[Event]:
             yield _at(recording, k, kind, f"track {number} {words} {fleet_text(fleet)}", track=number, uavs=fleet)
         for number, id_, fleet in _holders(gone, recording):
             kind, words = ("track dropped", "dropped") if id_ in held else ("track deleted", "deleted")
-            yield _at(recording, k, kind, f"track {number} {words} by {fleet_text(fleet)}", track=number, uavs=fleet)
+            why = "" if recording.labelled or id_ in held else tell_fade(recording, id_, k - 1)
+            text = f"track {number} {words} by {fleet_text(fleet)}"
+            yield _at(recording, k, kind, text, why=why, track=number, uavs=fleet)
         known, before = known | held, now
 
 

@@ -1,6 +1,7 @@
 """A recording in the formats of other tools: scans, tracks and truth as text, without rounding of numbers."""
 
 import csv
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.evaluation.score import estimate_velocities
+from sim.flights.tables import CAMERA_COLUMNS, DETECTION_COLUMNS, POSE_COLUMNS, TREE_COLUMNS, TREE_LEAVES
 from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
-from sim.replay.measurement_tables import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, TREE_LEAVES
-from sim.sensing.cameras import view_of
-from sim.world.recorded_people import COLUMNS as PEOPLE_COLUMNS
+from sim.scenario.settings_text import format_toml
 from tracking.errors import check_known
 from tracking.numerics.arrays import Flags, Indices
 
@@ -24,6 +24,9 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 _TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
+# Endings of columns by which `tracks.csv` names units.
+_UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
+_UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
 _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
 
 
@@ -38,13 +41,20 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 
 def _write_csv(recording: Recording, folder: Path) -> None:
-    """Tables for `sim.replay.measurement_tables`; that of the truth also works as `people.trajectories`."""
-    _write_table(folder / "scans.csv", SCAN_COLUMNS, _list_scan_rows(recording))
-    _write_table(folder / "tracks.csv", _TRACK, sorted(_list_rows(_list_tracks(recording), _TRACK)))
-    _write_table(folder / "truth.csv", PEOPLE_COLUMNS, _list_rows(_list_truth(recording), ("time", "person", "x", "y")))
-    cameras = [view_of(uav, recording.setting) for uav in recording.setting.uavs]
-    lenses = ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras))
-    _write_table(folder / "cameras.csv", CAMERA_COLUMNS, lenses)
+    """The files of a flight, which `understory track` reads; that of the truth also works as `people.trajectories`."""
+    times, setting = recording.times.tolist(), recording.setting
+    rows = zip(times, recording.cameras.tolist(), strict=True)
+    poses = ([time, i, *pose] for time, fleet in rows for i, pose in enumerate(fleet))
+    _write_table(folder / "poses.csv", POSE_COLUMNS, poses)
+    _write_table(folder / "detections.csv", DETECTION_COLUMNS, _list_detection_rows(recording))
+    tracks, truth = _list_tracks(recording), _list_truth(recording)
+    header = [name + _UNITS.get(name, "") for name in _TRACK]
+    _write_table(folder / "tracks.csv", header, sorted(_list_rows(tracks, _TRACK)))
+    names = ("time", "person", "x", "y")
+    _write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), _list_rows(truth, names))
+    _write_table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, u.fov_deg, u.pixels] for i, u in enumerate(setting.uavs)))
+    flown = json.loads(recording.scenario) | {"duration": times[-1] or setting.duration}
+    (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
     _write_table(folder / "trees.csv", (*TREE_COLUMNS, TREE_LEAVES)[: recording.trees.shape[1]], trees)
 
@@ -98,15 +108,16 @@ def _list_mot_rows(table: Columns, ids: Indices, where: Flags | None = None) -> 
         yield [k + 1, id_, -1, -1, -1, -1, 1, x, y, 0]
 
 
-def _list_scan_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
-    """A row for each measurement, and an empty one for each scan without measurements."""
+def _list_detection_rows(recording: Recording) -> Iterator[Sequence[float | int | str]]:
+    """A row for each measurement, and an empty one for each frame without measurements."""
+    pixels, offsets = recording.pixels.tolist(), recording.measurement_offsets
     for k, uav in np.argwhere(recording.frames_taken).tolist():
-        scan = recording.scan_at(k, uav)
-        pose = recording.cameras[k, uav].tolist()
-        for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):
-            yield [scan.time, uav, *z, R[0][0], R[0][1], R[1][1], *pose]
+        scan, first = recording.scan_at(k, uav), int(offsets[k * recording.poses.shape[1] + uav])
+        for n, (z, R) in enumerate(zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True)):
+            pixel = ["" if math.isnan(part) else part for part in pixels[first + n]]
+            yield [scan.time, uav, *z, R[0][0], R[0][1], R[1][1], *pixel]
         if len(scan.measurements) == 0:
-            yield [scan.time, uav, *[""] * 5, *pose]
+            yield [scan.time, uav, *[""] * 7]
 
 
 def _list_measurements(recording: Recording) -> Columns:

@@ -116,7 +116,7 @@ class Flight:
         parts = [
             f"{format_planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
             f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{' (interrupted)' * r.interrupted}",
-            f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
+            f"{r.poses.shape[1]} UAVs, {r.people.shape[1] if r.labelled else 'unknown'} people, {len(r.trees)} trees",
             f"OSPA mean {mean}, {share} under 1 m",
             f"people held {held}",
             f"losses {losses}",

@@ -8,7 +8,7 @@ from planning.planner import Vehicle
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import stream
-from sim.sensing.cameras import vehicle_of
+from sim.sensing.vehicles import vehicle_of
 from tracking.geometry.visibility import Forest
 
 

@@ -41,9 +41,8 @@ def write_film(
     those of `understory run`, also in the film of a part of the mission. `progress` is called with each scan.
     """
     scenario = recording.setting
-    film = Film(
-        scenario, recording.forest, planner=format_planner_title(recording.planner, recording.sees_truth), layout=layout
-    )
+    title = format_planner_title(recording.planner, recording.sees_truth)
+    film = Film(scenario, recording.forest, planner=title, layout=layout, labelled=recording.labelled)
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
 

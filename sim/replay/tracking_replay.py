@@ -73,7 +73,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
         trackers = make_trackers(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
         for k, links in enumerate(links_of(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
-            scans = {i: recording.scan_at(k, i) for i in working if scenario.has_frame(i, k)}
+            scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
             step_trackers(scenario, trackers, time, scans, links, working)
             if not all(_are_equal(trackers[i].tracks, recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"

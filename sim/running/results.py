@@ -1,29 +1,26 @@
 """One mission and its folder: recording, summary, video, page, OSPA curve and timeline."""
 
-import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from planning.planner_loading import load_planner
 from sim.drawing.film import Film, Video
-from sim.drawing.plots import save as save_figure
 from sim.evaluation.catalogue import find_metric
-from sim.evaluation.summary import format_planner_title, summarise
+from sim.evaluation.summary import format_planner_title
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
-from sim.recording.archive import save
 from sim.recording.atomic_files import make_new_folder
 from sim.recording.recorder import Recorder
 from sim.replay.flight import Flight
-from sim.replay.page.page import omission, write_page
 from sim.running.mission_flight import fly_mission, make_recording
+from sim.running.result_files import Results, write_results, write_summary
 
 
 class Stop(Protocol):
@@ -31,16 +28,6 @@ class Stop(Protocol):
 
     def is_set(self) -> bool:
         """True if the mission should end."""
-
-
-@dataclass(frozen=True)
-class Results:
-    """What a mission leaves in its folder."""
-
-    folder: Path
-    final: Path  # name of the folder when it is complete
-    video: bool  # False: neither mission.mp4 nor mission.html
-    metrics: Sequence[str]  # import strings of plug-in metrics for the summary
 
 
 def run_mission(
@@ -99,11 +86,7 @@ def fly_into(
         write_results(results, Flight(outcome.recording))
         spent = time.perf_counter() - start
         outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
-        summary = summarise(outcome, results.metrics)
-        (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        if results.video and (left_out := omission(outcome.recording)):
-            say(left_out)
-    return summary
+        return write_summary(results, outcome, say)
 
 
 def _check_plug_ins(trial: Trial, metrics: Sequence[str]) -> None:
@@ -148,13 +131,3 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
     for snapshot in snapshots:
         recorder.add(snapshot)
     return Flight(make_recording(mission, recorder, planner))
-
-
-def write_results(results: Results, flight: Flight) -> None:
-    """Write the files of a mission except its film, which is there, and its summary."""
-    folder = results.folder
-    save(flight.recording, folder / "mission.npz")
-    save_figure(flight.ospa_figure(), folder / "ospa.png")
-    save_figure(flight.timeline_figure(), folder / "timeline.png")
-    if results.video:
-        write_page(flight, folder / "mission.html", video=folder / "mission.mp4", place=str(results.final))

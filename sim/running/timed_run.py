@@ -13,7 +13,8 @@ from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
 from sim.recording.atomic_files import make_new_folder
-from sim.running.results import Results, fly_into
+from sim.running.result_files import Results
+from sim.running.results import fly_into
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
 

@@ -108,7 +108,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def _check_uav(self, i: int, uav: Uav) -> None:
         gap = self.least_height_above_canopies
         above = f"{gap:g} m above" if gap else "above"
-        if not self.trees.file and uav.altitude <= self.trees.tallest + gap:
+        planted = not self.trees.file and self.trees.expected_count(self.area) > 0
+        if planted and uav.altitude <= self.trees.tallest + gap:
             key = "canopy_top" if self.trees.height is None else "height"
             text = f"means an altitude of {uav.altitude:.1f} m, not {above} trees.{key} {self.trees.tallest:g} m"
             raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")

@@ -56,6 +56,11 @@ def _find_changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: 
             yield f"{prefix}{key}", value
 
 
+def format_toml(settings: Mapping[str, Any]) -> str:
+    """The settings of a scenario as the text of a TOML file."""
+    return "".join(f"{key} = {_format_toml(value)}\n" for key, value in flatten(settings).items() if value is not None)
+
+
 def _format_toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     if hasattr(value, "tolist"):  # a NumPy array or number
         return _format_toml(value.tolist())

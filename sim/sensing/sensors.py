@@ -15,7 +15,7 @@ from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
 from sim.sensing.sensor_output_check import check_matches, check_output
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
-from tracking.detection.ground_measurement import whole_covariances
+from tracking.detection.detection_errors import whole_covariances
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices

@@ -17,6 +17,7 @@ from tracking.numerics.distances import length
 
 COLUMNS = ("time", "id", "x", "y")
 _FRAMES = ("frame", "id", "x", "y")
+_ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
@@ -106,7 +107,7 @@ def _read_people(path: Path, name: str, area: Area, people: People) -> dict[str,
     found: dict[str, dict[float, Array]] = {}
     errors = RowErrors(name)
     columns = COLUMNS if people.fps is None else _FRAMES
-    for row in read_csv(path, "people.trajectories", columns, aliases={"t": "time"}, nameless=True, hints=_HINTS):
+    for row in read_csv(path, "people.trajectories", columns, aliases=_ALIASES, nameless=True, hints=_HINTS):
         with errors.collect():
             person, time, place = _read_row(row, area, people)
             if time in found.setdefault(person, {}):

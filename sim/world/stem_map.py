@@ -17,10 +17,13 @@ from tracking.numerics.arrays import Array
 MAX_STEMS = 100_000
 _SIZES = ("crown_radius", "crown_base", "height", "trunk_radius", "dbh")
 _COLUMNS = ("x", "y", *_SIZES, "leaf_area_density")
+_CANOPY = {"canopy_radius": "crown_radius", "canopy_base": "crown_base", "canopy_top": "height"}
 # Other names of the columns, such as those of `trees.csv` by `export --to csv`.
 _ALIASES = {
     **{column.upper(): column for column in _COLUMNS},
-    **{"canopy_radius": "crown_radius", "canopy_base": "crown_base", "canopy_top": "height"},
+    **_CANOPY,
+    **{f"{name}_m": column for name, column in {**{c: c for c in _COLUMNS[:-2]}, **_CANOPY}.items()},
+    **{"dbh_cm": "dbh", "leaf_area_density_m2_per_m3": "leaf_area_density"},
 }
 # Unit, how many of it make a metre, and the most that is allowed, of what is not in m.
 _UNITS = {"dbh": ("cm", 100.0, 20_000.0), "leaf_area_density": ("m²/m³", 1.0, MOST_LEAVES)}

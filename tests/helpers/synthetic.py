@@ -70,6 +70,7 @@ def _snapshot(setting, trees, k, rng, doubt):
         headings=headings,
         poses=cameras,
         cameras=cameras,
+        frames=np.array([setting.has_frame(i, k) for i in range(n)]),
         commands=rng.uniform(-4, 4, (n, 2)),
         scans=scans,
         pixels=pixels,

@@ -167,3 +167,12 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
             radial, tangential = radial + along * along, tangential + across * across
         out[k, 0], out[k, 1] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
     return out
+
+
+def whole_covariances(lens: Lens, ground: Array) -> Array:
+    """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
+    axes, tangents = sight_axes(lens, ground)
+    variances = WHOLE.detection_variances(tangents, pixel_footprints(lens, ground))
+    # Towards the horizon a pixel's footprint grows without bound; the distance bounds the standard deviation.
+    distances = np.sum(np.square(ground - lens.eye[:2]), axis=1) + np.square(lens.eye[2])
+    return covariances_along(axes, np.minimum(variances, distances[:, None]))

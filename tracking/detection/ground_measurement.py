@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
+from tracking.detection.detection_errors import SPLIT, covariances_along, sight_axes, whole_covariances
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens
@@ -34,15 +34,6 @@ def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
     pixels = np.array([_find_centre(frame, blob) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
     return Detections(pixels, ground, whole_covariances(frame.camera.lens(frame.pose), ground))
-
-
-def whole_covariances(lens: Lens, ground: Array) -> Array:
-    """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
-    axes, tangents = sight_axes(lens, ground)
-    variances = WHOLE.detection_variances(tangents, pixel_footprints(lens, ground))
-    # Towards the horizon a pixel's footprint grows without bound; the distance bounds the standard deviation.
-    distances = np.sum(np.square(ground - lens.eye[:2]), axis=1) + np.square(lens.eye[2])
-    return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
 @np.errstate(divide="ignore", invalid="ignore")

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.detection.clearing import Clearing, Pair, make_clearing, to_clearing_axes
+from tracking.detection.detection_errors import whole_covariances
 from tracking.detection.detector import Frame
-from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.person_size import sizes_at
 from tracking.detection.shadows import add_shadows, is_open
 from tracking.detection.silhouette import TALLEST, Silhouette, compute_visible_moments, make_silhouette

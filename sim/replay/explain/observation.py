@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -51,9 +51,13 @@ class Observer(ExitStack):
         super().__init__()
         self.flight, self.recording = flight, flight.recording
         self.replay = replay_tracking(self.recording)
-        self.again = self.enter_context(Rerenderer(self.recording))
         # Called with a scan k and a UAV; cached, because track stories ask for the same scans again.
         self.owners = lru_cache(1024)(self._owners)
+
+    @cached_property
+    def again(self) -> Rerenderer:
+        """The renderer, which only some questions need."""
+        return self.enter_context(Rerenderer(self.recording))
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
@@ -73,7 +77,7 @@ class Observer(ExitStack):
         )
 
     def _renders(self, k: int, uav: int) -> bool:
-        return self.recording.setting.sensing.renders and self.recording.setting.has_frame(uav, k)
+        return self.recording.setting.sensing.renders and bool(self.recording.frames_taken[k, uav])
 
     def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
         """Number of pixels of the person in the same frame without trees."""

@@ -16,6 +16,7 @@ from sim.replay.event import UNMATCHED, Event, find_ends
 from sim.replay.explain.explanation import format_place, percent_text, source_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
+from sim.replay.fades import tell_fade
 from sim.replay.history import fleet_text
 from tracking.account import Deletion, Origin
 from tracking.errors import spell
@@ -163,6 +164,8 @@ def _tell_rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
 
 
 def _name_source(measured: TrackMeasurement, facts: TrackFacts) -> str:
+    if measured.person < 0 and not facts.recording.labelled:
+        return f"a measurement at {format_place(measured.place)}"
     if measured.person < 0:
         return f"a false alarm at {format_place(measured.place)}"
     off = math.dist(measured.place, facts.recording.people[measured.k, measured.person])
@@ -175,7 +178,8 @@ def _tell_fed(facts: TrackFacts) -> Iterator[str]:
     for detection, weight in facts.detections:
         sources[detection.person, detection.uav].append((detection.k, weight))
     for (person, uav), found in sorted(sources.items(), key=lambda item: -len(item[1])):
-        what = f"measurements of person {person}" if person >= 0 else "false alarms"
+        alarms = "false alarms" if facts.recording.labelled else "measurements"
+        what = f"measurements of person {person}" if person >= 0 else alarms
         first, last = (f"{facts.recording.times[k]:.1f}" for k in (found[0][0], found[-1][0]))
         when = f"at {first} s" if first == last else f"{first} to {last} s"
         mean = percent_text(float(np.mean([weight for _, weight in found])))
@@ -207,7 +211,8 @@ def _tell_kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection, _ = facts.detections[-1]
-        yield f"last detection at {times[detection.k]:.1f} s by UAV {detection.uav}, {source_text(detection.person)}"
+        source = f", {source_text(detection.person)}" * facts.recording.labelled
+        yield f"last detection at {times[detection.k]:.1f} s by UAV {detection.uav}{source}"
 
 
 def _tell_reacquired(facts: TrackFacts) -> Iterator[str]:
@@ -236,6 +241,8 @@ def _tell_deletion(facts: TrackFacts) -> Iterator[str]:
         yield f"at {time}{', as UAVs that met had another track of its person' if met else ''}"
     for k, uavs, reason in deletions:
         yield f"at {recording.times[k]:.1f} s by {fleet_text(uavs)}: {reason}"
+    if fade := tell_fade(recording, facts.id, last):
+        yield fade
     uav, own, _ = facts.held_at(last)
     others = [t for t in recording.tracks_at(last, uav) if t.id != facts.id]
     gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), recording.track_numbers[t.id]) for t in others]

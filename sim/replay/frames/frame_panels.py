@@ -40,9 +40,9 @@ def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     notes = [format_recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
     if not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
-    elif not scenario.has_frame(uav, k):
+    elif not recording.frames_taken[k, uav]:
         notes.append("the camera took no image at this scan")
-    looked = scenario.sensing.renders and scenario.has_frame(uav, k)
+    looked = scenario.sensing.renders and recording.frames_taken[k, uav]
     whole = rerenderer.count_whole(k, uav).tolist() if looked else None
     panel = _draw_panel(sight, notes, whole, shown, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)

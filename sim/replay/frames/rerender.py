@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from sim.drawing.lettering import Image
 from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
 from sim.sensing.detection_truth import count_visible_pixels
-from sim.sensing.renderer import Rendered, Renderer
-from sim.world.world import World
 from tracking.numerics.arrays import Indices
+
+if TYPE_CHECKING:
+    from sim.sensing.renderer import Rendered
 
 
 class Rerenderer(ExitStack):
@@ -24,6 +26,10 @@ class Rerenderer(ExitStack):
     """
 
     def __init__(self, recording: Recording) -> None:
+        # Here, as flights from elsewhere are shown without the engine.
+        from sim.sensing.renderer import Renderer
+        from sim.world.world import World
+
         super().__init__()
         self.recording = recording
         people = recording.people.shape[1]
@@ -35,7 +41,7 @@ class Rerenderer(ExitStack):
         """The image (P, P, 3) RGB of the UAV's camera at scan k; in ideal sensing, the one that it would have taken."""
         return self.rendered(k, uav).image
 
-    def rendered(self, k: int, uav: int) -> Rendered:
+    def rendered(self, k: int, uav: int) -> "Rendered":
         """The same image with the mask of people."""
         r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
@@ -57,10 +63,9 @@ class Rerenderer(ExitStack):
 
         A UAV takes none in ideal sensing, after it has broken down, and between the frames of a slow camera.
         """
-        setting = self.recording.setting
-        taken: list[Image | None] = [None] * len(setting.uavs)
-        if setting.sensing.renders:
-            for i in uavs:
-                if self.recording.working[k, i] and setting.has_frame(i, k):
-                    taken[i] = self.image(k, i)
+        recording = self.recording
+        taken: list[Image | None] = [None] * recording.poses.shape[1]
+        for i in uavs if recording.setting.sensing.renders else ():
+            if recording.frames_taken[k, i]:
+                taken[i] = self.image(k, i)
         return taken

@@ -61,7 +61,7 @@ class Sighting:
         """All people in a camera at the pose of a UAV's camera at scan k."""
         pose = recording.camera_at(k, uav)
         people = recording.people[k]
-        looked = recording.setting.has_frame(uav, k)
+        looked = bool(recording.frames_taken[k, uav])
         inside, hiding = inside_and_hiding(camera, pose, people, recording.hiding_forest)
         # Without a frame, geometry decides who would rather have been shown than not.
         free = detectable_shares(np.prod(1.0 - hiding, axis=1))

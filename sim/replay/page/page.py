@@ -78,7 +78,8 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         _check(film, recording)
         film = None if shown.stride > 1 else shrink_film(film, _FILM) if len(film) > _LARGE_FILM else film
     data = page_data(flight, None if film is None else lay_out_parts(scenario))
-    lost = sort_by_severity(event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES))
+    listed = (*UNHELD, *UNMATCHED, *IDENTITIES) if recording.labelled else ("track deleted",)
+    lost = sort_by_severity(event for event in events if event.kind in listed)
     incidents = [event for event in events if event.kind in INCIDENTS]
     incidents += link_outages(events, recording.times)
     incidents.sort(key=lambda event: event.time)
@@ -92,6 +93,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),
         settings=_settings(scenario),
         film="" if film is None else _film(film),
+        losses_title="Losses, false and switched tracks" if recording.labelled else "Tracks that faded",
         lost=len(lost),
         losses=_list_events("losses", lost, recording, shown, place),
         count=len(incidents),
@@ -163,7 +165,7 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     """Facts for the top of the page: results first, then the setting."""
     outcome = Outcome(recording)
     scenario = recording.setting
-    for label, metric in _RESULTS.items():
+    for label, metric in _RESULTS.items() if recording.labelled else ():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
     if name := _packaged_name(scenario):
         yield "scenario", name
@@ -172,7 +174,7 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     porous = [t.leaf_area_density for t in trees if math.isfinite(t.leaf_area_density)]
     leaves = f", leaf area {_span(porous)}²/m³ in {len(porous)}" if porous else ""
     yield "trees", str(len(trees)) + (f", canopies of {_span(t.canopy_radius for t in trees)}{leaves}" if trees else "")
-    yield "people", str(recording.people.shape[1])
+    yield "people", str(recording.people.shape[1]) if recording.labelled else "unknown"
     limited = scenario.sensing.field_of_view == "camera"
     views = f"views of {_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
     yield "UAVs", f"{len(scenario.uavs)}, {views}"

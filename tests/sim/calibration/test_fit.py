@@ -13,9 +13,9 @@ from sim.calibration.consistency import Bin, bin_nees, bin_pairs, bin_tilts, com
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
 from sim.calibration.scenes import draw_tilted_attitudes
 from tracking.detection.blob_detector import find_blobs, locate_people
-from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes
+from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes, whole_covariances
 from tracking.detection.detector import Frame
-from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
+from tracking.detection.ground_measurement import detections_of, split_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.detection.partial_visibility import PART_ERROR, find_places
 from tracking.geometry.camera import Pose

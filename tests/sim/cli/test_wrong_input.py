@@ -39,7 +39,10 @@ FILES = {
     "there.png": b"mine",
 }
 COMMANDS = {
-    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, replay, explain, export, planners, scenarios"]),
+    "unknown command": (
+        ["flyy"],
+        ["'flyy'", "run, compare, track, frames, replay, explain, export, planners"],
+    ),
     "misspelt command": (["rum"], ["'rum'", "did you mean run?"]),
     "unknown option": (["run", "--sead", "3"], ["--sead", "--seed"]),
     "extra argument": (["run", "forest", "grove"], ["grove"]),

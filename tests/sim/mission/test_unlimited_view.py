@@ -12,11 +12,11 @@ from helpers.teams import refitted
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move
+from sim.flights.flight_log import read_flight
 from sim.mission.trial import Trial
 from sim.recording.archive import find_recording
 from sim.replay.export import export
 from sim.replay.frames.frame_panels import write_frames
-from sim.replay.measurement_tables import read_cameras
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.cameras import camera_of, noise_of, view_of
@@ -120,7 +120,7 @@ def test_a_mission_is_filmed_exported_and_read_again(tmp_path, without_pictures)
     run_mission(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find_recording(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")
-    cameras = read_cameras(tmp_path / "csv" / "cameras.csv")
-    assert [camera.fov for camera in cameras.values()] == [ALL_ROUND] * 3 and math.tau == ALL_ROUND
+    cameras = read_flight(tmp_path / "csv").cameras
+    assert [camera.fov for camera in cameras] == [ALL_ROUND] * 3 and math.tau == ALL_ROUND
     write_frames(recording, [0], 0, tmp_path / "frames", size=256, progress=lambda k: None)
     assert len(list((tmp_path / "frames").iterdir())) == 1

@@ -14,13 +14,13 @@ from helpers.flights import fly, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
 
 from planning.planner import Plan
+from sim.flights.tables import read_forest
 from sim.recording import recording as recording_module
 from sim.recording.archive import compute_digest, load, save
 from sim.recording.fault_text import encode_faults
 from sim.recording.recorder import Recorder
-from sim.recording.recording import Recording
+from sim.recording.recording import OPTIONAL, Recording
 from sim.replay.export import export
-from sim.replay.measurement_tables import read_forest
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan
@@ -167,7 +167,7 @@ def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):
             assert_same(recording, original)  # the flip hit a byte that carries nothing
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Recording) if field.name != "version"])
+@pytest.mark.parametrize("name", [f.name for f in fields(Recording) if f.name not in ("version", *OPTIONAL)])
 def test_a_recording_of_another_version_is_one_line(saved, tmp_path, refused, name):
     """Nothing stands in for an array that the file lacks."""
     old = rewritten(saved, tmp_path / "mission.npz", **{name: None})

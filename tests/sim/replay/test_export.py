@@ -13,10 +13,10 @@ from msgspec import structs
 from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
 
 from sim.evaluation.score import estimate_velocities
+from sim.flights.flight_log import read_flight
 from sim.recording.archive import save
 from sim.replay import export as module
 from sim.replay.export import STATE, export
-from sim.replay.measurement_tables import read_cameras, read_forest, read_scans
 from sim.scenario.environment import Area
 from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
@@ -44,7 +44,8 @@ def rows(path):
 
 
 def test_csv_files_hold_scans_cameras_trees_and_tracks_bit_for_bit(recording, folders):
-    found = list(read_scans(folders / "csv" / "scans.csv"))
+    flight = read_flight(folders / "csv")
+    found = list(flight.scans())
     assert len(found) == 21
     measured = 0
     for k, scans in enumerate(found):
@@ -54,10 +55,8 @@ def test_csv_files_hold_scans_cameras_trees_and_tracks_bit_for_bit(recording, fo
             measured += len(scan.measurements)
     assert measured == len(recording.measurements) > 20
     assert any(len(scan.measurements) == 0 for scans in found for scan in scans)
-    assert read_forest(folders / "csv" / "trees.csv").trees == recording.forest.trees
-    cameras = read_cameras(folders / "csv" / "cameras.csv")
-    found = {i: (camera.fov, camera.pixels) for i, camera in cameras.items()}
-    assert found == {i: (np.radians(60), 128) for i in range(3)}
+    assert flight.forest.trees == recording.forest.trees
+    assert [(camera.fov, camera.pixels) for camera in flight.cameras] == [(np.radians(60), 128)] * 3
     table = rows(folders / "csv" / "tracks.csv")
     assert len(table) == len(recording.track_ids) == 21 * 3 * 4
     expected = [
@@ -77,7 +76,7 @@ def test_the_truth_can_be_flown_again_also_without_people(recording, folders, tm
     np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
     for target in module.TARGETS:
         export(record(people=0), target, tmp_path / target)
-    assert (tmp_path / "csv" / "truth.csv").read_text() == "time,id,x,y\n"
+    assert (tmp_path / "csv" / "truth.csv").read_text() == "time_s,id,x_m,y_m\n"
     assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
 
 
@@ -88,7 +87,7 @@ def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
     recording = broken(record(21, setting=setting), 2, 7)
     for target in module.TARGETS:
         export(recording, target, tmp_path / target)
-    held = {i: [row[0] for row in rows(tmp_path / "csv" / "scans.csv") if row[1] == i] for i in range(3)}
+    held = {i: [row[0] for row in rows(tmp_path / "csv" / "detections.csv") if row[1] == i] for i in range(3)}
     assert sorted(set(held[0])) == recording.times.tolist()
     assert sorted(set(held[1])) == recording.times[::5].tolist()
     assert sorted(set(held[2])) == recording.times[:7].tolist()
@@ -196,7 +195,7 @@ def test_the_command_leaves_a_folder_of_its_own_in_the_run(recording, tmp_path, 
     (tmp_path / "run").mkdir()
     save(recording, tmp_path / "run" / "mission.npz")
     told = call("export", "run", "--to", "csv")[1]
-    assert "cameras.csv, scans.csv, tracks.csv, trees.csv, truth.csv" in told
+    assert "cameras.csv, detections.csv, poses.csv, scenario.toml, tracks.csv, trees.csv" in told
     for arguments in (["run/mission.npz", "--to", "csv"], ["run", "--to", "mot", "--out", "m"]):
         assert call("export", *arguments)[0] == 0
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["export-csv", "export-csv-2", "mission.npz"]

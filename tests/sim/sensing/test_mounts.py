@@ -16,9 +16,10 @@ from sim.drawing.palette import PANEL
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_pose, vehicle_of
+from sim.sensing.cameras import camera_pose
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
+from sim.sensing.vehicles import vehicle_of
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose

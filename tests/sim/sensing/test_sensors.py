@@ -19,8 +19,8 @@ from sim.sensing.sensors import Clutter, Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detection_errors import whole_covariances
 from tracking.detection.detector import Frame
-from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, detectable_shares

@@ -1,0 +1,85 @@
+"""`understory track`."""
+
+import math
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sim.evaluation.summary import make_results_table
+from sim.flights.flight_log import Options, read_flight
+from sim.flights.tracked_flight import track_flight
+from sim.recording.atomic_files import claim_place, make_new_folder
+from sim.recording.recording import Recording
+from sim.replay.flight import Flight
+from sim.replay.redrawn_film import write_film
+from sim.running.result_files import Results, write_results, write_summary
+from sim.scenario.quantities import parse_number, parse_seed_and_repeat
+from sim.terminal.commands import Overrides
+from sim.terminal.console import console, print_remarks, say, show_files, show_place
+from sim.terminal.progress import show_counted_progress
+from tracking.errors import InputError
+
+_Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder with poses.csv, detections.csv, cameras.csv.")]
+_Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
+_Origin = Annotated[str, typer.Option(metavar="X,Y", help="Place in the files [m] that becomes the area's centre.")]
+_Sigma = Annotated[
+    str,
+    typer.Option(metavar="M", help="Standard deviation [m] to add to detections without a covariance of their own."),
+]
+_Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
+_Seed = Annotated[str, typer.Option(metavar="N", help="Decides which messages are lost, with network.loss.")]
+
+
+def track(
+    flight: _Flight,
+    overrides: Overrides = None,
+    origin: _Origin = "0,0",
+    sigma: _Sigma = "0",
+    seed: _Seed = "0",
+    out: _Out = None,
+    video: _Video = True,
+) -> None:
+    """Track people in a flight from elsewhere. A new folder gets its recording, summary, film, page and timeline."""
+    options = Options(overrides or (), _parse_origin(origin), _parse_sigma(sigma))
+    drawn, _ = parse_seed_and_repeat(seed, "0", "--")
+    log = read_flight(flight, options)
+    print_remarks(*log.remarks)
+    name = flight.resolve().name
+    with claim_place(out, Path("runs") / f"track-{name}") as place, make_new_folder(place) as folder:
+        scans = len(log.frames)
+        with show_counted_progress(scans, "scans") as progress:
+            outcome = track_flight(log, name=f"flight {name}", seed=drawn, progress=progress)
+        results = Results(folder, place, video, ())
+        if video:
+            with show_counted_progress(scans, "pictures") as progress:
+                write_film(outcome.recording, range(scans), folder / "mission.mp4", progress=progress)
+        write_results(results, Flight(outcome.recording))
+        summary = write_summary(results, outcome, say)
+    if outcome.recording.labelled:
+        console.print(make_results_table(summary))
+    else:
+        say(_describe_tracks(outcome.recording))
+    show_files(place)
+    show_place("Why tracks faded", f"understory explain {shlex.quote(str(place))}")
+
+
+def _describe_tracks(recording: Recording) -> str:
+    held = len(set(recording.track_ids[recording.reported].tolist()))
+    return f"{held} tracks in {recording.times[-1]:.1f} s; with the people in truth.csv there would be metrics, too."
+
+
+def _parse_origin(text: str) -> tuple[float, float]:
+    east, comma, north = text.partition(",")
+    place = parse_number(east.strip()), parse_number(north.strip())
+    if not comma or not all(map(math.isfinite, place)):
+        raise InputError(f"--origin: {text!r} is not allowed; expected two numbers such as 457100,5428300")
+    return place
+
+
+def _parse_sigma(text: str) -> float:
+    value = parse_number(text)
+    if not 0 <= value <= 100:
+        raise InputError(f"--sigma: {text!r} is not allowed; expected 0 to 100 m")
+    return value

@@ -1,0 +1,1 @@
+"""Flights from elsewhere: their files, and the trackers on them."""
