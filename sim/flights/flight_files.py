@@ -5,7 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.flights.tables import CameraRow, Fleet, Frame, Poses, read_cameras, read_detections, read_forest, read_poses
+from sim.flights.flight_tables import (
+    CameraRow,
+    Fleet,
+    Frame,
+    Poses,
+    read_cameras,
+    read_detections,
+    read_forest,
+    read_poses,
+)
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array

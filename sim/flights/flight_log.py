@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.flights.flight_files import FlightFiles, read_files
 from sim.flights.flight_setting import EXACT, find_rate, make_setting
-from sim.flights.tables import Frame, Poses
+from sim.flights.flight_tables import Frame, Poses
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim.flights.flight_files import FlightFiles
-from sim.flights.tables import Fleet
+from sim.flights.flight_tables import Fleet
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, spell

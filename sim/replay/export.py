@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.evaluation.score import estimate_velocities
-from sim.flights.tables import CAMERA_COLUMNS, DETECTION_COLUMNS, POSE_COLUMNS, TREE_COLUMNS, TREE_LEAVES
+from sim.flights.flight_tables import CAMERA_COLUMNS, DETECTION_COLUMNS, POSE_COLUMNS, TREE_COLUMNS, TREE_LEAVES
 from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.scenario.settings_text import format_toml

@@ -14,7 +14,7 @@ from helpers.flights import fly, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
 
 from planning.planner import Plan
-from sim.flights.tables import read_forest
+from sim.flights.flight_tables import read_forest
 from sim.recording import recording as recording_module
 from sim.recording.archive import compute_digest, load, save
 from sim.recording.fault_text import encode_faults

@@ -11,7 +11,7 @@ from helpers.scenes import scan, tracker
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from sim.flights.tables import (
+from sim.flights.flight_tables import (
     CAMERA_COLUMNS,
     DETECTION_COLUMNS,
     POSE_COLUMNS,
