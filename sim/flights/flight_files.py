@@ -1,5 +1,6 @@
 """The files of a flight from elsewhere, read and checked."""
 
+from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +11,13 @@ from sim.flights.flight_tables import (
     Fleet,
     Frame,
     Poses,
+    measure_gap,
     read_cameras,
     read_detections,
     read_forest,
     read_poses,
 )
+from sim.flights.mot import find_sequences, read_sequence
 from tracking.errors import InputError, list_numbers, spell
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -33,6 +36,7 @@ class FlightFiles(NamedTuple):
     start: float  # s, time in the files of the first frame
     origin: tuple[float, float]  # m, place in the files of the origin
     labels: Path | None  # file of the people, if they are known
+    people: Fleet  # the people in frames of MOTChallenge, with their ids
 
     @property
     def places(self) -> Array:
@@ -45,26 +49,28 @@ def read_files(folder: Path, origin: tuple[float, float]) -> FlightFiles:
     if not folder.is_dir():
         raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv")
     cameras = read_cameras(folder / "cameras.csv")
-    poses, fleet = read_poses(folder / "poses.csv"), read_detections(folder / "detections.csv")
-    for name, uavs in (("poses.csv", {*poses}), ("detections.csv", {*fleet})):
+    poses, found = read_poses(folder / "poses.csv"), _read_detections(folder, cameras)
+    for name, uavs in (("poses.csv", {*poses}), ("its detections", {*found.fleet})):
         if odd := sorted(uavs ^ {*cameras}):
             raise InputError(f"FLIGHT: {folder}: only one of {name} and cameras.csv has {list_numbers('UAV', odd)}")
     if sorted(cameras) != list(range(len(cameras))):
         raise InputError(f"FLIGHT: {folder}: has {list_numbers('UAV', sorted(cameras))}; number UAVs from 0")
-    for uav, frames in fleet.items():
-        gap = float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
+    for uav, frames in found.fleet.items():
+        gap = measure_gap(frames)
         if unit := next((unit for least, unit in _LIKELY if gap > least), ""):
             span = f"frames of UAV {uav} are {spell(gap, 3)} s apart"
             raise InputError(f"detections: {folder / 'detections.csv'}, column time_s: {span}; are these {unit}?")
-    start = min(frames[0].time + cameras[uav].clock_offset for uav, frames in fleet.items())
+    start = min(frames[0].time + cameras[uav].clock_offset for uav, frames in found.fleet.items())
     later = {uav: camera.clock_offset - start for uav, camera in sorted(cameras.items())}
     poses = {uav: _shift_poses(poses[uav], later[uav], origin) for uav in later}
-    fleet = {uav: [_shift_frame(frame, later[uav], origin) for frame in fleet[uav]] for uav in later}
+    fleet, people = (
+        {uav: [_shift_frame(frame, later[uav], origin, cameras[uav]) for frame in frames[uav]] for uav in later}
+        for frames in (found.fleet, found.people)
+    )
     stems = folder / "trees.csv"
     forest = read_forest(stems, origin) if stems.exists() else Forest(())
-    labels = folder / "truth.csv"
-    known = labels if labels.exists() else None
-    files = FlightFiles(dict(sorted(cameras.items())), poses, fleet, forest, start, origin, known)
+    ordered = dict(sorted(cameras.items()))
+    files = FlightFiles(ordered, poses, fleet, forest, start, origin, found.labels, people)
     far = files.places[np.abs(files.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -73,12 +79,50 @@ def read_files(folder: Path, origin: tuple[float, float]) -> FlightFiles:
     return files
 
 
+class _Found(NamedTuple):
+    """Detections of a flight, and its people if they are known."""
+
+    fleet: Fleet
+    people: defaultdict[int, list[Frame]]
+    labels: Path | None
+
+
+def _read_detections(folder: Path, cameras: dict[int, CameraRow]) -> _Found:
+    """Detections in `detections.csv` or sequences of MOTChallenge; of the latter, `cameras` get the size of images."""
+    labels, sequences = folder / "truth.csv", find_sequences(folder)
+    known = labels if labels.exists() else None
+    if (folder / "detections.csv").exists() or not sequences:
+        return _Found(read_detections(folder / "detections.csv"), defaultdict(list), known)
+    fleet, people = dict[int, list[Frame]](), defaultdict[int, list[Frame]](list)
+    for uav, path in sequences.items():
+        sequence = read_sequence(path)
+        fleet[uav] = sequence.detections
+        if sequence.people is not None and known is None:
+            people[uav] = sequence.people
+        if uav in cameras and sequence.size is not None:
+            cameras[uav] = _fit_camera(cameras[uav], sequence.size, f"FLIGHT: {path}")
+    return _Found(fleet, people, path / "gt" / "gt.txt" if people else known)
+
+
+def _fit_camera(camera: CameraRow, size: tuple[int, int], where: str) -> CameraRow:
+    """The camera with the size of its images; InputError unless it fits them."""
+    if camera.pixels == min(size):
+        return camera._replace(size=size)
+    images = f"images have {size[0]} × {size[1]} pixels, but the camera in cameras.csv has {camera.pixels}"
+    raise InputError(f"{where}: {images}; give it {min(size)}, and the angle of view over these")
+
+
 def _shift_poses(poses: Poses, later: float, origin: tuple[float, float]) -> Poses:
     return Poses(poses.times + later, poses.rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def _shift_frame(frame: Frame, later: float, origin: tuple[float, float]) -> Frame:
+def _shift_frame(frame: Frame, later: float, origin: tuple[float, float], camera: CameraRow) -> Frame:
+    corner = [(edge - camera.pixels) / 2 for edge in camera.size]  # of the square in the middle of the image
     moved = [
-        found._replace(place=(found.place[0] - origin[0], found.place[1] - origin[1])) for found in frame.detections
+        found._replace(
+            place=(found.place[0] - origin[0], found.place[1] - origin[1]),
+            pixel=(found.pixel[0] - corner[0], found.pixel[1] - corner[1]),
+        )
+        for found in frame.detections
     ]
     return Frame(frame.time + later, frame.where, moved)

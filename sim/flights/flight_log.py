@@ -1,5 +1,7 @@
 """A flight from elsewhere: poses and detections of its UAVs, its trees, and its people if they are known."""
 
+import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +11,12 @@ import numpy as np
 
 from sim.flights.flight_files import FlightFiles, read_files
 from sim.flights.flight_setting import EXACT, find_rate, make_setting
-from sim.flights.flight_tables import Frame, Poses
+from sim.flights.flight_tables import CameraRow, Frame, Poses, measure_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
 from sim.sensing.cameras import camera_of, view_of
-from sim.world.recorded_people import read_trajectories
+from sim.world.recorded_people import read_trajectories, resample
 from sim.world.trajectories import Trajectories
 from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
@@ -71,14 +73,32 @@ def read_flight(folder: Path | str, options: Options = PLAIN) -> FlightLog:
     rate = find_rate(given, files.fleet)
     end = given.get("duration", max(frames[-1].time for frames in files.fleet.values()))
     setting = make_setting(folder, given, files, rate=rate, end=end)
-    return _place_on_scans(files, setting, _read_people(setting), options.sigma)
+    return _place_on_scans(files, setting, _find_people(files, setting), options.sigma)
 
 
-def _read_people(setting: Scenario) -> Trajectories | None:
-    path = setting.people.trajectory_file
+def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
+    """The people, if they are known; those in frames are present from frame to frame, at places by the first UAV."""
+    path, rate = setting.people.trajectory_file, setting.rates.sensing
     if path is None:
         return None
-    return read_trajectories(path, setting.area, duration=setting.duration, people=setting.people)
+    if not any(files.people.values()):
+        return read_trajectories(path, setting.area, duration=setting.duration, people=setting.people)
+    found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
+    for i, frames in files.people.items():
+        log, times = files.poses[i], np.array([frame.time for frame in frames])
+        for frame, pose in zip(frames, _interpolate(log, np.clip(times, *log.times[[0, -1]])), strict=True):
+            places = _find_places(frame, Pose(pose[:3], pose[3:]), camera_of(setting.uavs[i]))
+            for detection, place in zip(frame.detections, places, strict=True):
+                found[detection.person].setdefault(round(frame.time * rate), place)
+    times, slowest = np.array(setting.scan_times), max(measure_gap(frames) for frames in files.people.values())
+    positions = np.full((len(times), len(found), 2), np.nan)
+    for m, rows in enumerate(found.values()):
+        stay = {k / rate: place for k, place in rows.items() if not np.isnan(place[0])}
+        if len(stay) > 1:
+            positions[:, m] = resample(f"truth: {path}", str(m), stay, times, 1.5 * slowest)
+        for k, place in rows.items():
+            positions[k, m] = place
+    return Trajectories(times, positions)
 
 
 def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories | None, sigma: float) -> FlightLog:
@@ -94,6 +114,7 @@ def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories 
         taken = [frame for frame in files.fleet[i] if round(frame.time * rate) < len(times)]
         at = np.array([frame.time for frame in taken])
         _check_pose_times(log, at, i, files.start)
+        _check_pixels(taken, i, files.cameras[i])
         for frame, pose in zip(taken, _interpolate(log, np.clip(at, *edges)), strict=True):
             k = round(frame.time * rate)
             rounded = max(rounded, abs(frame.time - k / rate))
@@ -130,23 +151,43 @@ def _check_pose_times(log: Poses, times: Array, uav: int, start: float) -> None:
         raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 
-def _make_scan(frame: Frame, uav: int, time: float, pose: Pose, camera: Camera, sigma: float) -> tuple[Scan, Array]:
-    """Scan of a frame at a pose, and its pixels (N, 2), or (0, 2) if it has none."""
+def _find_places(frame: Frame, pose: Pose, camera: Camera) -> Array:
+    """Places (N, 2) m of a frame's detections; NaN for pixels above the horizon."""
     places = np.array([found.place for found in frame.detections]).reshape(-1, 2)
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
+    imaged = np.isnan(places[:, 0])
+    places[imaged] = camera.ground_points(pose, pixels[imaged], TARGET_HEIGHT)
+    return places
+
+
+def _make_scan(frame: Frame, uav: int, time: float, pose: Pose, camera: Camera, sigma: float) -> tuple[Scan, Array]:
+    """Scan of a frame at a pose, and its pixels (N, 2), or (0, 2) if it has none.
+
+    Left out are detections above the horizon, and those beside the square in the middle of the image.
+    """
+    pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     entries = np.array([found.covariance for found in frame.detections]).reshape(-1, 3)
-    seen = np.isnan(places[:, 0])
-    beyond = np.abs(pixels[seen] - camera.pixels / 2) > (0.5 + _OUTSIDE) * camera.pixels
-    if beyond.any():
-        u, v = pixels[seen][beyond.any(axis=1)][0].tolist()
-        outside = f"pixel ({spell(u, 6)}, {spell(v, 6)}) of UAV {uav} is outside its image of {camera.pixels} pixels"
-        raise InputError(f"{frame.where}: {outside}; does cameras.csv belong to these images?")
-    places[seen] = camera.ground_points(pose, pixels[seen], TARGET_HEIGHT)
+    places = _find_places(frame, pose, camera)
     own, R = np.isnan(entries[:, 0]), entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
     R[own] = whole_covariances(camera.lens(pose), places[own]) + sigma * sigma * np.eye(2)
-    falls = ~np.isnan(places[:, 0])  # others are above the horizon
-    imaged = pixels[falls] if np.isfinite(pixels[falls]).all() else np.zeros((0, 2))
-    return Scan(uav, time, pose, places[falls], R[falls]), imaged
+    imaged = np.array([math.isnan(found.place[0]) for found in frame.detections], dtype=np.bool_)
+    beside = (np.abs(pixels - camera.pixels / 2) > (0.5 + _OUTSIDE) * camera.pixels).any(axis=1)
+    kept = ~np.isnan(places[:, 0]) & ~(imaged & beside)
+    known = pixels[kept] if np.isfinite(pixels[kept]).all() else np.zeros((0, 2))
+    return Scan(uav, time, pose, places[kept], R[kept]), known
+
+
+def _check_pixels(frames: Sequence[Frame], uav: int, camera: CameraRow) -> None:
+    """InputError if a detection is outside its image, of which the camera is the square in the middle."""
+    half = [edge / 2 + _OUTSIDE * camera.pixels for edge in camera.size]
+    for frame in frames:
+        for found in frame.detections:
+            off = [part - camera.pixels / 2 for part in found.pixel]
+            if math.isnan(found.place[0]) and (abs(off[0]) > half[0] or abs(off[1]) > half[1]):
+                u, v = (spell(part + edge / 2, 6) for part, edge in zip(off, camera.size, strict=True))
+                size = " × ".join(map(str, camera.size))
+                outside = f"pixel ({u}, {v}) of UAV {uav} is outside its image of {size} pixels"
+                raise InputError(f"{frame.where}: {outside}; does cameras.csv belong to these images?")
 
 
 def _check_attitude(scans: Sequence[Scan]) -> None:
@@ -170,7 +211,7 @@ def _remark(files: FlightFiles, rate: int, rounded: float, lost: int) -> Iterato
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
-        yield f"detections: left out: {lost} above the horizon"
+        yield f"detections: left out: {lost} above the horizon, or beside the square in the middle of the image"
     for uav, frames in files.fleet.items():
         if len(frames) > 1 and all(frame.detections for frame in frames):
             every = f"each frame of UAV {uav} has a detection"

@@ -2,6 +2,7 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,7 @@ class Detection(NamedTuple):
     place: tuple[float, float] = _NONE  # m
     covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
     pixel: tuple[float, float] = _NONE  # of the person's mid-height
+    person: str = ""  # id, if this is a label
 
 
 class Frame(NamedTuple):
@@ -58,9 +60,15 @@ class CameraRow(NamedTuple):
     fov_deg: float  # full angle of view
     pixels: int  # along each edge
     clock_offset: float  # s, to add to the UAV's times
+    size: tuple[int, int]  # width and height of the images, of which the camera is the square in the middle
 
 
 Fleet = dict[int, list[Frame]]  # frames in order of time, by UAV
+
+
+def measure_gap(frames: Sequence[Frame]) -> float:
+    """The usual time [s] from one frame to the next; 0 for a single one."""
+    return float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
 
 
 def read_poses(path: Path) -> dict[int, Poses]:
@@ -111,14 +119,21 @@ def read_detections(path: Path) -> Fleet:
 
 
 def read_cameras(path: Path) -> dict[int, CameraRow]:
-    """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`, and maybe clock_offset_s."""
+    """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
+
+    There may be clock_offset_s, and width_px and height_px of images that are not square.
+    """
     cameras: dict[int, CameraRow] = {}
     for row in read_csv(path, "cameras", CAMERA_COLUMNS[1:]):
         uav = _read_uav(row)
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
-        cameras[uav] = CameraRow(row.number("fov_deg"), row.integer("pixels"), offset)
+        pixels = row.integer("pixels")
+        width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
+        if pixels > min(width, height):
+            raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
+        cameras[uav] = CameraRow(row.number("fov_deg"), pixels, offset, (width, height))
     return cameras
 
 

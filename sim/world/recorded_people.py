@@ -43,7 +43,7 @@ def read_trajectories(path: Path, area: Area, *, duration: float, people: People
     if len(persons) * duration > MOST_WALKED:
         walked = f"{len(persons)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {spell(MOST_WALKED)} s of all together are allowed")
-    tracks = [_resample(name, person, rows, times, people.max_gap) for person, rows in persons.items()]
+    tracks = [resample(name, person, rows, times, people.max_gap) for person, rows in persons.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         known = [time for rows in persons.values() for time in rows]
@@ -144,7 +144,7 @@ def _read_position(row: Row, area: Area, people: People) -> Array:
     return position
 
 
-def _resample(name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float | None) -> Array:
+def resample(name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float | None) -> Array:
     """Positions (K, 2) m of one person at `times` (K,) s, given rows by time; NaN while the person is absent.
 
     InputError if two rows are almost at the same time.

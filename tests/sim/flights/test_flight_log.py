@@ -127,7 +127,7 @@ REFUSED = {
     ),
     "pixels outside the image": (
         {"detections": ["time_s,uav,u_px,v_px", "0,0,64,64", "0,1,600,64"]},
-        "detections.csv, line 3: pixel (600, 64) of UAV 1 is outside its image of 128 pixels; does cameras.csv belong",
+        "detections.csv, line 3: pixel (600, 64) of UAV 1 is outside its image of 128 × 128 pixels; does cameras.csv",
     ),
     "two frames in a scan": (
         {"scenario_toml": ["rates.sensing = 2"]},
