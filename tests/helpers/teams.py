@@ -7,6 +7,9 @@ import numpy as np
 from planning.planner import Plan
 from planning.planner_loading import load_planner
 
+LITTLE = {"mcr": "(samples=5, evaluations=64)", "dec-mcts": "(evaluations=20, rounds=2, sequences=2, samples=1)"}
+LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")  # no effort to limit
+
 
 class Spy:
     """A planner that keeps the teams it is given; each UAV flies what `ways` gives for its situation, or hovers."""
@@ -17,6 +20,11 @@ class Spy:
     def plan(self, team, rng):
         self.teams.append(team)
         return [Plan(np.array(self.ways(situation))) for situation in team]
+
+
+def with_little_effort(name):
+    """The text of a planner of ours that tries few plans."""
+    return name + LITTLE.get(name, "(evaluations=64)")
 
 
 def planned(planner, team, seed=0):

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from helpers.teams import with_little_effort
 
 from planning.composed import Composed
 from planning.planner import Plan
@@ -16,9 +17,6 @@ from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from tracking.errors import InputError
 
-LITTLE = {"mcr": "(samples=5, evaluations=64)", "dec-mcts": "(evaluations=20, rounds=2, sequences=2, samples=1)"}
-LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")  # no effort to limit
-
 
 def find_failures(planner):
     return {finding.check: finding.seen for finding in check_planner(planner) if finding.passed is False}
@@ -26,7 +24,7 @@ def find_failures(planner):
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_every_planner_of_ours_conforms(name):
-    findings = check_planner(name + LITTLE.get(name, "(evaluations=64)"))
+    findings = check_planner(with_little_effort(name))
     assert [str(f) for f in findings if f.passed is False] == [] and [f.check for f in findings] == list(CHECKS)
     untried = {f.check for f in findings if f.passed is None}
     assert untried == ({"decentralised"} if name in ("centralized", "lawnmower") else set())

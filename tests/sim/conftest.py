@@ -1,14 +1,31 @@
 """Fixtures that call the command line within the process of a test."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
 from helpers.commands import called
 from helpers.studies import Serial
 
+from sim.study import store
 from sim.terminal import console
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quick_stores():
+    """Stores do not wait for the disk, which takes 10 ms and more a trial and helps if the power fails alone."""
+    connect = store._connect
+
+    @contextmanager
+    def connect_quickly(path):
+        with connect(path) as connection:
+            connection.execute("PRAGMA synchronous = OFF")
+            yield connection
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store, "_connect", connect_quickly)
+        yield
 
 
 @pytest.fixture

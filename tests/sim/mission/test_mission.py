@@ -76,7 +76,7 @@ def test_a_mission_that_cannot_be_set_up_leaves_no_world(part):
     ids=" ".join,
 )
 def test_every_variant_flies_without_fault(overrides):
-    mission, snapshots = fly(*overrides, planner="sma-nbo-mwtp")
+    mission, snapshots = fly(*overrides, planner="sma-nbo-mwtp(evaluations=64)")
     assert len(snapshots) == 6 and mission.faults == [] and all(np.all(np.isfinite(s.ospa)) for s in snapshots)
 
 
@@ -104,7 +104,7 @@ def test_decisions_may_be_further_apart_than_a_second():
 
 
 def test_without_people_there_are_no_detections_and_no_tracks():
-    mission, snapshots = fly("people.count=0", planner="sma-nbo-mwtp")
+    mission, snapshots = fly("people.count=0", planner="sma-nbo-mwtp(evaluations=64)")
     assert mission.faults == []
     for s in snapshots:
         assert s.people.shape == (0, 2) and s.visible.shape == (3, 0)

@@ -145,7 +145,7 @@ def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():
         differ += pairs[0] != pairs[1]
     assert sum(len(scan.measurements) for s in without for scan in s.scans) > 50 and differ > 10
     lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
-    one, other = (recording_of(*fly_ideal(*lossy, planner="sma-nbo-mwtp", seed=2)) for _ in range(2))
+    one, other = (recording_of(*fly_ideal(*lossy, planner="sma-nbo-mwtp(evaluations=64)", seed=2)) for _ in range(2))
     assert_same(one, other)
 
 

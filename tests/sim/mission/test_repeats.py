@@ -1,20 +1,15 @@
 """Repeats fly the map of a seed with another chance; the first repeat is what the seed alone gives."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from helpers.flights import mission_of, recorded
-from helpers.studies import invented, plain, short
 
 from sim.mission.world_setup import make_forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.recorded_fleet import links_of
 from sim.scenario.loading import load
-from sim.study.backends import ExecutorBackend
-from sim.study.scheduler import complete
-from sim.study.store import Store, read_rows
 from sim.study.study import adapt_study, read_study
 from sim.study.tasks import list_tasks
 from sim.world.appearance import sample_appearance
@@ -85,15 +80,3 @@ def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
     assert {t.repeat for t in list_tasks(adapt_study(study, repeats=1))} == {0}
     once = list_tasks(adapt_study(study, repeats=1))
     assert [t.key for t in once] == [t.key for t in list_tasks(study)[:4]]
-
-
-def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
-    made = short(["hover"], "0-1", repeats=3)
-    with Store.open(tmp_path, "short") as store:
-        for task in made[:2]:
-            store.add(task, invented(task))
-        with ThreadPoolExecutor(1) as executor:
-            rows = complete(made, store, ExecutorBackend(executor))
-    assert [plain(r) for r in rows[:2]] == [plain(invented(task)) for task in made[:2]]
-    assert [(r.repeat, r.seed) for r in rows] == [(r, s) for r in range(3) for s in (0, 1)]
-    assert [(r.seed, r.repeat) for r in read_rows(tmp_path)] == [(s, r) for s in (0, 1) for r in range(3)]

@@ -15,7 +15,6 @@ from sim.drawing.labels import number_tracks
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.recording import FIELDS
-from sim.replay import events as events_module
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight, load
 from sim.replay.frames.frame_panels import draw
@@ -156,17 +155,6 @@ def test_a_flight_is_shown_by_its_results_in_one_line(flight):
     unknown = Flight(dataclasses.replace(flight.recording, track_means=flight.recording.track_means + 1e3))
     assert repr(unknown).endswith("; losses none, and 4 of people not found before>")
     assert len(unknown.columns("losses")["person"]) == 4
-
-
-def test_events_are_worked_out_once_for_list_table_and_timeline(monkeypatch):
-    made, find = [], events_module.find_unmatched_tracks
-    monkeypatch.setattr(
-        events_module, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording)
-    )
-    flight = Flight(losing())
-    assert len(flight.columns("events")["kind"]) == len(flight.events) > 0
-    flight.timeline_figure()
-    assert len(made) == 1
 
 
 def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, flight):

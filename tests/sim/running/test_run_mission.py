@@ -137,13 +137,6 @@ def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_p
         assert names(tmp_path) == []
 
 
-def test_a_folder_appears_whole(tmp_path):
-    with make_new_folder(tmp_path / "a" / "b") as part:
-        (part / "file").write_text("content")
-        assert not (tmp_path / "a" / "b").exists()
-    assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
-
-
 def test_of_two_folders_of_one_name_at_a_time_both_are_kept(tmp_path):
     out = tmp_path / "out"
     with (

@@ -72,14 +72,6 @@ def test_versions_of_one_trial_are_read_in_the_order_in_which_they_were_written(
     assert [row.version for row in read_rows(tmp_path)] == ["0.1.0+b", "0.1.0+c", "0.1.0+a"]
 
 
-def test_another_version_is_kept_apart(tmp_path):
-    store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
-    with Store.open(tmp_path, "short") as opened:
-        rows = complete(short(["hover"]), opened, Serial({"hover": [None, None]}))
-        assert opened.count_others([]) == {"0.0.9": 2, rows[0].version: 2}
-    assert {row.version for row in rows} == {short()[0].version}
-
-
 def test_levels_may_be_renamed(filled):
     folder, *_ = filled
     renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
