@@ -20,7 +20,7 @@ from sim.replay.explain.picture import draw_explanation
 from sim.replay.explain.track_story import TrackFacts, tell_track_story
 from sim.replay.flight import Flight, load
 from sim.replay.frames.frame_panels import encode_png, find_scans
-from sim.replay.link_outages import link_outages
+from sim.replay.link_outages import summarise_outages
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
 from sim.terminal.commands import Recorded
@@ -135,8 +135,9 @@ def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: P
     if person is None and people:
         shown = loss.person if loss else people[0]
         show_place(f"All of person {shown}", f"{asked} --target {shown}")
-    false = _find_longest([event for event in others if event.kind in UNMATCHED])
-    if false:
+    unmatched = [event for event in others if event.kind in UNMATCHED]
+    if unmatched:
+        false = max(unmatched, key=lambda event: event.last - event.first)
         show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     if loss:
         show_place("The worst loss", f"{asked} --target {loss.person} --time {loss.time:.9g}")
@@ -155,9 +156,7 @@ def _explain_fades(flight: Flight, recorded: Path) -> None:
 
 def _find_other_events(flight: Flight) -> list[Event]:
     """Events other than losses, by time; links that are lost again and again are told of in few."""
-    found = [event for event in flight.events if event.kind in (*UNMATCHED, *IDENTITIES, *INCIDENTS)]
-    found += link_outages(flight.events, flight.history.times)
-    return sorted(found, key=lambda event: event.time)
+    return summarise_outages(flight.events, flight.recording.times, also=(*UNMATCHED, *IDENTITIES, *INCIDENTS))
 
 
 def _print_stretches(flight: Flight, person: int) -> None:
@@ -172,7 +171,3 @@ def _print_stretches(flight: Flight, person: int) -> None:
 def _print_events(heading: str, events: list[Event]) -> None:
     """Print events under a heading; nothing if there are none."""
     _print([TextGroup(heading, [f"{event.when}: {event.sentence}" for event in events])] if events else [])
-
-
-def _find_longest(events: list[Event]) -> Event | None:
-    return max(events, key=lambda event: event.last - event.first, default=None)

@@ -13,7 +13,7 @@ from sim.replay.export import TARGETS
 from sim.replay.export import export as write_export
 from sim.replay.flight import Flight
 from sim.replay.frames.frame_panels import find_scans, write_frames
-from sim.replay.page.page import omission, write_page
+from sim.replay.page.page import describe_omission, write_page
 from sim.replay.redrawn_film import check_layout, redraw_film, write_film
 from sim.replay.window import show
 from sim.scenario.quantities import parse_integer, parse_interval, parse_number
@@ -174,7 +174,7 @@ def _make_film(recording: Recording, scans: list[int], path: Path, *, layout: st
 
 
 def _make_page(recording: Recording, folder: Path, path: Path) -> None:
-    beside, left_out = folder / "mission.mp4", omission(recording)
+    beside, left_out = folder / "mission.mp4", describe_omission(recording)
     film: bytes | Path | None = None if left_out else beside
     if film and not beside.is_file():
         with show_counted_progress(len(recording.times), "scans") as progress:

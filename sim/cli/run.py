@@ -13,7 +13,7 @@ from planning.planners import DEFAULT_PLANNER
 from sim.evaluation.summary import make_results_table
 from sim.mission.trial import Trial, prefix_errors
 from sim.recording.atomic_files import PlaceTaken, claim_place
-from sim.replay.history import fleet_text
+from sim.replay.history import name_fleet
 from sim.running.mission_flight import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
@@ -102,7 +102,7 @@ def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
         kind = fault["uav"] is None, fault["message"], *fault.get("trace", ())
         alike.setdefault(kind, []).append(fault)
     for first, *more in list(alike.values())[:_MOST_KINDS]:
-        place = "team" if first["uav"] is None else fleet_text(sorted({f["uav"] for f in (first, *more)}))
+        place = "team" if first["uav"] is None else name_fleet(sorted({f["uav"] for f in (first, *more)}))
         often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
         text = f"at {first['time']:.1f} s{often}, {place}: {first['message']}"
         console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)

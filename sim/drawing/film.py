@@ -18,10 +18,10 @@ from sim.drawing.labels import add_numbers, rename_tracks
 from sim.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
-from sim.drawing.map_view import MapView, map_extent
-from sim.drawing.marks import detection
+from sim.drawing.map_view import MapView, measure_map
+from sim.drawing.marks import draw_detection
 from sim.drawing.palette import FAINT, PAPER, VERMILLION
-from sim.drawing.strokes import disc, stroke
+from sim.drawing.strokes import draw_disc, draw_line
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
@@ -41,7 +41,7 @@ _BT601 = 6  # OpenCV's colour matrix, which the file must name because players a
 
 def lay_out_parts(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
     """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.arrange_parts`."""
-    width, height = map_extent(scenario)
+    width, height = measure_map(scenario)
     return arrange_parts(_PANEL, width / height, len(scenario.uavs), layout if scenario.sensing.renders else "map")
 
 
@@ -95,7 +95,7 @@ class Film:
             self._map.draw(picture, self._on_map(snapshot), holds)
             if not self._labelled:
                 for place in self._map.pixels(np.vstack([scan.measurements for scan in snapshot.scans])):
-                    detection(picture, place, reach=4.0)
+                    draw_detection(picture, place, reach=4.0)
         self._draw_tiles(image, snapshot, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
@@ -153,7 +153,7 @@ class _Sparkline:
         self._extent = image.shape[1] - 34
         self._last: Array | None = None  # (2,) pixel
         metre = self._level(1.0)
-        stroke(image, np.array([(0, metre), (self._extent, metre)]), FAINT)
+        draw_line(image, np.array([(0, metre), (self._extent, metre)]), FAINT)
         write(image, "1 m", (self._extent + 6, metre), TextStyle(12, FAINT))
 
     def add(self, time: float, ospa: float) -> None:
@@ -162,14 +162,14 @@ class _Sparkline:
             return
         now = np.array([min(time / self._duration, 1.0) * self._extent, self._level(ospa)])
         if self._last is not None:
-            stroke(self._image, np.array([self._last, now]), VERMILLION)
+            draw_line(self._image, np.array([self._last, now]), VERMILLION)
         self._last = now
 
     def draw(self, image: Image) -> None:
         """Draw the line so far, with a mark at the last value."""
         image[:] = self._image
         if self._last is not None:
-            disc(image, self._last, 3.0, VERMILLION)
+            draw_disc(image, self._last, 3.0, VERMILLION)
 
     def _level(self, ospa: float) -> float:
         """Pixels from the top, at 8 to 92 % of the height."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.palette import INK
-from sim.drawing.strokes import stroke
+from sim.drawing.strokes import draw_line
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
@@ -42,7 +42,7 @@ def rename_tracks(tracks: Iterable[Track], numbers: Mapping[int, int]) -> tuple[
     return tuple(Track(numbers[t.id], t.belief, t.existence, t.sighting) for t in tracks)
 
 
-def track_name(track: Track) -> str:
+def name_track(track: Track) -> str:
     """The name of a numbered track, with a question mark if it is not reported."""
     return f"{track.id}{'' if track.reported else '?'}"
 
@@ -86,8 +86,8 @@ class Labels:
         if farther:
             end = np.clip(anchor, box[:2], box[2:])
             line = np.array([anchor + 0.7 * _GAP * (end - anchor) / np.hypot(*(end - anchor)), end])
-            stroke(self._image, line, style.halo or INK, thickness=3)
-            stroke(self._image, line, style.colour)
+            draw_line(self._image, line, style.halo or INK, thickness=3)
+            draw_line(self._image, line, style.colour)
         if style.halo is not None and self._veil:
             left, top, right, bottom = np.round(box).clip(0).astype(int).tolist()
             part = self._image[top:bottom, max(left - 3, 0) : right + 3]

@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
-from sim.drawing.marks import cross, detection, draw_person_mark, quadrotor
+from sim.drawing.marks import draw_cross, draw_detection, draw_person_mark, draw_quadrotor
 from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, PANEL, TRUNK, UNHELD_COLOURS, mix, track_colour
-from sim.drawing.strokes import disc, stroke
+from sim.drawing.strokes import draw_disc, draw_line
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -40,7 +40,7 @@ def draw_legend(
     if owner:
         entries += [(_draw_uav, "UAV, view")] + [(_draw_intent, "intent")] * labelled
     if tiles or not labelled:
-        entries.append((partial(detection, reach=10.0), "detection"))
+        entries.append((partial(draw_detection, reach=10.0), "detection"))
     middle = image.shape[0] / 2
     x = 4.0
     for mark, text in entries:
@@ -64,30 +64,30 @@ def _draw_scale_bar(image: Image, scale: float, right: Array) -> None:
     metres = next(m for m in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5) if m * scale > 50)
     left = right - np.array([metres * scale, 0.0])
     for end in (left, right):
-        stroke(image, end + np.array([(0, -5), (0, 1)]), INK, thickness=2)
-    stroke(image, np.array([left, right]), INK, thickness=2)
+        draw_line(image, end + np.array([(0, -5), (0, 1)]), INK, thickness=2)
+    draw_line(image, np.array([left, right]), INK, thickness=2)
     write(image, f"{metres} m", ((left[0] + right[0]) / 2, right[1] - 11), _TEXT, align=0.5)
 
 
 def _draw_tree(image: Image, at: Array, *, cover: float) -> None:
-    disc(image, at, 10.0, mix(CANOPY, PANEL, cover))
-    disc(image, at, 10.0, CANOPY_EDGE, 1)
-    disc(image, at, 2.0, TRUNK)
+    draw_disc(image, at, 10.0, mix(CANOPY, PANEL, cover))
+    draw_disc(image, at, 10.0, CANOPY_EDGE, 1)
+    draw_disc(image, at, 2.0, TRUNK)
 
 
 def _draw_track(image: Image, at: Array) -> None:
     ring = at + np.column_stack([14 * np.cos(_TURN), 10 * np.sin(_TURN)])
-    stroke(image, ring, track_colour(0), thickness=2, closed=True)
-    cross(image, at, track_colour(0))
+    draw_line(image, ring, track_colour(0), thickness=2, closed=True)
+    draw_cross(image, at, track_colour(0))
 
 
 def _draw_uav(image: Image, at: Array) -> None:
     square = at + 12.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    stroke(image, square, BLUE, thickness=2, closed=True)
-    quadrotor(image, at, BLUE)
+    draw_line(image, square, BLUE, thickness=2, closed=True)
+    draw_quadrotor(image, at, BLUE)
 
 
 def _draw_intent(image: Image, at: Array) -> None:
     for dx in (-12.0, -5.0, 2.0):
-        disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
-    disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)
+        draw_disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
+    draw_disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)

@@ -10,11 +10,11 @@ import numpy as np
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import Labels, number_snapshot, track_name
+from sim.drawing.labels import Labels, name_track, number_snapshot
 from sim.drawing.lettering import Image, TextStyle
-from sim.drawing.marks import cross, draw_broken_mark, draw_person_mark, quadrotor
+from sim.drawing.marks import draw_broken_mark, draw_cross, draw_person_mark, draw_quadrotor
 from sim.drawing.palette import INK, PANEL, mix, track_colour, uav_colour, uav_dashes
-from sim.drawing.strokes import SHIFT, dashes_along, disc, stroke, strokes, to_fixed_point
+from sim.drawing.strokes import SHIFT, cut_dashes, draw_disc, draw_line, draw_lines, to_fixed_point
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import ELLIPSE
 from sim.mission.snapshot import Snapshot
@@ -36,7 +36,7 @@ _FEW = 12  # people; more are a crowd
 _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
 
 
-def ellipse(mean: Array, covariance: Array) -> Array:
+def outline_ellipse(mean: Array, covariance: Array) -> Array:
     """Points (..., 48, 2) m on the 95 % ellipses of planar Gaussians.
 
     mean (..., 2) m, covariance (..., 2, 2) m².
@@ -46,7 +46,7 @@ def ellipse(mean: Array, covariance: Array) -> Array:
     return np.asarray(mean[..., None, :] + (_CIRCLE * half[..., None, :]) @ np.swapaxes(axes, -1, -2))
 
 
-def map_extent(scenario: Scenario) -> tuple[float, float]:
+def measure_map(scenario: Scenario) -> tuple[float, float]:
     """Width and height of the map [m] with its margin."""
     return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN
 
@@ -66,7 +66,7 @@ class MapView:
         self._area = (scenario.area.width, scenario.area.height)
         self._views = [view_of(uav, scenario) for uav in scenario.uavs]
         self._size = size
-        width, height = map_extent(scenario)
+        width, height = measure_map(scenario)
         self.scale = min(size[0] / width, size[1] / height)
         self._mark = float(np.clip(self.scale / _SPACIOUS, 0.5, 1.0))
         self._scenario = scenario
@@ -94,7 +94,7 @@ class MapView:
         holds = np.zeros(len(snapshot.people), dtype=np.int64) if holds is None else holds
         self.follow(snapshot)
         image[:] = self._ground
-        views = [footprint(self._scenario, i, pose) for i, pose in enumerate(snapshot.cameras)]
+        views = [find_footprint(self._scenario, i, pose) for i, pose in enumerate(snapshot.cameras)]
         for i in snapshot.working:
             if (corners := views[i]) is not None:
                 self._draw_view(image, self.pixels(corners), i)
@@ -105,16 +105,16 @@ class MapView:
         working = set(snapshot.working)
         for i, at in enumerate(uavs):
             if i in working:
-                quadrotor(image, at, uav_colour(i), self._mark)
+                draw_quadrotor(image, at, uav_colour(i), self._mark)
             else:
                 draw_broken_mark(image, at)
         labels.reserve(uavs, 8.0 * self._mark)
         tracks = self.shown_tracks(snapshot)
         means, covariances = beliefs_of(tracks)
-        rings, crosses = self.pixels(ellipse(means[:, :2], covariances[:, :2, :2])), self.pixels(means[:, :2])
+        rings, crosses = self.pixels(outline_ellipse(means[:, :2], covariances[:, :2, :2])), self.pixels(means[:, :2])
         for track, ring, at in zip(tracks, rings, crosses, strict=True):
-            stroke(image, ring, track_colour(track.id), thickness=2, closed=True)
-            cross(image, at, track_colour(track.id), self._mark)
+            draw_line(image, ring, track_colour(track.id), thickness=2, closed=True)
+            draw_cross(image, at, track_colour(track.id), self._mark)
         labels.reserve(crosses, 6.0 * self._mark)
         labels.reserve(self.pixels(snapshot.people[~np.isnan(snapshot.people[:, 0])]), 9.0 * self._mark)
         self._draw_contacts(image, snapshot, labels)
@@ -149,17 +149,17 @@ class MapView:
             for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
-                stroke(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
+                draw_line(image, self.pixels(ends), mix(palette.LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
             colour = mix(palette.CANOPY, PANEL, tree.cover)
-            disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, colour)
+            draw_disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, colour)
         cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
         for tree in forest.trees:
             place = self.pixels(np.array([tree.x, tree.y]))
-            disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
-            disc(image, place, max(tree.trunk_radius * self.scale, 2.2 * self._mark), palette.TRUNK)
-        stroke(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
+            draw_disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
+            draw_disc(image, place, max(tree.trunk_radius * self.scale, 2.2 * self._mark), palette.TRUNK)
+        draw_line(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 
     def _draw_view(self, image: Image, outline: Array, uav: int) -> None:
@@ -172,25 +172,25 @@ class MapView:
             cv2.fillPoly(tinted, [to_fixed_point(outline - low)], colour, cv2.LINE_AA, SHIFT)
             cv2.addWeighted(tinted, 0.14, part, 0.86, 0, dst=part)
         if dashes:
-            strokes(image, dashes_along(outline, dashes), colour, thickness=2)
+            draw_lines(image, cut_dashes(outline, dashes), colour, thickness=2)
         else:
-            stroke(image, outline, colour, thickness=2, closed=True)
+            draw_line(image, outline, colour, thickness=2, closed=True)
 
     def _draw_trails(self, image: Image, snapshot: Snapshot) -> None:
         past = self.pixels(np.array([old.people for old in self._past]))
         trails = [trail[~np.isnan(trail[:, 0])] for trail in past.transpose(1, 0, 2)]
-        strokes(image, trails, mix(INK, PANEL, 0.45))
+        draw_lines(image, trails, mix(INK, PANEL, 0.45))
         for track in self.shown_tracks(snapshot):
             means = np.array([old.means[track.id] for old in self._past if track.id in old.means])
-            stroke(image, self.pixels(means), mix(track_colour(track.id), PANEL, 0.7))
+            draw_line(image, self.pixels(means), mix(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Draw dots along the rest of each plan, beginning at the UAV's position."""
         for i, intent in self._intents.paths(snapshot).items():
             path = self.pixels(intent)
             for dot in _points_along(path, 7.0)[2:]:
-                disc(image, dot, 2.0, uav_colour(i))
-            disc(image, path[-1], 4.0, uav_colour(i), 2)
+                draw_disc(image, dot, 2.0, uav_colour(i))
+            draw_disc(image, path[-1], 4.0, uav_colour(i), 2)
 
     def _draw_people(self, image: Image, snapshot: Snapshot, holds: Indices) -> None:
         views = self._people_views(snapshot)
@@ -213,7 +213,7 @@ class MapView:
         latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for uav, contact in latest.items():
             centre = self.pixels(snapshot.poses[uav].position[:2])
-            disc(image, centre, 15.0, palette.ALARM, 3)
+            draw_disc(image, centre, 15.0, palette.ALARM, 3)
             text = f"touched {describe_body(contact.kind, contact.other)}"
             labels.put(text, centre, TextStyle(13, palette.ALARM, True, PANEL))
 
@@ -235,7 +235,7 @@ class MapView:
     def _name_tracks(self, snapshot: Snapshot, labels: Labels, *, needed: bool) -> None:
         for track in self.shown_tracks(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
-            labels.put(track_name(track), at, style, gap=11.0 * self._mark, needed=needed)
+            labels.put(name_track(track), at, style, gap=11.0 * self._mark, needed=needed)
 
     def _name_lost(self, snapshot: Snapshot, holds: Indices, labels: Labels, *, needed: bool) -> None:
         style = TextStyle(13, palette.LOST, True, PANEL)
@@ -256,7 +256,7 @@ class MapView:
                 labels.put(f"UAV {i}", at, style)
 
 
-def footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
+def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
     """Corners (4, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
     camera = camera_of(scenario.uavs[uav])
     bounded = scenario.sensing.field_of_view != "unlimited" and looks_down(camera, pose)

@@ -14,18 +14,18 @@ from tracking.numerics.arrays import Array
 SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
 
 
-def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
+def draw_line(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
     """Draw an anti-aliased polyline through pixels (N, 2)."""
     cv2.polylines(image, [to_fixed_point(points)], closed, colour, thickness, cv2.LINE_AA, SHIFT)
 
 
-def strokes(image: Image, lines: Array | Sequence[Array], colour: Colour, *, thickness: int = 1) -> None:
+def draw_lines(image: Image, lines: Array | Sequence[Array], colour: Colour, *, thickness: int = 1) -> None:
     """Draw anti-aliased polylines, each through pixels (N, 2), one after another."""
     fixed = to_fixed_point(lines) if isinstance(lines, np.ndarray) else map(to_fixed_point, lines)
     cv2.polylines(image, list(fixed), False, colour, thickness, cv2.LINE_AA, SHIFT)
 
 
-def dashes_along(outline: Array, dashes: Sequence[int]) -> list[Array]:
+def cut_dashes(outline: Array, dashes: Sequence[int]) -> list[Array]:
     """Drawn pieces (2, 2) of the edges of a closed outline (N, 2); dashes: lengths of lines and gaps [pixel]."""
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
@@ -36,7 +36,7 @@ def dashes_along(outline: Array, dashes: Sequence[int]) -> list[Array]:
     return pieces
 
 
-def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
+def draw_disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
     """Draw an anti-aliased circle at a pixel (2,), filled by default."""
     x, y = (round(min(max((at - 0.5) * 2**SHIFT, -1e6), 1e6)) for at in centre.tolist())
     cv2.circle(image, (x, y), round(radius * 2**SHIFT), colour, thickness, cv2.LINE_AA, SHIFT)
@@ -44,8 +44,8 @@ def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: 
 
 def draw_outline(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:
     """Draw a polyline through pixels (N, 2) with a halo, visible on any background."""
-    stroke(image, points, halo, thickness=4, closed=closed)
-    stroke(image, points, colour, thickness=2, closed=closed)
+    draw_line(image, points, halo, thickness=4, closed=closed)
+    draw_line(image, points, colour, thickness=2, closed=closed)
 
 
 def to_fixed_point(points: Array) -> NDArray[np.int32]:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels, rename_tracks, track_name
+from sim.drawing.labels import Labels, name_track, rename_tracks
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
-from sim.drawing.marks import cross, detection, draw_broken_mark
+from sim.drawing.marks import draw_broken_mark, draw_cross, draw_detection
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
@@ -36,7 +36,7 @@ def draw_tile(
     reach = max(5.0 * scale, 10.0)
     found = scale * snapshot.pixels[uav]
     for uv in found:
-        detection(view, uv, reach)
+        draw_detection(view, uv, reach)
     labels.reserve(found, reach)
     _draw_tracks(view, labels, snapshot, uav, numbers, camera)
     _name(image, uav, colour)
@@ -78,7 +78,7 @@ def _draw_tracks(
     inside = np.flatnonzero(camera.sees(pose, points))
     shown = list(zip(rename_tracks((tracks[t] for t in inside.tolist()), numbers), pixels[inside], strict=True))
     for track, at in shown:
-        cross(view, at, track_colour(track.id))
+        draw_cross(view, at, track_colour(track.id))
     labels.reserve(pixels[inside], 6.0)
     for track, at in shown:
-        labels.put(track_name(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)
+        labels.put(name_track(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)

@@ -8,6 +8,7 @@ Timeline, page, `understory explain`, tables, Rerun and film all follow this rul
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from tracking.numerics.arrays import Array
 
@@ -79,6 +80,11 @@ def find_ends(times: Array, first: int, last: int) -> tuple[float, float]:
     return float(times[first]), float(times[-1] + (times[-1] - times[-2] if len(times) > 1 else 1.0))
 
 
+def make_lasting_event(times: Array, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
+    """An event that lasts from a first to a last scan, both included; times (K,) s."""
+    return Event(kind, text, *span, *find_lasting_ends(times, *span), **concerned)
+
+
 def find_lasting_ends(times: Array, first: int, last: int) -> tuple[float, float]:
     """Beginning and end [s] as for texts: the end is infinite if the last scan is that of the mission."""
     begin, end = find_ends(times, first, last)
@@ -89,7 +95,8 @@ def format_times(begin: float, end: float) -> str:
     """Times [s] in words; an infinite end means the mission's end."""
     if math.isinf(end):
         return f"from {begin:.1f} s to the end"
-    return f"at {begin:.1f} s" if begin == end else f"{begin:.1f} to {end:.1f} s"
+    first, last = f"{begin:.1f}", f"{end:.1f}"
+    return f"at {first} s" if first == last else f"{first} to {last} s"
 
 
 def sort_by_severity(events: Iterable[Event]) -> list[Event]:
@@ -98,7 +105,7 @@ def sort_by_severity(events: Iterable[Event]) -> list[Event]:
     return sorted(events, key=lambda event: (order.get(event.kind, 3), [-n for n in event.scans], event.time))
 
 
-def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
+def assign_lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
     """Events of tracks that stand for no person, each with its lane in a drawing, such that no two overlap."""
     ends: list[int] = []
     found = []

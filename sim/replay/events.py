@@ -10,42 +10,37 @@ from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.handoffs import find_handoffs
 from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
-from sim.replay.event import KINDS, Event, find_ends, find_lasting_ends
+from sim.replay.event import KINDS, Event, find_ends, make_lasting_event
 from sim.replay.fades import tell_fade
-from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
-from sim.replay.recorded_fleet import links_of
+from sim.replay.history import STATES, History, Loss, describe_view, group_views, name_fleet
+from sim.replay.recorded_fleet import find_recorded_links
 from sim.world.contacts import describe_body
 from tracking.numerics.arrays import Indices
 
 
-def events_of(recording: Recording, history: History) -> tuple[Event, ...]:
+def find_events(recording: Recording, history: History) -> tuple[Event, ...]:
     """All events, sorted by time, then in the order of `KINDS`."""
     found = [
-        *_breakdowns(recording),
-        *_faults(recording),
-        *_contacts(recording),
-        *_links(recording),
-        *_lives(recording),
-        *_identities(recording, history),
-        *_unheld(recording, history),
-        *_unmatched(recording),
-        *_handoffs(recording),
+        *_list_breakdowns(recording),
+        *_list_faults(recording),
+        *_list_contacts(recording),
+        *_find_link_changes(recording),
+        *_find_holding_changes(recording),
+        *_find_identity_changes(recording, history),
+        *_tell_losses(recording, history),
+        *_list_unmatched(recording),
+        *_list_handoffs(recording),
     ]
     return tuple(sorted(found, key=lambda event: (event.time, KINDS.index(event.kind))))
 
 
-def _at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
+def _note_at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
     """An event that takes no time."""
     time = float(recording.times[k])
     return Event(kind, text, k, k, time, time, **concerned)
 
 
-def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401
-    """An event that lasts from a first to a last scan, both included."""
-    return Event(kind, text, *span, *find_lasting_ends(recording.times, *span), **concerned)
-
-
-def _breakdowns(recording: Recording) -> Iterator[Event]:
+def _list_breakdowns(recording: Recording) -> Iterator[Event]:
     for i, works in enumerate(recording.working.T):
         if not works.all():
             k, exact = int(np.argmin(works)), recording.setting.uavs[i].fails_at
@@ -53,7 +48,7 @@ def _breakdowns(recording: Recording) -> Iterator[Event]:
             yield Event("breakdown", f"UAV {i} broke down", k, k, time, time, uavs=(i,))
 
 
-def _faults(recording: Recording) -> Iterator[Event]:
+def _list_faults(recording: Recording) -> Iterator[Event]:
     """Faults of planner and detectors, each kind once for all its UAVs; breakdowns are separate events."""
     times, grouped = recording.times, defaultdict(list)
     for fault in recording.all_faults:
@@ -64,22 +59,22 @@ def _faults(recording: Recording) -> Iterator[Event]:
         (time, first, _), (until, last, _) = found[0], found[-1]
         uavs = tuple(sorted({uav for *_, uav in found if uav is not None}))
         count = f"{len(found)} faults" if len(found) > 1 else "fault"
-        text = f"{count} of {fleet_text(uavs) if uavs else 'the team'}"
+        text = f"{count} of {name_fleet(uavs) if uavs else 'the team'}"
         yield Event("fault", text, first, last, time, until, message, uavs=uavs)
 
 
-def _contacts(recording: Recording) -> Iterator[Event]:
+def _list_contacts(recording: Recording) -> Iterator[Event]:
     for entry in list_contacts(recording):
         first, last = (int(np.argmin(np.abs(recording.times - entry[name]))) for name in ("time", "until"))
         text = f"UAV {entry['uav']} touched {describe_body(entry['kind'], entry['other'])}"
         yield Event("contact", text, first, last, entry["time"], entry["until"], uavs=(entry["uav"],))
 
 
-def _links(recording: Recording) -> Iterator[Event]:
+def _find_link_changes(recording: Recording) -> Iterator[Event]:
     """Links lost and restored, and the loss of all messages of a scan over one that is up; first, all are up."""
     uavs = recording.poses.shape[1]
     up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
-    for k, (works, now) in enumerate(zip(recording.working, links_of(recording), strict=True)):
+    for k, (works, now) in enumerate(zip(recording.working, find_recorded_links(recording), strict=True)):
         quiet, both = now.up & ~now.contact, works & works[:, None]
         for kind, changed, words in (
             ("link lost", np.triu(up & ~now.up & both), "UAV {} and UAV {}: too far, cut or not there"),
@@ -88,11 +83,11 @@ def _links(recording: Recording) -> Iterator[Event]:
             ("messages heard", silent & now.contact, "UAV {} hears UAV {} again"),
         ):
             for i, j in np.argwhere(changed).tolist():
-                yield _at(recording, k, kind, words.format(i, j), uavs=(i, j))
+                yield _note_at(recording, k, kind, words.format(i, j), uavs=(i, j))
         up, silent = now.up, quiet
 
 
-def _lives(recording: Recording) -> Iterator[Event]:
+def _find_holding_changes(recording: Recording) -> Iterator[Event]:
     """UAVs that begin or cease to have each track; a breakdown is neither dropping nor deletion."""
     uavs = range(recording.poses.shape[1])
     given = recording.setting.tracking.initial_tracks == "known"
@@ -102,19 +97,19 @@ def _lives(recording: Recording) -> Iterator[Event]:
         now = [set(recording.track_ids_at(k, i).tolist()) for i in uavs]
         gone = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
         held = set().union(*now)
-        for number, id_, fleet in _holders((now[i] - before[i] for i in uavs), recording):
+        for number, id_, fleet in _group_by_track((now[i] - before[i] for i in uavs), recording):
             first = "known at the start to" if given and k == 0 else "born and confirmed by"
             kind, words = ("track received", "received by") if id_ in known else ("track born", first)
-            yield _at(recording, k, kind, f"track {number} {words} {fleet_text(fleet)}", track=number, uavs=fleet)
-        for number, id_, fleet in _holders(gone, recording):
+            yield _note_at(recording, k, kind, f"track {number} {words} {name_fleet(fleet)}", track=number, uavs=fleet)
+        for number, id_, fleet in _group_by_track(gone, recording):
             kind, words = ("track dropped", "dropped") if id_ in held else ("track deleted", "deleted")
             why = "" if recording.labelled or id_ in held else tell_fade(recording, id_, k - 1)
-            text = f"track {number} {words} by {fleet_text(fleet)}"
-            yield _at(recording, k, kind, text, why=why, track=number, uavs=fleet)
+            text = f"track {number} {words} by {name_fleet(fleet)}"
+            yield _note_at(recording, k, kind, text, why=why, track=number, uavs=fleet)
         known, before = known | held, now
 
 
-def _holders(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, int, tuple[int, ...]]]:
+def _group_by_track(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, int, tuple[int, ...]]]:
     """Number, id and UAVs of each track in any of the UAVs' sets, sorted by number."""
     fleet = defaultdict(list)
     for i, ids in enumerate(sets):
@@ -123,18 +118,18 @@ def _holders(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, 
     return sorted((recording.track_numbers[id_], id_, tuple(uavs)) for id_, uavs in fleet.items())
 
 
-def _identities(recording: Recording, history: History) -> Iterator[Event]:
+def _find_identity_changes(recording: Recording, history: History) -> Iterator[Event]:
     """Changes of a person's track and of a track's person, each with the UAVs for which it happens."""
     fleet = defaultdict(list)
     for i in range(history.tracks.shape[1]):
-        for change in _changes(history.tracks[:, i], recording.track_numbers):
+        for change in _find_changes(history.tracks[:, i], recording.track_numbers):
             fleet[change].append(i)
     for (k, kind, person, former, track, text), uavs in fleet.items():
-        text = f"{text} for {fleet_text(uavs)}"
-        yield _at(recording, k, kind, text, person=person, former=former, track=track, uavs=tuple(uavs))
+        text = f"{text} for {name_fleet(uavs)}"
+        yield _note_at(recording, k, kind, text, person=person, former=former, track=track, uavs=tuple(uavs))
 
 
-def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
+def _find_changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
     """Scan, kind, person, former person, number of the track and text of each change in the tracks (K, M) of one UAV.
 
     Switches are those of `tracking.metrics.clearmot.count_switches`.
@@ -158,32 +153,33 @@ def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, st
             last[m], owner[int(row[m])] = int(row[m]), m
 
 
-def _handoffs(recording: Recording) -> Iterator[Event]:
+def _list_handoffs(recording: Recording) -> Iterator[Event]:
     """Hand-offs of people from UAV to UAV, as `sim.evaluation.handoffs` finds them."""
     for k, last, person, uavs in find_handoffs(recording):
         unseen = recording.times[k] - recording.times[last + 1]
         text = f"person {person} passed from UAV {uavs[0]} to UAV {uavs[1]}"
         text += f", unseen for {unseen:.1f} s" if k > last + 1 else ""
-        yield _at(recording, k, "hand-off", text, person=person, uavs=uavs[::-1])
+        yield _note_at(recording, k, "hand-off", text, person=person, uavs=uavs[::-1])
 
 
 _MOST_CAUSES = 3
 
 
-def _unheld(recording: Recording, history: History) -> Iterator[Event]:
+def _tell_losses(recording: Recording, history: History) -> Iterator[Event]:
     """People lost or not found yet, with their states in the cameras meanwhile, and people found."""
     times = history.times
     for loss in history.losses:
-        end, nearest = loss.last + 1, _nearest(recording, history, loss)
-        why = _causes(recording, history, loss) + (_track(recording, history, loss) if loss.found else "")
+        end, nearest = loss.last + 1, _choose_nearest(recording, history, loss)
+        why = _describe_causes(recording, history, loss)
+        why += _describe_track(recording, history, loss) if loss.found else ""
         concerned = {"why": why, "person": loss.person, "uavs": (nearest,), "scans": loss.scans}
         text = f"person {loss.person} {loss.kind.removeprefix('person ')}{_describe_gap(history, loss)}"
-        yield _during(recording, (loss.first, loss.last), loss.kind, text, **concerned)
+        yield make_lasting_event(times, (loss.first, loss.last), loss.kind, text, **concerned)
         if end < len(times) and history.held[end, loss.person]:
             uavs = tuple(np.flatnonzero(history.tracks[end, :, loss.person] >= 0).tolist())
             again, after = " again" * loss.found, times[end] - times[loss.first]
-            text = f"person {loss.person} found{again} by {fleet_text(uavs)} after {after:.1f} s"
-            yield _at(recording, end, "person found", text, person=loss.person, uavs=uavs)
+            text = f"person {loss.person} found{again} by {name_fleet(uavs)} after {after:.1f} s"
+            yield _note_at(recording, end, "person found", text, person=loss.person, uavs=uavs)
 
 
 def _describe_gap(history: History, loss: Loss) -> str:
@@ -195,13 +191,13 @@ def _describe_gap(history: History, loss: Loss) -> str:
     return " the track" if loss.found else ""
 
 
-def _causes(recording: Recording, history: History, loss: Loss) -> str:
+def _describe_causes(recording: Recording, history: History, loss: Loss) -> str:
     """The best states of a lost person in the cameras, in order of time, each with its duration."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
     for k in range(loss.first, loss.last + 1):
         states, trees = (t[k, :, loss.person] for t in (history.camera_states, history.hiding_trees))
-        state, having = views_at(states, trees)[0]
+        state, having = group_views(states, trees)[0]
         key = (state, tuple(sorted(having)))
         scans[key] = scans.get(key, 0) + 1
         for tree, fleet in having.items():
@@ -211,13 +207,13 @@ def _causes(recording: Recording, history: History, loss: Loss) -> str:
     parts = []
     for key in (key for key in scans if key in most):
         state, between = key
-        text = view_text(state, {tree: sorted(uavs[key, tree]) for tree in between})
+        text = describe_view(state, {tree: sorted(uavs[key, tree]) for tree in between})
         text += f", but no reported track within {recording.setting.loss_distance:g} m" if state == "seen" else ""
         parts.append(text + (f" ({scans[key] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 
 
-def _track(recording: Recording, history: History, loss: Loss) -> str:
+def _describe_track(recording: Recording, history: History, loss: Loss) -> str:
     column = history.tracks[loss.first - 1, :, loss.person]
     uavs = np.argsort(column < 0, kind="stable").tolist()  # those that held the person before come first
     id_ = int(column[uavs[0]])
@@ -232,7 +228,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
     return f"; track {number} is gone"
 
 
-def _nearest(recording: Recording, history: History, loss: Loss) -> int:
+def _choose_nearest(recording: Recording, history: History, loss: Loss) -> int:
     """The UAV with the most informative frames of a loss; the nearest one if the person is inside no frame.
 
     A UAV with the person inside its frame at the beginning is preferred, then one with most frames of that kind.
@@ -244,7 +240,7 @@ def _nearest(recording: Recording, history: History, loss: Loss) -> int:
     return int(np.where(history.working[loss.first], gap, np.inf).argmin())
 
 
-def _unmatched(recording: Recording) -> Iterator[Event]:
+def _list_unmatched(recording: Recording) -> Iterator[Event]:
     """False tracks and duplicates, as `sim.evaluation.unmatched` finds them."""
     for found in find_unmatched_tracks(recording):
         number, span = recording.track_numbers[found.id], (found.first, found.last)
@@ -253,8 +249,8 @@ def _unmatched(recording: Recording) -> Iterator[Event]:
         near = near if found.left is None or found.duplicate else f" after its person {found.left} left"
         cost = f"{np.nanmax(recording.ospa[found.first : found.last + 1, uavs, 2]):.1f}"
         part = "" if cost == "0.0" else f"; OSPA's cardinality part is up to {cost} m"
-        why = f"held by {fleet_text(uavs)}{near}{part}"
+        why = f"held by {name_fleet(uavs)}{near}{part}"
         person = found.nearest if found.duplicate else None
         stands = f"is person {found.nearest}'s second one" if found.duplicate else "stands for no person"
         kind, text = "duplicate track" if found.duplicate else "false track", f"track {number} {stands}"
-        yield _during(recording, span, kind, text, why=why, person=person, track=number, uavs=uavs)
+        yield make_lasting_event(recording.times, span, kind, text, why=why, person=person, track=number, uavs=uavs)

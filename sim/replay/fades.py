@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 
 from sim.recording.recording import Recording
-from sim.replay.frames.sightings import inside_and_hiding
+from sim.replay.frames.sightings import find_inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array
@@ -43,7 +43,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
     camera, pose = view_of(recording.setting.uavs[uav], recording.setting), recording.camera_at(k, uav)
-    (inside,), (hiding,) = inside_and_hiding(camera, pose, held[k][None], recording.hiding_forest)
+    (inside,), (hiding,) = find_inside_and_hiding(camera, pose, held[k][None], recording.hiding_forest)
     if not inside:
         return _OUT
     return f"hidden by tree {hiding.argmax()}" if hiding.any() and hiding.max() >= 0.5 else _IN_VIEW

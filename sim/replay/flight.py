@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
-from sim.drawing.map_view import MapView, map_extent
+from sim.drawing.map_view import MapView, measure_map
 from sim.drawing.plots import draw_ospa_figure
 from sim.evaluation.catalogue import METRICS
 from sim.evaluation.metric import Outcome
@@ -20,13 +20,13 @@ from sim.evaluation.summary import format_planner_title
 from sim.recording.archive import find_recording, save
 from sim.recording.dataframes import make_dataframe
 from sim.recording.recording import Recording
-from sim.replay.columns import TABLES, columns, event_columns
+from sim.replay.columns import TABLES, make_columns, make_event_columns
 from sim.replay.event import Event, find_ends
-from sim.replay.events import events_of
-from sim.replay.frames.frame_panels import draw, find_scans
+from sim.replay.events import find_events
+from sim.replay.frames.frame_panels import draw_frame_page, find_scans
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
-from sim.replay.timeline import timeline_figure
+from sim.replay.timeline import draw_timeline
 from sim.scenario.random_streams import format_seed
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, check_known
@@ -55,7 +55,7 @@ class Flight:
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """The events of the mission, in order of time."""
-        return events_of(self.recording, self.history)
+        return find_events(self.recording, self.history)
 
     def save(self, path: str | Path) -> None:
         """Write the recording to a file, such as episode.npz, which `load` and the commands read; else InputError."""
@@ -67,7 +67,9 @@ class Flight:
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError suggests the nearest table."""
         check_known("table", table, TABLES)
-        return event_columns(self.events) if table == "events" else columns(table, self.recording, self.history)
+        if table == "events":
+            return make_event_columns(self.events)
+        return make_columns(table, self.recording, self.history)
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
         """A table, one of `TABLES`, as a pandas data frame, or a polars one if pandas is not installed."""
@@ -79,18 +81,18 @@ class Flight:
 
     def timeline_figure(self) -> Figure:
         """The timeline: the states of each person in the cameras and to the tracks."""
-        return timeline_figure(self.history, self.recording.ospa, self.events)
+        return draw_timeline(self.history, self.recording.ospa, self.events)
 
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""
         (k,) = find_scans(self.recording, time, None, name="time")
-        width, height = map_extent(self.scenario)
+        width, height = measure_map(self.scenario)
         size = (_MAP, round(_MAP / (width / height)))
         view = MapView(self.scenario, self.recording.forest, size)
         edges = np.array([(0, 0), size]) - 0.5  # edges of the first and the last pixel, whose centres are integers
         (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
         image, _ = view.draw_recorded(self.recording, k, self.history.hold_states[k])
-        return _picture(image, (left, right, -bottom, -top))
+        return _make_picture(image, (left, right, -bottom, -top))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The annotated image of a UAV's camera at the scan nearest to `time` s, rendered again."""
@@ -99,7 +101,7 @@ class Flight:
             raise InputError(f"uav: there is no UAV {uav}; allowed are 0 to {uavs - 1}")
         (k,) = find_scans(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
-            return _picture(draw(again, k, uav, size=640))
+            return _make_picture(draw_frame_page(again, k, uav, size=640))
 
     def __repr__(self) -> str:
         """The results of the mission in one line."""
@@ -124,7 +126,7 @@ class Flight:
         return f"<Flight: {'; '.join(parts)}>"
 
 
-def _picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:
+def _make_picture(image: Image, extent: tuple[float, float, float, float] | None = None) -> Figure:
     """A figure with the pixels of an image (H, W, 3) and its size; `extent` as in Matplotlib."""
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
@@ -143,10 +145,10 @@ def _show_figures() -> None:
     if shell is not None:
         shown = shell.display_formatter.formatters["image/png"]
         if Figure not in shown.type_printers:
-            shown.for_type(Figure, _png)
+            shown.for_type(Figure, _encode_png)
 
 
-def _png(figure: Figure) -> bytes:
+def _encode_png(figure: Figure) -> bytes:
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=figure.dpi)
     return content.getvalue()

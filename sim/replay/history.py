@@ -11,7 +11,7 @@ from sim.evaluation.holding import NO_TRACK, find_episodes, find_gaps, hold_stat
 from sim.evaluation.score import find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording, find_last_frames
-from sim.replay.frames.sightings import NO_TREE, inside_and_hiding
+from sim.replay.frames.sightings import NO_TREE, find_inside_and_hiding
 from sim.sensing.cameras import view_of
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -65,7 +65,7 @@ class History:
         forest = recording.hiding_forest
         for k, i in np.argwhere(looked).tolist():
             camera, pose = view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
-            inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)
+            inside[k, i], hiding = find_inside_and_hiding(camera, pose, recording.people[k], forest)
             if forest.trees:
                 hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
         tracks = [find_standing_tracks(find_reported_tracks(recording, i), recording) for i in uavs]
@@ -147,7 +147,7 @@ class History:
         """The states of one person in the cameras in words, scan by scan; empty while the person is absent."""
         rows = np.hstack([self.camera_states[:, :, person], self.hiding_trees[:, :, person]])
         kinds, which = np.unique(rows, axis=0, return_inverse=True)
-        texts = ["; ".join(view_text(*view) for view in views_at(*np.split(kind, 2))) for kind in kinds]
+        texts = ["; ".join(describe_view(*view) for view in group_views(*np.split(kind, 2))) for kind in kinds]
         return [texts[n] if there else "" for n, there in zip(which.ravel(), self.present[:, person], strict=True)]
 
 
@@ -165,7 +165,7 @@ def _find_gaps(recording: Recording, standing: Indices) -> Indices:
     return found
 
 
-def views_at(states: Indices, trees: Indices) -> list[_View]:
+def group_views(states: Indices, trees: Indices) -> list[_View]:
     """States of one person in the cameras, the best first; out of view only if no camera has another state.
 
     states (n,) and trees (n,) as in `History.camera_states` and `History.hiding_trees`.
@@ -179,21 +179,21 @@ def views_at(states: Indices, trees: Indices) -> list[_View]:
     return found or [("broken" if (states == BROKEN).all() else "out of view", {})]
 
 
-def view_text(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
+def describe_view(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
     """A person's state in cameras, in words; uavs: the UAVs with this state by the hiding tree, -1 for none."""
     if state == "seen":
-        return f"seen by {fleet_text(uavs[-1])}"
+        return f"seen by {name_fleet(uavs[-1])}"
     if state == "missed":
-        return f"shown to {fleet_text(uavs[-1])}, not detected"
+        return f"shown to {name_fleet(uavs[-1])}, not detected"
     if state == "hidden":
-        hiding = [f"by tree {tree} from {fleet_text(uavs[tree])}" for tree in sorted(uavs) if tree >= 0]
+        hiding = [f"by tree {tree} from {name_fleet(uavs[tree])}" for tree in sorted(uavs) if tree >= 0]
         parts = ["hidden " + ", ".join(hiding)] if hiding else []
         if -1 in uavs:
-            parts.append(f"not shown to {fleet_text(uavs[-1])}, {NO_TREE}")
+            parts.append(f"not shown to {name_fleet(uavs[-1])}, {NO_TREE}")
         return "; ".join(parts)
     return "no UAV works" if state == "broken" else "outside every view"
 
 
-def fleet_text(uavs: Sequence[int]) -> str:
+def name_fleet(uavs: Sequence[int]) -> str:
     """UAVs in words: "UAV 0", "UAVs 0, 1 and 2"."""
     return list_numbers("UAV", uavs)

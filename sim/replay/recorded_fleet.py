@@ -18,7 +18,7 @@ def make_known_forest(recording: Recording) -> Forest:
     return Forest(recording.forest.trees, recording.setting.sensing.occlusion)
 
 
-def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
+def make_vehicles(recording: Recording, k: int) -> list[Vehicle]:
     """All UAVs at scan k, by id.
 
     Note: velocities are means since the previous scan, because recordings have none; at the first scan they are zero.
@@ -29,7 +29,7 @@ def vehicles_at(recording: Recording, k: int) -> list[Vehicle]:
     return [vehicle_of(i, body, velocity, setting) for i, (body, velocity) in enumerate(bodies)]
 
 
-def links_of(recording: Recording) -> list[RadioLinks]:
+def find_recorded_links(recording: Recording) -> list[RadioLinks]:
     """The links of each scan, computed again from places, scenario, seed and repeat, which alone determine them."""
     network = recording.setting.network
     rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]

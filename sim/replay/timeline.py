@@ -14,7 +14,7 @@ from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
 from sim.evaluation.holding import HOLDS, find_episodes
-from sim.replay.event import IDENTITIES, Event, find_ends, lanes
+from sim.replay.event import IDENTITIES, Event, assign_lanes, find_ends
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
 
@@ -58,7 +58,7 @@ class Bar(NamedTuple):
     shade: Shade
 
 
-def timeline_rows(history: History) -> tuple[list[Row], list[int]]:
+def choose_rows(history: History) -> tuple[list[Row], list[int]]:
     """The rows of people, and the people without one because there are too many.
 
     If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
@@ -75,7 +75,7 @@ def timeline_rows(history: History) -> tuple[list[Row], list[int]]:
     return rows[: max(fit, 1)], sorted(row.person for row in rows[max(fit, 1) :])
 
 
-def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
+def draw_timeline(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
     """The timeline: a lane per UAV and a bar for the fleet's tracks for each person, and below them mean OSPA.
 
     ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. People without
@@ -92,12 +92,12 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
         shades = _draw_people(above, history, events, places)
         _name_rows(above, history, places)
         above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
-        above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
+        above.set_title(_write_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
         below.set_xlim(*find_ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
-        handles = _legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
+        handles = _make_legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
         columns = 6 if uavs <= len(UAV_COLOURS) else 4
         ordered = order_by_rows(handles, columns)
         figure.legend(handles=ordered, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
@@ -108,8 +108,8 @@ class _Places:
     """The rows from the top down, with their places [lanes]."""
 
     def __init__(self, history: History, events: Sequence[Event]) -> None:
-        self.rows, self.folded = timeline_rows(history)
-        self.unmatched = lanes(events)
+        self.rows, self.folded = choose_rows(history)
+        self.unmatched = assign_lanes(events)
         edges = np.cumsum([0.0, *(row.height for row in self.rows)]).tolist()
         self.tops = dict(zip((row.person for row in self.rows), edges, strict=False))
         self.fold_top = float(edges[-1])
@@ -139,11 +139,11 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
     for m, uavs in places.rows:
-        bars += _hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
+        bars += _make_hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
         for lane, i in enumerate(uavs):
-            bars += _lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
+            bars += _make_lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
     if places.folded:
-        bars += _share_bars(times, history.hold_states[:, places.folded], places.fold_top)
+        bars += _make_share_bars(times, history.hold_states[:, places.folded], places.fold_top)
     corners = [
         [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
         for bar in bars
@@ -155,12 +155,12 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
 def _name_rows(axes: Axes, history: History, places: _Places) -> None:
     named = history.tracks.shape[1] > len(UAV_COLOURS)
     middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
-    names = [f"person {row.person}{_in_brackets(row.uavs) if named else ''}" for row in places.rows]
-    shares = [_share(history, row.person) for row in places.rows]
+    names = [f"person {row.person}{_list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
+    shares = [_format_share(history, row.person) for row in places.rows]
     if places.folded:
         middles.append(places.fold_top + _FOLDED / 2)
         names.append(f"{len(places.folded)} others")
-        shares.append(f"held {100 * _held_share(history, places.folded):.1f} %")
+        shares.append(f"held {100 * _compute_held_share(history, places.folded):.1f} %")
     if count := len(places.unmatched):
         middles.append((places.unmatched_top + places.bottom - _GAP) / 2)
         names.append("no person")
@@ -176,12 +176,12 @@ def _name_rows(axes: Axes, history: History, places: _Places) -> None:
         axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
 
 
-def _in_brackets(uavs: Sequence[int]) -> str:
+def _list_in_brackets(uavs: Sequence[int]) -> str:
     more = ", ..." if len(uavs) > _MOST_NAMED else ""
     return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
 
 
-def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
+def _make_share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
     """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
     bars: list[Bar] = []
     for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
@@ -194,7 +194,7 @@ def _share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
     return bars
 
 
-def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
+def _make_lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
     """The states of a person in a camera."""
     colour = uav_colour(uav)
     bars = []
@@ -207,7 +207,7 @@ def _lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]
     return bars
 
 
-def _hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
+def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
     """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
     bars: list[Bar] = []
     for first, last, value in find_episodes(states):
@@ -238,7 +238,7 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
             )
 
 
-def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
+def _make_legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
     """Handles of the legend for the drawn shades, and for marks of switched tracks."""
     if uavs <= len(UAV_COLOURS):
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
@@ -252,10 +252,10 @@ def _legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Li
     return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
 
 
-def _title(history: History) -> str:
+def _write_title(history: History) -> str:
     if not history.present.any():
         return "No people"
-    share = _held_share(history, slice(None))
+    share = _compute_held_share(history, slice(None))
     lost = [loss for loss in history.losses if loss.kind == "person lost"]
     times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
     text = f"People held {100 * share:.1f} % of the time, {times}"
@@ -266,12 +266,12 @@ def _title(history: History) -> str:
     return text
 
 
-def _share(history: History, person: int) -> str:
+def _format_share(history: History, person: int) -> str:
     here = history.present[:, person].any()
-    return f"held {100 * _held_share(history, [person]):.1f} %" if here else "absent"
+    return f"held {100 * _compute_held_share(history, [person]):.1f} %" if here else "absent"
 
 
-def _held_share(history: History, people: slice | Sequence[int]) -> float:
+def _compute_held_share(history: History, people: slice | Sequence[int]) -> float:
     """Share of scans and working UAVs at which present people are held, as in the summary."""
     working = np.count_nonzero(history.working, axis=1)[:, None]
     pairs = (working * history.present[:, people]).sum()

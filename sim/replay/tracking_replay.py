@@ -8,7 +8,7 @@ import numpy as np
 from sim.mission.tracker_fleet import make_trackers, step_trackers
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import links_of, make_known_forest
+from sim.replay.recorded_fleet import find_recorded_links, make_known_forest
 from tracking.account import Association, ScanAccount
 from tracking.filter.motion import MOTION_MODELS, MotionModel
 from tracking.fusion.member import TRACKERS, Member
@@ -31,26 +31,25 @@ class TrackerState:
 class TrackingReplay:
     """States of the trackers of n UAVs up to the first scan that they did not repeat bit for bit."""
 
-    states: list[list[TrackerState | None]]  # by scan and UAV; None after a breakdown
+    states: list[dict[int, TrackerState]]  # of the UAVs that work, by scan and UAV
     note: str  # why there are no states from some scan on; empty if there are all
-
-    def at(self, k: int, uav: int) -> TrackerState | None:
-        """State of one UAV's tracker after scan k; None if it is unknown or the UAV had broken down."""
-        return self.states[k][uav] if k < len(self.states) else None
 
     def accounts_at(self, k: int) -> list[tuple[int, ScanAccount]]:
         """Accounts of scan k, each with its UAV; empty if they are unknown."""
-        return [(i, state.account) for i, state in enumerate(self.states[k]) if state] if k < len(self.states) else []
+        return [(uav, state.account) for uav, state in self._states_at(k).items()]
 
     def association(self, k: int, uav: int) -> Association | None:
         """Association of one UAV at scan k; None if it is unknown, or if its camera took no frame."""
-        state = self.at(k, uav)
+        state = self._states_at(k).get(uav)
         return state.account.association if state else None
 
     def motion(self, k: int, uav: int) -> MotionModel | None:
         """Motion model that one UAV's tracker had learned by scan k; None if it is unknown."""
-        state = self.at(k, uav)
+        state = self._states_at(k).get(uav)
         return state.motion if state else None
+
+    def _states_at(self, k: int) -> dict[int, TrackerState]:
+        return self.states[k] if k < len(self.states) else {}
 
 
 @lru_cache(maxsize=1)  # because callers ask about all scans of one mission
@@ -60,7 +59,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
     Without randomness of their own they make the recorded tracks, unless another version made the recording. Plug-ins
     are not run, because a recording is a file from anywhere.
     """
-    scenario, states = recording.setting, list[list[TrackerState | None]]()
+    scenario, states = recording.setting, list[dict[int, TrackerState]]()
     for registry, name in (
         (TRACKERS, scenario.tracking.tracker),
         (MOTION_MODELS, scenario.tracking.motion),
@@ -71,14 +70,14 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
         trackers = make_trackers(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
-        for k, links in enumerate(links_of(recording)):
+        for k, links in enumerate(find_recorded_links(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
             step_trackers(scenario, trackers, time, scans, links, working)
-            if not all(_are_equal(trackers[i].tracks, recording.tracks_at(k, i)) for i in working):
+            if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")
-            states.append([_read_state(tracker) if i in working else None for i, tracker in enumerate(trackers)])
+            states.append({i: _read_state(trackers[i]) for i in working})
     except ValueError as error:
         return TrackingReplay(states, f"the trackers cannot be run again: {error}")
     return TrackingReplay(states, "")
@@ -89,9 +88,5 @@ def _read_state(tracker: Member) -> TrackerState:
     return TrackerState(tracker.account, tracker.motion)
 
 
-def _are_equal(made: tuple[Track, ...], recorded: tuple[Track, ...]) -> bool:
-    return [_read_bits(track) for track in made] == [_read_bits(track) for track in recorded]
-
-
-def _read_bits(track: Track) -> tuple[int, bytes, bytes]:
-    return track.id, track.belief.mean.tobytes(), track.belief.covariance.tobytes()
+def _read_bits(tracks: tuple[Track, ...]) -> list[tuple[int, bytes, bytes]]:
+    return [(track.id, track.belief.mean.tobytes(), track.belief.covariance.tobytes()) for track in tracks]

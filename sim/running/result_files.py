@@ -12,7 +12,7 @@ from sim.evaluation.summary import summarise
 from sim.mission.trial import Say
 from sim.recording.archive import save
 from sim.replay.flight import Flight
-from sim.replay.page.page import omission, write_page
+from sim.replay.page.page import describe_omission, write_page
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,6 @@ def write_summary(results: Results, outcome: Outcome, say: Say) -> dict[str, Any
     """Write the summary and return it; `say` what the page leaves out."""
     summary = summarise(outcome, results.metrics)
     (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    if results.video and (left_out := omission(outcome.recording)):
+    if results.video and (left_out := describe_omission(outcome.recording)):
         say(left_out)
     return summary

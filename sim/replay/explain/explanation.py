@@ -13,8 +13,8 @@ from sim.replay.event import UNHELD, UNMATCHED, Event, find_lasting_ends
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HoldingTrack, PersonFacts
 from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
-from sim.replay.history import History, fleet_text
-from sim.replay.link_outages import link_outages_at
+from sim.replay.history import History, name_fleet
+from sim.replay.link_outages import list_outages_at
 from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
@@ -26,33 +26,33 @@ _LEAST = 0.005  # least probability of a measurement that gets a line
 
 def explain_person(facts: PersonFacts) -> list[TextGroup]:
     """Sentences on one person at one scan: the person, each UAV, the tracks, events at that time, and intents."""
-    groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _person(facts))]
+    groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _tell_person(facts))]
     if np.isnan(facts.place[0]):
         return groups
     if facts.note:
         groups.append(TextGroup("note", [facts.note]))
-    groups += [TextGroup(f"UAV {w.uav}", _observation(w, facts)) for w in facts.observations]
-    groups += [TextGroup(f"track {holder.number}", _track(holder, facts)) for holder in facts.holders]
-    if now := _events(facts):
+    groups += [TextGroup(f"UAV {w.uav}", _tell_observation(w, facts)) for w in facts.observations]
+    groups += [TextGroup(f"track {holder.number}", _tell_track(holder, facts)) for holder in facts.holders]
+    if now := _find_events(facts):
         groups.append(TextGroup("events", [f"{event.when}: {event.sentence}" for event in now]))
-    groups.append(TextGroup("intents", _intents(facts)))
+    groups.append(TextGroup("intents", _tell_intents(facts)))
     return groups
 
 
-def _person(facts: PersonFacts) -> list[str]:
+def _tell_person(facts: PersonFacts) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
     walks = ""
     if not np.isnan(facts.velocity[0]):
         eighth = round(math.atan2(facts.velocity[1], facts.velocity[0]) / (math.pi / 4)) % 8
         walks = f" and walks {math.hypot(*facts.velocity):.1f} m/s to the {_COMPASS[eighth]}"
-    return [f"is at {format_place(facts.place)}{walks}", *_holding(facts), _seen(facts)]
+    return [f"is at {format_place(facts.place)}{walks}", *_tell_holding(facts), _tell_detections(facts)]
 
 
-def _holding(facts: PersonFacts) -> list[str]:
+def _tell_holding(facts: PersonFacts) -> list[str]:
     """UAVs that hold the person or, if none does, the beginning and end of the loss."""
     history, times = facts.flight.history, facts.flight.history.times
-    held = [f"held by {fleet_text(holder.holds)} as track {holder.number}" for holder in facts.holders if holder.holds]
+    held = [f"held by {name_fleet(holder.holds)} as track {holder.number}" for holder in facts.holders if holder.holds]
     if held:
         return held
     unheld = (event for event in facts.flight.events if event.kind in UNHELD and event.person == facts.person)
@@ -66,43 +66,43 @@ def _holding(facts: PersonFacts) -> list[str]:
     if not facts.holders:
         return [f"not found yet: no track has been {within} so far", later]
     what = "lost" if loss.kind == "person lost" else "off the track"
-    lines = [f"{what} since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track {within}"]
+    lines = [f"{what} since {loss.time:.1f} s{_format_ago(times, loss.first, facts.k)}: no reported track {within}"]
     (last,) = facts.holders
     return [*lines, f"last held as track {last.number} at {last.until:.1f} s; {later}"]
 
 
-def _seen(facts: PersonFacts) -> str:
+def _tell_detections(facts: PersonFacts) -> str:
     times, seen = facts.flight.history.times, facts.flight.history.detected[: facts.k + 1, :, facts.person]
     scans = np.flatnonzero(seen.any(axis=1))
     if len(scans) == 0:
         return "not detected so far"
-    fleet = fleet_text(np.flatnonzero(seen[scans[-1]]).tolist())
+    fleet = name_fleet(np.flatnonzero(seen[scans[-1]]).tolist())
     if scans[-1] == facts.k:
         return f"detected by {fleet}"
-    return f"last detected by {fleet} at {times[scans[-1]]:.1f} s{_ago(times, int(scans[-1]), facts.k)}"
+    return f"last detected by {fleet} at {times[scans[-1]]:.1f} s{_format_ago(times, int(scans[-1]), facts.k)}"
 
 
-def _ago(times: Array, scan: int, k: int) -> str:
+def _format_ago(times: Array, scan: int, k: int) -> str:
     return f", {times[k] - times[scan]:.1f} s ago" if k > scan else ""
 
 
-def _observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
+def _tell_observation(w: PersonObservation, facts: PersonFacts) -> list[str]:
     if not w.works:
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
-    lines += _view(w, facts.flight.recording)
+    lines += _tell_view(w, facts.flight.recording)
     if w.found:
-        lines.append(_detection(w.found))
+        lines.append(_tell_detection(w.found))
     elif w.sighting.looked and w.sighting.pixels:
         lines.append("not detected")
     if w.association:
         numbers = facts.flight.recording.numbers_of(w.association.ids).tolist()
-        lines += _gates(w.found.measurement, w.association, numbers) if w.found else []
-        lines += _association(w, w.association, numbers, facts) if facts.holders else []
+        lines += _tell_gates(w.found.measurement, w.association, numbers) if w.found else []
+        lines += _tell_association(w, w.association, numbers, facts) if facts.holders else []
     return lines
 
 
-def _view(w: PersonObservation, recording: Recording) -> list[str]:
+def _tell_view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera"]
     for tree, share in sighting.hidden_by.items():
@@ -118,23 +118,23 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
     return lines
 
 
-def _detection(found: PersonMeasurement) -> str:
+def _tell_detection(found: PersonMeasurement) -> str:
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
     return f"{at}: {format_place(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"
 
 
-def _gates(measurement: int, a: Association, numbers: Sequence[int]) -> list[str]:
+def _tell_gates(measurement: int, a: Association, numbers: Sequence[int]) -> list[str]:
     """The tracks that may be associated with a measurement, the likeliest first."""
     weights, sigmas = a.weights()[:, measurement], np.sqrt(a.distances()[:, measurement])
     tracks = np.flatnonzero(a.gated()[:, measurement])
     lines = [
-        f"in the gate of track {numbers[t]} at {sigmas[t]:.1f} σ, weight {percent_text(float(weights[t]))}"
+        f"in the gate of track {numbers[t]} at {sigmas[t]:.1f} σ, weight {format_percent(float(weights[t]))}"
         for t in tracks[np.argsort(-weights[tracks], kind="stable")]
     ]
     return lines or ["in the gate of no track"]
 
 
-def _association(w: PersonObservation, a: Association, numbers: Sequence[int], facts: PersonFacts) -> list[str]:
+def _tell_association(w: PersonObservation, a: Association, numbers: Sequence[int], facts: PersonFacts) -> list[str]:
     """The scan that the person's track predicted, and other measurements that may be associated with the track."""
     lines, holder = [], facts.track_of(w.uav)
     if holder is None:
@@ -142,19 +142,19 @@ def _association(w: PersonObservation, a: Association, numbers: Sequence[int], f
         return [f"holds person {other.elsewhere[w.uav]} as track {other.number}"]
     if holder.number in numbers:
         t = numbers.index(holder.number)
-        lines.append(f"expected track {holder.number} in plain view with {percent_text(float(a.before.visible[t]))}")
+        lines.append(f"expected track {holder.number} in plain view with {format_percent(float(a.before.visible[t]))}")
         weights = a.weights()[t]
         for j in np.argsort(-weights, kind="stable"):
             if weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
-                source, place = source_text(int(w.owners[j])), format_place(a.measurements[j])
-                gate = f"the gate of track {holder.number} too, weight {percent_text(float(weights[j]))}"
+                source, place = name_source(int(w.owners[j])), format_place(a.measurements[j])
+                gate = f"the gate of track {holder.number} too, weight {format_percent(float(weights[j]))}"
                 lines.append(f"the measurement {source} at {place} was in {gate}")
     return lines
 
 
-def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
+def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     now = float(facts.flight.history.times[facts.k])
-    role = f"stands for the person for {fleet_text(holder.holds)}" if holder.holds else "held the person last"
+    role = f"stands for the person for {name_fleet(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
         return [f"{role}; began at {holder.since:.1f} s; no UAV has it any more"]
@@ -170,31 +170,31 @@ def _track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     return lines
 
 
-def _events(facts: PersonFacts) -> list[Event]:
+def _find_events(facts: PersonFacts) -> list[Event]:
     """Events at the scan that concern the person, tracks of no person, or links."""
     events, k = facts.flight.events, facts.k
     now = [event for event in events if event.first <= k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
-    now += link_outages_at(events, facts.flight.history.times, k)
+    now += list_outages_at(events, facts.flight.history.times, k)
     return sorted(now, key=lambda event: event.time)
 
 
-def _intents(facts: PersonFacts) -> list[str]:
+def _tell_intents(facts: PersonFacts) -> list[str]:
     lines = []
     for observation, planned in zip(facts.observations, facts.planned, strict=True):
         if planned is None:
             lines.append(f"UAV {observation.uav}: no plan{'' if observation.works else ', as it has broken down'}")
             continue
-        parts = [f"the person {_ahead(planned, planned.person)}"]
+        parts = [f"the person {_tell_ahead(planned, planned.person)}"]
         holder = facts.track_of(observation.uav)
         if holder and planned.track is not None:
-            parts.insert(0, f"track {holder.number} {_ahead(planned, planned.track)}")
+            parts.insert(0, f"track {holder.number} {_tell_ahead(planned, planned.track)}")
         plan = f"plan of {planned.made:.1f} s to {planned.times[-1]:.1f} s"
         lines.append(f"UAV {observation.uav}, {plan}: " + "; ".join(parts))
     return lines
 
 
-def _ahead(planned: PlannedVisibility, states: Indices) -> str:
+def _tell_ahead(planned: PlannedVisibility, states: Indices) -> str:
     """The first time at which a place is in view on the planned path, or its state if it never is."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in find_episodes(states) if e.value == state]
@@ -214,7 +214,7 @@ def find_stretches(history: History, person: int) -> list[tuple[float, float, st
     return [(*find_lasting_ends(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
 
 
-def source_text(person: int) -> str:
+def name_source(person: int) -> str:
     """The source of a measurement, a person or -1, in words."""
     return f"of person {person}" if person >= 0 else "of a false alarm"
 
@@ -224,7 +224,7 @@ def format_place(place: Array) -> str:
     return f"({place[0]:.1f}, {place[1]:.1f}) m"
 
 
-def percent_text(probability: float) -> str:
+def format_percent(probability: float) -> str:
     """A probability in per cent, never rounded to certainty."""
     if 0.0 < probability < 0.001:
         return "under 0.1 %"

@@ -91,7 +91,7 @@ def _find_belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | 
     """The belief of a track that a UAV has after scan k; that of another UAV if it does not have the track."""
     if holder is None:
         return None
-    found = track_at(recording, k, [uav], list(recording.track_numbers)[holder.number])
+    found = find_track_at(recording, k, [uav], list(recording.track_numbers)[holder.number])
     return found[1] if found else holder.belief
 
 
@@ -112,7 +112,7 @@ def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> Ho
     recording, standing = flight.recording, flight.history.tracks[k] == id_
     holds = np.flatnonzero(standing[:, person]).tolist()
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
-    found = track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
+    found = find_track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
     return HoldingTrack(
         number=recording.track_numbers[id_],
         holds=tuple(holds),
@@ -124,7 +124,7 @@ def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> Ho
     )
 
 
-def track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> tuple[int, Gaussian, float] | None:
+def find_track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> tuple[int, Gaussian, float] | None:
     """The first of the UAVs that has a track after scan k, its belief and existence (NaN if the tracker has none)."""
     for i in uavs:
         for track, existence in zip(recording.tracks_at(k, i), recording.existence_at(k, i).tolist(), strict=True):

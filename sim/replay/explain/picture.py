@@ -8,9 +8,9 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, write
-from sim.drawing.map_view import MapView, map_extent
+from sim.drawing.map_view import MapView, measure_map
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
-from sim.drawing.strokes import disc, stroke
+from sim.drawing.strokes import draw_disc, draw_line
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
@@ -102,7 +102,7 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
 
     The second value is True if there are tracks on it.
     """
-    recording, metres = facts.flight.recording, np.array(map_extent(facts.flight.scenario))
+    recording, metres = facts.flight.recording, np.array(measure_map(facts.flight.scenario))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
@@ -123,7 +123,7 @@ def _draw_person(view: MapView, image: Image, labels: Labels, facts: PersonFacts
     labels.reserve(pixels(facts.place), 16.0)
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):
         place = pixels(recording.trees[tree, :2])
-        disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
+        draw_disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
         labels.put(f"tree {tree}", place, TextStyle(13, INK, True, PANEL))
     labels.put(f"person {facts.person}", pixels(facts.place), TextStyle(13, INK, True, PANEL))
 
@@ -137,9 +137,9 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
         pieces = max(int(math.dist(*line) / 7.0), 1)
         dots = line[0] + np.linspace(0, 1, pieces + 1)[:, None] * (line[1] - line[0])
         for n in range(0, pieces, 2 if w.sighting.hidden_by else 1):
-            stroke(image, dots[n : n + 2], uav_colour(w.uav), thickness=2)
-    disc(image, person, 14.0, PANEL, 5)
-    disc(image, person, 14.0, INK, 2)
+            draw_line(image, dots[n : n + 2], uav_colour(w.uav), thickness=2)
+    draw_disc(image, person, 14.0, PANEL, 5)
+    draw_disc(image, person, 14.0, INK, 2)
 
 
 def _draw_words(groups: Sequence[TextGroup], shown: set[str]) -> Image:

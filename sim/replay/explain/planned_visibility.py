@@ -7,7 +7,7 @@ import numpy as np
 from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import make_planned_motion
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import make_known_forest, vehicles_at
+from sim.replay.recorded_fleet import make_known_forest, make_vehicles
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
@@ -68,7 +68,7 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
     step, begun = setting.rates.plan_step, setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
-    vehicle = vehicles_at(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]
+    vehicle = make_vehicles(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]
     flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
     corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
     camera = Pose(vehicle.position, vehicle.attitude)

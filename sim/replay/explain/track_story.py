@@ -12,12 +12,12 @@ import numpy as np
 from sim.drawing.lettering import TextGroup
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import make_tracker_parameters
-from sim.replay.event import UNMATCHED, Event, find_ends
-from sim.replay.explain.explanation import format_place, percent_text, source_text
+from sim.replay.event import UNMATCHED, Event, find_ends, format_times
+from sim.replay.explain.explanation import format_percent, format_place, name_source
 from sim.replay.explain.observation import Observer
-from sim.replay.explain.person import track_at
+from sim.replay.explain.person import find_track_at
 from sim.replay.fades import tell_fade
-from sim.replay.history import fleet_text
+from sim.replay.history import name_fleet
 from tracking.account import Deletion, Origin
 from tracking.errors import spell
 from tracking.filter.kalman import Gaussian
@@ -45,14 +45,6 @@ class TrackMeasurement(NamedTuple):
     place: Array  # (2,) m
 
 
-class DeletionBySome(NamedTuple):
-    """Deletion of a track by some of the UAVs, for one reason."""
-
-    k: int
-    uavs: list[int]
-    reason: str
-
-
 class TrackFacts:
     """One track of a recording, with what its trackers tell about it."""
 
@@ -73,7 +65,7 @@ class TrackFacts:
 
     def held_at(self, k: int) -> tuple[int, Gaussian, float]:
         """The first UAV that has the track after scan k, its belief, and its existence (NaN if not estimated)."""
-        found = track_at(self.recording, k, range(self.recording.poses.shape[1]), self.id)
+        found = find_track_at(self.recording, k, range(self.recording.poses.shape[1]), self.id)
         assert found is not None
         return found
 
@@ -145,7 +137,7 @@ def _tell_birth(facts: TrackFacts) -> Iterator[str]:
             yield f"then from {_name_source(measured, facts)} at {facts.recording.times[measured.k]:.1f} s"
         yield f"confirmed at {when} by UAV {begun.uav}"
     if not births:
-        yield f"first held at {when} by {fleet_text(facts.holders(facts.first))}"
+        yield f"first held at {when} by {name_fleet(facts.holders(facts.first))}"
 
 
 def _tell_rival(begun: TrackMeasurement, facts: TrackFacts) -> Iterator[str]:
@@ -180,9 +172,8 @@ def _tell_fed(facts: TrackFacts) -> Iterator[str]:
     for (person, uav), found in sorted(sources.items(), key=lambda item: -len(item[1])):
         alarms = "false alarms" if facts.recording.labelled else "measurements"
         what = f"measurements of person {person}" if person >= 0 else alarms
-        first, last = (f"{facts.recording.times[k]:.1f}" for k in (found[0][0], found[-1][0]))
-        when = f"at {first} s" if first == last else f"{first} to {last} s"
-        mean = percent_text(float(np.mean([weight for _, weight in found])))
+        when = format_times(facts.recording.times[found[0][0]], facts.recording.times[found[-1][0]])
+        mean = format_percent(float(np.mean([weight for _, weight in found])))
         yield f"{what} from UAV {uav}: {_format_frames(len(found))}, {when}, weight {mean} in the mean"
     if not sources and not facts.observer.replay.note:
         yield "no measurement once it was confirmed"
@@ -211,7 +202,7 @@ def _tell_kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection, _ = facts.detections[-1]
-        source = f", {source_text(detection.person)}" * facts.recording.labelled
+        source = f", {name_source(detection.person)}" * facts.recording.labelled
         yield f"last detection at {times[detection.k]:.1f} s by UAV {detection.uav}{source}"
 
 
@@ -233,14 +224,14 @@ def _tell_deletion(facts: TrackFacts) -> Iterator[str]:
         return
     time, holders = f"{recording.times[last + 1]:.1f} s", facts.holders(last)
     if not recording.working[last + 1, holders].any():
-        yield f"at {time}, as {fleet_text(holders)} broke down"
+        yield f"at {time}, as {name_fleet(holders)} broke down"
         return
-    deletions = _find_deletions(facts)
-    if not deletions or deletions[0].k <= last:
-        met = not deletions and last + 1 < len(replay.states)
+    k, uavs_by_reason = _find_deletions(facts)
+    if k <= last:
+        met = not uavs_by_reason and last + 1 < len(replay.states)
         yield f"at {time}{', as UAVs that met had another track of its person' if met else ''}"
-    for k, uavs, reason in deletions:
-        yield f"at {recording.times[k]:.1f} s by {fleet_text(uavs)}: {reason}"
+    for reason, uavs in uavs_by_reason.items():
+        yield f"at {recording.times[k]:.1f} s by {name_fleet(uavs)}: {reason}"
     if fade := tell_fade(recording, facts.id, last):
         yield fade
     uav, own, _ = facts.held_at(last)
@@ -251,8 +242,11 @@ def _tell_deletion(facts: TrackFacts) -> Iterator[str]:
         yield f"track {near} was the nearest, {gap:.1f} m away"
 
 
-def _find_deletions(facts: TrackFacts) -> list[DeletionBySome]:
-    """The last deletions of the track, all of one scan; UAVs that were out of contact may delete it later."""
+def _find_deletions(facts: TrackFacts) -> tuple[int, dict[str, list[int]]]:
+    """The scan of the track's last deletions, and their UAVs by reason; -1 and none if no tracker tells.
+
+    UAVs that were out of contact may delete it later.
+    """
     for k in range(facts.last + 1, facts.first - 1, -1):
         reasons: defaultdict[str, list[int]] = defaultdict(list)
         for uav, account in facts.observer.replay.accounts_at(k):
@@ -260,8 +254,8 @@ def _find_deletions(facts: TrackFacts) -> list[DeletionBySome]:
                 if deletion.id == facts.id:
                     reasons[_tell_reason(deletion, facts)].append(uav)
         if reasons:
-            return [DeletionBySome(k, uavs, reason) for reason, uavs in reasons.items()]
-    return []
+            return k, reasons
+    return -1, {}
 
 
 def _tell_reason(deletion: Deletion, facts: TrackFacts) -> str:

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels, track_name
+from sim.drawing.labels import Labels, name_track
 from sim.drawing.lettering import Image, TextStyle, write
-from sim.drawing.map_view import ellipse, looks_down
-from sim.drawing.marks import cross, detection
+from sim.drawing.map_view import looks_down, outline_ellipse
+from sim.drawing.marks import draw_cross, draw_detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
-from sim.drawing.strokes import SHIFT, disc, draw_outline, stroke, to_fixed_point
-from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, outline_hidden_ground, silhouette
+from sim.drawing.strokes import SHIFT, draw_disc, draw_line, draw_outline, to_fixed_point
+from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, outline_cylinder, outline_hidden_ground
 from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
 
@@ -94,13 +94,13 @@ class _View:
 
     def _person(self, sighting: Sighting) -> Array:
         body = np.array([*sighting.place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT])
-        return np.asarray(self._scale * silhouette(self._sight.camera, self._sight.pose, body))
+        return np.asarray(self._scale * outline_cylinder(self._sight.camera, self._sight.pose, body))
 
     def _draw_measurements(self) -> None:
         scan = self._sight.snapshot.scans[self._sight.uav]
         detections = self._sight.snapshot.pixels[self._sight.uav]
         rings = [
-            self._pixels(np.vstack([z, ellipse(z, R)]))
+            self._pixels(np.vstack([z, outline_ellipse(z, R)]))
             for z, R in zip(scan.measurements, scan.covariances, strict=True)
         ]
         finite = [k for k, ring in enumerate(rings) if np.all(np.isfinite(ring))]
@@ -108,7 +108,7 @@ class _View:
             for k in finite if len(detections) else []:
                 found = self._scale * detections[k]
                 draw_outline(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
-                detection(self._image, found, max(5.0 * self._scale, 10.0))
+                draw_detection(self._image, found, max(5.0 * self._scale, 10.0))
         with self._drawing(_MEASUREMENT):
             for k in finite:
                 _draw_measurement(self._image, rings[k][0], rings[k][1:])
@@ -118,7 +118,7 @@ class _View:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             mean = track.belief.mean[:2]
             covariance = track.belief.covariance[:2, :2]
-            at, ring = self._pixels(mean[None])[0], self._pixels(ellipse(mean, covariance))
+            at, ring = self._pixels(mean[None])[0], self._pixels(outline_ellipse(mean, covariance))
             if np.all(np.isfinite(ring)):
                 _draw_track(self._image, at, ring, track.id)
                 self._labels.reserve(at, 10.0)
@@ -133,7 +133,7 @@ class _View:
             at = self._pixels(track.belief.mean[None, :2])[0]
             if np.all(np.isfinite(at) & (at >= 0) & (at <= self._image.shape[0])):
                 style = TextStyle(13, track_colour(track.id), True, PANEL)
-                self._labels.put(f"track {track_name(track)}", at, style)
+                self._labels.put(f"track {name_track(track)}", at, style)
 
     def _name_trees(self, hiding: Sequence[int]) -> None:
         for tree in hiding:
@@ -164,7 +164,7 @@ class _View:
     def _draw_scale(self, scale: _Scale) -> None:
         for colour, thickness in ((INK, 5), (PANEL, 2)):
             for line in scale.lines:
-                stroke(self._image, line, colour, thickness=thickness)
+                draw_line(self._image, line, colour, thickness=thickness)
         for text, (x, y) in scale.words.items():
             write(self._image, text, (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
 
@@ -181,14 +181,14 @@ def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
     """Draw the mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
     for k in range(0, len(ring), 6):
         draw_outline(image, ring[k : k + 4], DETECTION, INK)
-    disc(image, at, 4.0, INK)
-    disc(image, at, 2.5, DETECTION)
+    draw_disc(image, at, 4.0, INK)
+    draw_disc(image, at, 2.5, DETECTION)
 
 
 def _draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
     """Draw the mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
     draw_outline(image, ring, track_colour(track), PANEL, closed=True)
-    cross(image, at, track_colour(track))
+    draw_cross(image, at, track_colour(track))
 
 
 def _draw_truth(image: Image, outline: Array) -> None:
@@ -215,10 +215,10 @@ _SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 _DETECTION, _MEASUREMENT, TRACK = "detection", "measurement, 95 % ellipse", "track, 95 % ellipse"
 _TRUTH, _RIM, _HIDING_RIM = "truth: person", "rim of what trees hide", "tree that hides a person"
 _MARKS: dict[str, Mark] = {
-    _DETECTION: lambda image, at: detection(image, at, 10.0),
-    _MEASUREMENT: lambda image, at: _draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0]))),
-    TRACK: lambda image, at: _draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0),
-    _TRUTH: lambda image, at: _draw_truth(image, ellipse(at, np.diag([20.0, 20.0]))),
+    _DETECTION: lambda image, at: draw_detection(image, at, 10.0),
+    _MEASUREMENT: lambda image, at: _draw_measurement(image, at, outline_ellipse(at, np.diag([50.0, 20.0]))),
+    TRACK: lambda image, at: _draw_track(image, at, outline_ellipse(at, np.diag([50.0, 25.0])), 0),
+    _TRUTH: lambda image, at: _draw_truth(image, outline_ellipse(at, np.diag([20.0, 20.0]))),
     _RIM: lambda image, at: _draw_rim(image, [at + 9.0 * _SQUARE]),
     _HIDING_RIM: lambda image, at: _draw_rim(image, [at + 7.0 * _SQUARE], hiding=True),
 }

@@ -6,10 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sim.drawing.labels import track_name
+from sim.drawing.labels import name_track
 from sim.drawing.layout import GAP
 from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, write
-from sim.drawing.map_view import ellipse, looks_down
+from sim.drawing.map_view import looks_down, outline_ellipse
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import format_recording_title
@@ -30,7 +30,7 @@ _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's d
 _SLACK = 1e-6  # s, tolerance for typed times
 
 
-def draw(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
+def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotate`."""
     recording, scenario = rerenderer.recording, rerenderer.recording.setting
     sight = Sight.of(recording, k, uav)
@@ -67,7 +67,7 @@ def write_frames(
     with make_new_folder(out) as folder, Rerenderer(recording) as rerenderer:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
-            (folder / name).write_bytes(encode_png(draw(rerenderer, k, uav, size=size)))
+            (folder / name).write_bytes(encode_png(draw_frame_page(rerenderer, k, uav, size=size)))
             progress(k)
 
 
@@ -141,9 +141,9 @@ def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> l
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     tracks = [
-        f"track {track_name(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        f"track {name_track(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
-        for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
+        for ring in [np.hypot(*outline_ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]
     return [
         TextGroup("mission", [*notes, *error]),

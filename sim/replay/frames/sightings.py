@@ -62,7 +62,7 @@ class Sighting:
         pose = recording.camera_at(k, uav)
         people = recording.people[k]
         looked = bool(recording.frames_taken[k, uav])
-        inside, hiding = inside_and_hiding(camera, pose, people, recording.hiding_forest)
+        inside, hiding = find_inside_and_hiding(camera, pose, people, recording.hiding_forest)
         # Without a frame, geometry decides who would rather have been shown than not.
         free = detectable_shares(np.prod(1.0 - hiding, axis=1))
         pixels = recording.visible[k, uav] if looked else inside & (free >= 0.5)
@@ -110,7 +110,7 @@ class Sight:
         return Sight(scenario, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
-def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:
+def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:
     """Mask (M,) of people (M, 2) m, NaN if absent, inside a frame, and shares (M, T) of them that each tree hides."""
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
@@ -143,13 +143,13 @@ def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[li
         x, y, radius, bottom, top = cylinder[:5].tolist()
         if top < TARGET_HEIGHT:
             continue
-        outline = silhouette(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
+        outline = outline_cylinder(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
         if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.pixels):
             found[tree].append(outline)
     return found
 
 
-def silhouette(camera: Camera, pose: Pose, cylinder: Array) -> Array:
+def outline_cylinder(camera: Camera, pose: Pose, cylinder: Array) -> Array:
     """Outline in the image, pixels (N, 2), of a vertical cylinder (5,): x, y, radius, bottom, top [m].
 
     It is the convex hull of the two rims; parts nearer than `NEAR_PLANE` are cut off, so that it may be empty.

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from sim.drawing import palette
 from sim.drawing.layout import Parts
-from sim.drawing.map_view import MARGIN, TRAIL, footprint
+from sim.drawing.map_view import MARGIN, TRAIL, find_footprint
 from sim.evaluation.score import ELLIPSE
 from sim.recording.recording import Recording
-from sim.replay.event import IDENTITIES, lanes
+from sim.replay.event import IDENTITIES, assign_lanes
 from sim.replay.flight import Flight
-from sim.replay.timeline import timeline_rows
+from sim.replay.timeline import choose_rows
 from tracking.numerics.arrays import Array, Flags
 
 MOST_SCANS = 1500  # shown on a page
@@ -40,7 +40,7 @@ class Shown:
         return begin, max(begin, last // self.stride)
 
 
-def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
+def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     """The content of the page's JSON; parts: those of the film, or None without a film.
 
     Lists run over shown scans, then UAVs, then people or tracks; null means absent or broken down.
@@ -49,7 +49,7 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     shown = Shown.of(recording)
     every, rate = slice(None, None, shown.stride), scenario.rates.sensing / shown.stride
     view_texts = [history.view_texts(m)[every] for m in range(recording.people.shape[1])]
-    rows, folded = timeline_rows(history)
+    rows, folded = choose_rows(history)
     holders = history.tracks[every]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
     return {
@@ -59,48 +59,50 @@ def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "trail": round(TRAIL * rate),
         "times": _round(recording.times[every], 3),
         "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius, t.cover]) for t in recording.forest.trees],
-        "people": _with_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
+        "people": _put_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
         "headings": _round(np.nan_to_num(recording.headings[every])),
         "uavs": _round(recording.poses[every, :, :3]),
-        "views": _views(recording, every),
-        "tracks": _tracks(recording)[every],
+        "views": _list_views(recording, every),
+        "tracks": _list_tracks(recording)[every],
         "states": history.camera_states[every].tolist(),
         "texts": list(texts),
         "view_texts": [[texts[text] for text in column] for column in view_texts],
         "holds": history.hold_states[every].tolist(),
         "holders": recording.numbers_of(holders.ravel()).reshape(holders.shape).tolist(),
         "works": history.working[every].astype(int).tolist(),
-        "ospa": _with_nulls(
+        "ospa": _put_nulls(
             recording.ospa[every, :, 0], 3, np.isnan(recording.ospa[every, :, 0]) | (not recording.labelled)
         ),
         "rows": rows,
         "folded": folded,
-        "unmatched": [[e.kind, *shown.span(e.first, e.last), lane] for e, lane in lanes(events)],
+        "unmatched": [[e.kind, *shown.span(e.first, e.last), lane] for e, lane in assign_lanes(events)],
         "switches": [[shown.span(e.first, e.first)[0], e.person] for e in events if e.kind in IDENTITIES],
-        "plans": _plans(recording),
+        "plans": _list_plans(recording),
         "colours": {
-            **colours(),
-            "uavs": [css(colour) for colour in palette.UAV_COLOURS],  # further UAVs repeat these with other dashes
+            **list_colours(),
+            # Further UAVs repeat these with other dashes.
+            "uavs": [format_css(colour) for colour in palette.UAV_COLOURS],
             "uav_dashes": palette.UAV_DASHES,
-            "pale_uavs": [css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
-            "pale_false": css(palette.pale(palette.FALSE)),
-            "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
+            "pale_uavs": [format_css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
+            "pale_false": format_css(palette.pale(palette.FALSE)),
+            "tracks": [format_css(colour) for colour in palette.TRACK_COLOURS],
         },
         "film": None if parts is None else {"tiles": [[b.x, b.y, b.width, b.height] for b in parts.tiles.values()]},
     }
 
 
-def _views(recording: Recording, every: slice) -> list[list[list[float] | None]]:
+def _list_views(recording: Recording, every: slice) -> list[list[list[float] | None]]:
     """Corners x, y [m] of each camera's field of view on the ground; null if it has no bounds nearby."""
     scans, uavs = recording.poses.shape[:2]
-    found = [
-        [footprint(recording.setting, i, recording.camera_at(k, i)) for i in range(uavs)] for k in range(scans)[every]
-    ]
-    corners = np.array([[np.full((4, 2), np.nan) if view is None else view for view in row] for row in found])
-    return _with_nulls(corners.reshape(-1, uavs, 8), 2, np.isnan(corners[:, :, 0, 0]))
+    corners = np.full((len(range(scans)[every]), uavs, 4, 2), np.nan)
+    for row, k in zip(corners, range(scans)[every], strict=True):
+        for i in range(uavs):
+            view = find_footprint(recording.setting, i, recording.camera_at(k, i))
+            row[i] = np.nan if view is None else view
+    return _put_nulls(corners.reshape(-1, uavs, 8), 2, np.isnan(corners[:, :, 0, 0]))
 
 
-def _tracks(recording: Recording) -> list[dict[str, Any]]:
+def _list_tracks(recording: Recording) -> list[dict[str, Any]]:
     """Rows of the tracks of each scan, equal ones of several UAVs once, and each UAV's as indices into these rows.
 
     A row has the number of the track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is
@@ -121,7 +123,7 @@ def _tracks(recording: Recording) -> list[dict[str, Any]]:
     return found
 
 
-def _plans(recording: Recording) -> dict[str, Any]:
+def _list_plans(recording: Recording) -> dict[str, Any]:
     """Times [s] from which plans are flown, duration [s] of a step, and velocities [m/s] of each UAV's steps."""
     setting = recording.setting
     return {
@@ -131,18 +133,18 @@ def _plans(recording: Recording) -> dict[str, Any]:
     }
 
 
-def colours() -> dict[str, str]:
+def list_colours() -> dict[str, str]:
     """Colours of the palette in CSS, by their names in lower case."""
     named = {name.lower(): value for name, value in vars(palette).items() if name.isupper()}
-    return {name: css(v) for name, v in named.items() if isinstance(v, tuple) and isinstance(v[0], int)}
+    return {name: format_css(v) for name, v in named.items() if isinstance(v, tuple) and isinstance(v[0], int)}
 
 
-def css(colour: palette.Colour) -> str:
+def format_css(colour: palette.Colour) -> str:
     """A colour in CSS."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _with_nulls(values: Array, digits: int, without: Flags) -> list[list[Any]]:
+def _put_nulls(values: Array, digits: int, without: Flags) -> list[list[Any]]:
     """Rounded values (K, N, ...) as lists, with null at the places (K, N) without a value."""
     rows = zip(_round(np.nan_to_num(values), digits), without.tolist(), strict=True)
     return [[None if gone else value for value, gone in zip(*row, strict=True)] for row in rows]

@@ -24,8 +24,8 @@ from sim.recording.atomic_files import write_whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, sort_by_severity
 from sim.replay.flight import Flight
-from sim.replay.link_outages import link_outages
-from sim.replay.page.data import Shown, colours, page_data
+from sim.replay.link_outages import summarise_outages
+from sim.replay.page.data import Shown, list_colours, make_page_data
 from sim.replay.redrawn_film import shrink_film
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.scenario import Scenario
@@ -54,10 +54,10 @@ def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None,
     page.
     """
     with write_whole(path) as part:
-        part.write_text(page(flight, video=video, place=place), encoding="utf-8")
+        part.write_text(make_page(flight, video=video, place=place), encoding="utf-8")
 
 
-def omission(recording: Recording) -> str:
+def describe_omission(recording: Recording) -> str:
     """What the page of a long mission leaves out, in words; "" for nothing."""
     shown = Shown.of(recording)
     if shown.stride == 1:
@@ -69,42 +69,40 @@ def omission(recording: Recording) -> str:
     )
 
 
-def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
+def make_page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
     """The text of a mission's page; arguments as in `write_page`."""
     recording, scenario, events = flight.recording, flight.scenario, flight.events
     shown = Shown.of(recording)
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
-        _check(film, recording)
+        _check_film(film, recording)
         film = None if shown.stride > 1 else shrink_film(film, _FILM) if len(film) > _LARGE_FILM else film
-    data = page_data(flight, None if film is None else lay_out_parts(scenario))
+    data = make_page_data(flight, None if film is None else lay_out_parts(scenario))
     listed = (*UNHELD, *UNMATCHED, *IDENTITIES) if recording.labelled else ("track deleted",)
     lost = sort_by_severity(event for event in events if event.kind in listed)
-    incidents = [event for event in events if event.kind in INCIDENTS]
-    incidents += link_outages(events, recording.times)
-    incidents.sort(key=lambda event: event.time)
-    style, script = _style(), _script()
-    policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
-    return Template(_asset("page.html")).substitute(
-        policy=policy,
+    incidents = summarise_outages(events, recording.times, also=INCIDENTS)
+    style, script = _make_style(), _join_scripts()
+    sources = f"style-src {_hash_source(style)}; script-src {_hash_source(script)}"
+    return Template(_read_asset("page.html")).substitute(
+        policy=f"default-src 'none'; img-src data:; media-src data:; {sources}",
         title=escape(format_recording_title(recording)),
-        omission="".join(f"<p>{escape(text)}</p>" for text in [omission(recording)] if text),
-        warnings=_warnings(recording, [event for event in incidents if event.kind == "fault"]),
-        facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording)),
-        settings=_settings(scenario),
-        film="" if film is None else _film(film),
+        omission="".join(f"<p>{escape(text)}</p>" for text in [describe_omission(recording)] if text),
+        warnings=_list_warnings(recording, [event for event in incidents if event.kind == "fault"]),
+        facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _list_facts(recording)),
+        settings=_list_settings(scenario),
+        film="" if film is None else _embed_film(film),
         losses_title="Losses, false and switched tracks" if recording.labelled else "Tracks that faded",
         lost=len(lost),
         losses=_list_events("losses", lost, recording, shown, place),
         count=len(incidents),
         incidents=_list_events("incidents", incidents, recording, shown, place),
-        data=_json(data),
+        data=_encode_json(data),
         style=style,
         script=script,
     )
 
 
-def _check(film: bytes, recording: Recording) -> None:
+def _check_film(film: bytes, recording: Recording) -> None:
     """InputError unless the film has the size and the number of frames of this recording's film."""
     try:
         with av.open(io.BytesIO(film)) as container:
@@ -118,32 +116,32 @@ def _check(film: bytes, recording: Recording) -> None:
         raise InputError(f"video: is {sizes[0]}, that of the recording is {sizes[1]}")
 
 
-def _asset(name: str) -> str:
+def _read_asset(name: str) -> str:
     return (files("sim.replay.page") / name).read_text(encoding="utf-8")
 
 
-def _style() -> str:
-    variables = "".join(f" --{name}: {colour};" for name, colour in colours().items())
-    return f":root {{ color-scheme: light;{variables} }}{_asset('page.css')}"
+def _make_style() -> str:
+    variables = "".join(f" --{name}: {colour};" for name, colour in list_colours().items())
+    return f":root {{ color-scheme: light;{variables} }}{_read_asset('page.css')}"
 
 
-def _script() -> str:
+def _join_scripts() -> str:
     """All scripts as one, in its own scope."""
-    return '"use strict";\n(() => {\n' + "\n".join(map(_asset, _SCRIPTS)) + "})();\n"
+    return '"use strict";\n(() => {\n' + "\n".join(map(_read_asset, _SCRIPTS)) + "})();\n"
 
 
-def _hash(text: str) -> str:
+def _hash_source(text: str) -> str:
     """The source expression with which a content security policy allows only this inline text."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def _json(data: object) -> str:
+def _encode_json(data: object) -> str:
     """JSON without characters that an HTML parser would interpret."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
-def _film(film: bytes) -> str:
+def _embed_film(film: bytes) -> str:
     source = f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
     return (
         '<video id="film" muted playsinline preload="auto" aria-label="The whole film: map and cameras" '
@@ -151,7 +149,7 @@ def _film(film: bytes) -> str:
     )
 
 
-def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
+def _list_warnings(recording: Recording, faults: Sequence[Event]) -> str:
     """Warnings about the results: the part that was not flown, and the first faults of planner and detector."""
     lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_MOST_FAULTS]]
     if (more := len(faults) - _MOST_FAULTS) > 0:
@@ -161,22 +159,23 @@ def _warnings(recording: Recording, faults: Sequence[Event]) -> str:
     return "\n".join(f'<p class="warning">{escape(line)}</p>' for line in lines)
 
 
-def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
+def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     """Facts for the top of the page: results first, then the setting."""
     outcome = Outcome(recording)
     scenario = recording.setting
     for label, metric in _RESULTS.items() if recording.labelled else ():
         yield label, METRICS[metric].with_unit(METRICS[metric](outcome))
-    if name := _packaged_name(scenario):
+    if name := _find_packaged_name(scenario):
         yield "scenario", name
     yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
     trees = recording.forest.trees
     porous = [t.leaf_area_density for t in trees if math.isfinite(t.leaf_area_density)]
-    leaves = f", leaf area {_span(porous)}²/m³ in {len(porous)}" if porous else ""
-    yield "trees", str(len(trees)) + (f", canopies of {_span(t.canopy_radius for t in trees)}{leaves}" if trees else "")
+    leaves = f", leaf area {_format_span(porous)}²/m³ in {len(porous)}" if porous else ""
+    canopies = f", canopies of {_format_span(t.canopy_radius for t in trees)}{leaves}" if trees else ""
+    yield "trees", f"{len(trees)}{canopies}"
     yield "people", str(recording.people.shape[1]) if recording.labelled else "unknown"
     limited = scenario.sensing.field_of_view == "camera"
-    views = f"views of {_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
+    views = f"views of {_format_span(uav.footprint for uav in scenario.uavs)}" if limited else "unlimited views"
     yield "UAVs", f"{len(scenario.uavs)}, {views}"
     yield "sensing", scenario.sensing.mode
     loss = f", loss {100 * scenario.network.loss:g} %" if scenario.network.loss else ""
@@ -187,36 +186,36 @@ def _facts(recording: Recording) -> Iterable[tuple[str, str]]:
     yield "page by", f"understory {version('understory')}"
 
 
-def _span(lengths: Iterable[float]) -> str:
+def _format_span(lengths: Iterable[float]) -> str:
     """The least and the largest of some lengths [m] in words."""
     known = set(lengths)
     return " to ".join(spell(length, 3) for length in sorted({min(known), max(known)})) + " m"
 
 
-def _packaged_name(scenario: Scenario) -> str | None:
+def _find_packaged_name(scenario: Scenario) -> str | None:
     """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
     settings = msgspec.to_builtins(scenario)
     flown = {"duration": scenario.duration}
     return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
 
 
-def _settings(scenario: Scenario) -> str:
+def _list_settings(scenario: Scenario) -> str:
     """Settings that differ from the defaults, folded because a fleet or paths of people are long."""
-    own = [_fleet(scenario) if text.startswith("uavs=") else text for text in list_changes(scenario)]
+    own = [_format_fleet(scenario) if text.startswith("uavs=") else text for text in list_changes(scenario)]
     if not own:
         return '<p class="settings">All settings are the defaults.</p>'
     summary = f"<summary>Settings other than the defaults: {len(own)}</summary>"
-    return f'<details class="settings">{summary}{_codes(own)}</details>'
+    return f'<details class="settings">{summary}{_make_codes(own)}</details>'
 
 
-def _fleet(scenario: Scenario) -> str:
+def _format_fleet(scenario: Scenario) -> str:
     """The fleet in the form of `--set`: a line for each UAV, without defaults."""
     default = msgspec.to_builtins(Uav(start=(math.nan, math.nan)))
     rows = [{k: v for k, v in msgspec.to_builtins(uav).items() if v != default[k]} for uav in scenario.uavs]
     return "\n".join(["uavs=[", *(f"  {format_value(row)}," for row in rows), "]"])
 
 
-def _codes(lines: Iterable[str]) -> str:
+def _make_codes(lines: Iterable[str]) -> str:
     return "".join(f"<code>{escape(line)}</code>" for line in lines)
 
 
@@ -224,15 +223,15 @@ def _list_events(name: str, events: Sequence[Event], recording: Recording, shown
     """A list of events as buttons, each with the commands that explain it."""
     if not events:
         return f'<p id="{name}">None.</p>'
-    items = "\n".join(_item(event, recording, shown, place) for event in events)
+    items = "\n".join(_make_item(event, recording, shown, place) for event in events)
     return f'<ol class="events" id="{name}">\n{items}\n</ol>'
 
 
-def _item(event: Event, recording: Recording, shown: Shown, place: str) -> str:
+def _make_item(event: Event, recording: Recording, shown: Shown, place: str) -> str:
     first, last = shown.span(event.first, event.last)
     person = "" if event.person is None else f' data-person="{event.person}"'
     why = f"<p>{escape(event.why)}</p>" if event.why else ""
-    commands = _codes(_commands(event, recording, place))
+    commands = _make_codes(_list_commands(event, recording, place))
     more = f"<details><summary>Look closer</summary>{commands}</details>" if commands else ""
     return (
         f'<li data-first="{first}" data-last="{last}"{person}>'
@@ -240,7 +239,7 @@ def _item(event: Event, recording: Recording, shown: Shown, place: str) -> str:
     )
 
 
-def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
+def _list_commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
     time = f"{recording.times[event.first]:.9g}"
     folder = shlex.quote(place)
     if event.track is not None:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from sim.drawing.labels import number_snapshot, track_name
+from sim.drawing.labels import name_track, number_snapshot
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, lighten, track_colour
 from sim.drawing.tiles import draw_broken
@@ -87,7 +87,7 @@ class Cameras:
             marks[shown],
             radii=rr.Radius.ui_points(3),
             colors=[lighten(track_colour(tracks[j].id)) for j in shown],
-            labels=[track_name(tracks[j]) for j in shown],
+            labels=[name_track(tracks[j]) for j in shown],
             show_labels=True,
         )
         self._stream.log(f"world/camera/{uav}/tracks", points)

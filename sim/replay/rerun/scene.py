@@ -11,8 +11,8 @@ import rerun as rr
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import number_snapshot, track_name
-from sim.drawing.map_view import ellipse
+from sim.drawing.labels import name_track, number_snapshot
+from sim.drawing.map_view import outline_ellipse
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, lighten, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
@@ -151,19 +151,19 @@ class Scene:
     def _log_tracks(self, uav: int, tracks: Sequence[Track], *, named: bool) -> None:
         """Log 95 % ellipses of one UAV's tracks at the mid-height of people, with numbers if `named`."""
         colours = [lighten(track_colour(track.id)) for track in tracks]
-        rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
+        rings = [outline_ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
             [_lift(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
             colors=colours,
             radii=0.08,
-            labels=[f"track {track_name(track)}" for track in tracks],
+            labels=[f"track {name_track(track)}" for track in tracks],
             show_labels=False,
         )
         marks = rr.Points3D(
             _lift(beliefs_of(tracks).means[:, :2], TARGET_HEIGHT),
             radii=0.15,
             colors=colours,
-            labels=[*map(track_name, tracks)],
+            labels=[*map(name_track, tracks)],
             show_labels=named,
         )
         self._stream.log(f"world/tracks/{uav}/ellipses", lines)

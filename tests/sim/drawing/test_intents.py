@@ -10,7 +10,7 @@ from sim.drawing.map_view import MapView
 from sim.drawing.palette import uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.replay.flight import Flight
-from sim.replay.page.data import page_data
+from sim.replay.page.data import make_page_data
 
 DELAYS = [0.0, 1.0, 3.4]
 STEPS = np.array([[3.0, 4.0], [-4.0, 3.0], [0.0, -5.0]])  # m/s, of each UAV, which turns each second
@@ -73,7 +73,7 @@ def test_the_map_rings_the_end_of_what_is_flown(delayed):
 
 def test_the_page_has_the_times_when_plans_are_due(delayed):
     delay, recording = delayed
-    times = page_data(Flight(recording), None)["plans"]["times"]
+    times = make_page_data(Flight(recording), None)["plans"]["times"]
     np.testing.assert_allclose(times, np.arange(7) + delay)
 
 

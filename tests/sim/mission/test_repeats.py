@@ -8,7 +8,7 @@ from helpers.flights import mission_of, recorded
 
 from sim.mission.world_setup import make_forest_and_people
 from sim.recording.archive import load as load_recording
-from sim.replay.recorded_fleet import links_of
+from sim.replay.recorded_fleet import find_recorded_links
 from sim.scenario.loading import load
 from sim.study.study import adapt_study, read_study
 from sim.study.tasks import list_tasks
@@ -37,10 +37,10 @@ def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recording
     again = flown(2)
     assert again.measurements.tobytes() == others[1].measurements.tobytes()
     assert again.track_means.tobytes() == others[1].track_means.tobytes()
-    lost = [np.array([links.lost for links in links_of(r)]) for r in recordings]
+    lost = [np.array([links.lost for links in find_recorded_links(r)]) for r in recordings]
     assert not np.array_equal(lost[0], lost[1])
     forgotten = flown(0)
-    np.testing.assert_array_equal(lost[0], np.array([links.lost for links in links_of(forgotten)]))
+    np.testing.assert_array_equal(lost[0], np.array([links.lost for links in find_recorded_links(forgotten)]))
 
 
 def test_a_map_is_what_the_seed_gives_and_looks_the_same():

@@ -18,11 +18,11 @@ from sim.mission import mission
 from sim.mission.radio import RadioLinks
 from sim.replay import events
 from sim.replay.event import KINDS, UNHELD, format_times, sort_by_severity
-from sim.replay.events import events_of
+from sim.replay.events import find_events
 from sim.replay.explain.explanation import find_stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
-from sim.replay.recorded_fleet import links_of
+from sim.replay.recorded_fleet import find_recorded_links
 from sim.scenario.scenario import encode_scenario
 from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
@@ -190,7 +190,7 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
     parts["inside"][1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
     parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
     parts["shown"][4, 1, 0] = True
-    found = events_of(recording, replace(history, hidden_by=hidden_by, **parts))
+    found = find_events(recording, replace(history, hidden_by=hidden_by, **parts))
     (lost,) = (e for e in found if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
@@ -207,7 +207,7 @@ def test_a_cause_names_the_uavs_that_had_it_at_its_scans():
     inside[1, 0, 0] = inside[2:, :, 0] = True
     trees[1, 0, 0], trees[2, :, 0], trees[3, 1, 0] = 31, (32, 31), 32
     history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
-    (lost,) = (e for e in events_of(recording, history) if e.kind == "person lost")
+    (lost,) = (e for e in find_events(recording, history) if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAV 0 (0.2 s); hidden by tree 31 from UAV 1, by tree 32 from UAV 0 (0.2 s); "
         "hidden by tree 32 from UAV 1; not shown to UAV 0, though no tree is in the way (0.2 s); track 0 is gone"
@@ -232,7 +232,7 @@ def test_the_longest_three_causes_of_a_loss_are_told():
     trees[1:, 0, 0] = 4, 5, 5, 6, 6, 7, 7
     none, inside = np.zeros(trees.shape, dtype=np.bool_), trees >= 0
     history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
-    (lost,) = (e for e in events_of(recording, history) if e.kind == "person lost")
+    (lost,) = (e for e in find_events(recording, history) if e.kind == "person lost")
     causes = [f"hidden by tree {tree} from UAV 0 (0.4 s)" for tree in (5, 6, 7)]
     assert lost.why == "; ".join([*causes, "track 0 is gone"])
 
@@ -285,7 +285,7 @@ def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatc
     silent = np.array([[[True, True], [False, True]]])  # of one round; nothing of UAV 1 reaches UAV 0
     heard, unheard = RadioLinks(pair, ~pair[None]), RadioLinks(pair, silent)
     scans = [heard, *[unheard] * 3, RadioLinks(none, silent), *[unheard] * 2, heard]
-    monkeypatch.setattr(events, "links_of", lambda _: scans)
+    monkeypatch.setattr(events, "find_recorded_links", lambda _: scans)
     assert [e[:2] for e in told(recording, ()) if e[1].startswith(("link", "messages"))] == [
         (0.2, "messages lost"),
         (0.8, "link lost"),
@@ -302,7 +302,7 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     monkeypatch.setattr(mission, "RadioLinks", lambda *parts: flown.append(RadioLinks(*parts)) or flown[-1])
     options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
     recording = recorded_flight(*options, seed=5, duration=4)
-    again = links_of(recording)
+    again = find_recorded_links(recording)
     assert len(again) == len(flown) == 21
     silent = 0
     for now, then, working in zip(again, flown, recording.working, strict=True):

@@ -17,7 +17,7 @@ from sim.recording.archive import save
 from sim.recording.recording import FIELDS
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight, load
-from sim.replay.frames.frame_panels import draw
+from sim.replay.frames.frame_panels import draw_frame_page
 from sim.replay.frames.rerender import Rerenderer
 from tracking.errors import InputError
 
@@ -121,7 +121,7 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     np.testing.assert_allclose(drawn - 0.5, view.pixels(place), atol=0.01)
     shown = flight.frame_figure(3.0, uav=2).axes[0].get_images()[0].get_array()
     with Rerenderer(flight.recording) as again:
-        np.testing.assert_array_equal(shown, draw(again, 15, 2, size=640))
+        np.testing.assert_array_equal(shown, draw_frame_page(again, 15, 2, size=640))
 
 
 @pytest.mark.parametrize(

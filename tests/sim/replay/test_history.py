@@ -8,7 +8,7 @@ from helpers.recordings import broken, record
 
 import understory
 from sim.evaluation.holding import HOLDS, Holding
-from sim.replay.frames.sightings import Sight, inside_and_hiding
+from sim.replay.frames.sightings import Sight, find_inside_and_hiding
 from sim.replay.history import STATES, History
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -82,10 +82,13 @@ def test_each_tree_hides_by_itself():
     points = np.column_stack([rng.uniform(-25, 25, (200, 2)), np.full(200, 0.85)])
     alone = np.stack([~Forest((tree,)).visible(camera, points)[0] for tree in trees], axis=1)
     frame = Camera(ALL_ROUND, 128), Pose.level(*camera), points[:, :2]
-    inside, hiding = inside_and_hiding(*frame, Forest(trees))
+    inside, hiding = find_inside_and_hiding(*frame, Forest(trees))
     np.testing.assert_array_equal(hiding, alone)
     assert (
-        inside.all() and alone.any() and not alone.all() and inside_and_hiding(*frame, Forest(()))[1].shape == (200, 0)
+        inside.all()
+        and alone.any()
+        and not alone.all()
+        and find_inside_and_hiding(*frame, Forest(()))[1].shape == (200, 0)
     )
 
 

@@ -12,11 +12,11 @@ from matplotlib.collections import PolyCollection
 from sim.drawing.palette import FALSE
 from sim.drawing.plots import rgb
 from sim.recording.archive import save
-from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
+from sim.replay.event import IDENTITIES, UNMATCHED, Event, assign_lanes
 from sim.replay.flight import Flight
 from sim.replay.history import History
-from sim.replay.page.page import page
-from sim.replay.timeline import timeline_figure
+from sim.replay.page.page import make_page
+from sim.replay.timeline import draw_timeline
 
 ALL = (0, 1, 2)
 
@@ -54,7 +54,7 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
     assert (event.kind, event.when, math.isinf(event.until)) == ("duplicate track", "from 0.2 s to the end", True)
     spans = ((0, 5), (2, 3), (4, 9), (6, 7), (7, 8))
     events = [Event("false track", "", first, last, first, last) for first, last in spans]
-    assert [lane for _, lane in lanes(events)] == [
+    assert [lane for _, lane in assign_lanes(events)] == [
         0,
         1,
         1,
@@ -64,7 +64,7 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
 
 
 def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
-    figure = timeline_figure(History.of(mission), mission.ospa, Flight(mission).events)
+    figure = draw_timeline(History.of(mission), mission.ospa, Flight(mission).events)
     (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
     shades = [tuple(face[:3]) for face in boxes.get_facecolors()]
     at = [path.vertices[:, 0] for path, s in zip(boxes.get_paths(), shades, strict=True) if s == rgb(FALSE)]
@@ -76,7 +76,7 @@ def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
 
 
 def test_the_page_lists_and_marks_them(mission):
-    text = page(Flight(mission), place="runs/one")
+    text = make_page(Flight(mission), place="runs/one")
     sheet = Page(text)
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]

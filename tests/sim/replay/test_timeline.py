@@ -15,7 +15,7 @@ from sim.evaluation.holding import HOLDS, NO_TRACK, Episode, find_episodes
 from sim.replay.event import Event
 from sim.replay.flight import Flight
 from sim.replay.history import BROKEN, STATES, History
-from sim.replay.timeline import timeline_figure, timeline_rows
+from sim.replay.timeline import choose_rows, draw_timeline
 
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
@@ -61,20 +61,20 @@ def event(kind, first, last, **concerned):
 def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
     events = [event("false track", 0, 2, track=3)]
-    found = shades(timeline_figure(made, np.ones((4, 2, 3)), events))
+    found = shades(draw_timeline(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
              for colour in (LOST, HIDDEN, FALSE, uav_colour(0), uav_colour(1))}  # fmt: skip
     assert spans[LOST] == [pytest.approx((0.2, 0.6))] and spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
     assert spans[FALSE] == [pytest.approx((0.0, 0.6))]
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
     calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
-    title = timeline_figure(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
+    title = draw_timeline(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
     assert title.endswith("100.0 % of the time, never lost")
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
-    title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
+    title = draw_timeline(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
     assert title == "People held 50.0 % of the time, lost once, at worst person 0 for 0.4 s from 0.2 s"
     apart = history(["x---"] * 2, ["x---"] * 2, ["x---"] * 2, [[1, -1, -1, 1], [1, 1, -1, -1]])
-    assert "held 50.0 %" in timeline_figure(apart, np.ones((4, 2, 3)), ()).axes[0].get_title("left")
+    assert "held 50.0 %" in draw_timeline(apart, np.ones((4, 2, 3)), ()).axes[0].get_title("left")
 
 
 def legend_of(figure):
@@ -94,21 +94,21 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
         "lost",
         "not found yet",
     ]
-    assert legend_of(timeline_figure(made, np.ones((4, 2, 3)), ())) == everything
+    assert legend_of(draw_timeline(made, np.ones((4, 2, 3)), ())) == everything
     events = [event("false track", 0, 1, track=3), event("identity switch", 2, 2, person=0)]
-    assert legend_of(timeline_figure(made, np.ones((4, 2, 3)), events)) == [
+    assert legend_of(draw_timeline(made, np.ones((4, 2, 3)), events)) == [
         *everything,
         "false track",
         "track switched",
     ]
     calm = history(["--"] * 8, ["--"] * 8, ["--"] * 7 + ["xx"], [[1, 1]] * 8)
     words = ["seen: lanes are the UAVs in brackets", "held by all"]
-    assert legend_of(timeline_figure(calm, np.ones((2, 8, 3)), ())) == words
+    assert legend_of(draw_timeline(calm, np.ones((2, 8, 3)), ())) == words
 
 
 def test_breakdowns_at_one_time_are_named_beneath_one_another():
     recording = broken(broken(record(6, uavs=3), 0, 3), 2, 3)
-    figure = timeline_figure(History.of(recording), recording.ospa, Flight(recording).events)
+    figure = draw_timeline(History.of(recording), recording.ospa, Flight(recording).events)
     figure.draw_without_rendering()
     one, other = (text.get_window_extent() for text in figure.axes[1].texts if "broke down" in text.get_text())
     assert not one.overlaps(other)
@@ -131,12 +131,12 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
         tracks=np.where(lost, -1, person),
         gaps=np.full((60, 60), NO_TRACK),
     )
-    rows, folded = timeline_rows(made)
+    rows, folded = choose_rows(made)
     assert [row.person for row in rows] == list(range(59, 59 - len(rows), -1))
     assert folded == list(range(60 - len(rows))) and folded and len(rows) > 10
     assert all(row.uavs == ([1] if row.person % 2 else [1, 8]) for row in rows)
     events = [event("false track", 0, 59, track=k) for k in range(80)]
-    figure = timeline_figure(made, np.ones((60, 9, 3)), events)
+    figure = draw_timeline(made, np.ones((60, 9, 3)), events)
     assert figure.get_figheight() < 15
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert labels[:2] == ["person 59 (1)", "person 58 (1, 8)"] and len(labels) == len(rows) + 2
@@ -157,7 +157,7 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording = record(scans, uavs=uavs, people=people)
     recording = broken(recording, 0, scans // 2 + 1)
-    figure = timeline_figure(History.of(recording), recording.ospa, Flight(recording).events)
+    figure = draw_timeline(History.of(recording), recording.ospa, Flight(recording).events)
     labels = [text.get_text().partition(" (")[0] for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = legend_of(figure)

@@ -58,7 +58,7 @@ def test_trackers_do_and_tell_again_what_they_did_in_flight(case):
     replay = replay_tracking(recording)
     assert replay.note == "" and len(replay.states) == len(recording.times)
     for k, i in np.ndindex(*recording.working.shape):
-        again = replay.states[k][i]
+        again = replay.states[k].get(i)
         assert (again is not None) == recording.working[k, i]
         if again is not None:
             assert (told(again.account), again.motion) == states[k][i]

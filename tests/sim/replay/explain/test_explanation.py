@@ -15,7 +15,7 @@ from helpers.recordings import broken
 from sim.drawing.lettering import measure_width
 from sim.recording.archive import save
 from sim.replay.explain import picture
-from sim.replay.explain.explanation import explain_person, find_stretches, percent_text
+from sim.replay.explain.explanation import explain_person, find_stretches, format_percent
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
@@ -137,9 +137,9 @@ def test_the_words_of_an_explanation_agree_with_history_views_and_association(mi
             assert len(told) == (np.count_nonzero(gated[:, found]) if w.found else 0)
             for number, sigmas, weight in told:
                 t = numbers.index(int(number))
-                assert weight == percent_text(weights[t, found])
+                assert weight == format_percent(weights[t, found])
                 assert float(sigmas) == pytest.approx(made.distances()[t, found] ** 0.5, abs=0.051)
-            assert f"in plain view with {percent_text(made.before.visible[own])}" in text
+            assert f"in plain view with {format_percent(made.before.visible[own])}" in text
             others = gated[own] & (weights[own] >= 0.005) & (np.arange(len(made.measurements)) != found)
             assert text.count("too, weight") == np.count_nonzero(others)
     assert seen == {"in the gate of track", "not detected", "too, weight"}
@@ -367,7 +367,7 @@ def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
                     kinds["none"] += 1
                     continue
                 rows = np.flatnonzero(a.ids == own)
-                told = [(str(numbers[own]), percent_text(a.before.visible[t])) for t in rows]
+                told = [(str(numbers[own]), format_percent(a.before.visible[t])) for t in rows]
                 assert re.findall(r"expected track (\d+) in plain view with (.+)", lines) == told
                 assert set(re.findall(r"the gate of track (\d+) too", lines)) <= {str(numbers[own])}
                 kinds["too"] += "too, weight" in lines

@@ -12,7 +12,7 @@ from helpers.recordings import record
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import TextStyle
-from sim.drawing.map_view import ellipse
+from sim.drawing.map_view import outline_ellipse
 from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
 from sim.recording.recording import Recording
@@ -105,7 +105,7 @@ def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     seen = bare(scene(tracks=(Track(2, belief),)))
     view, shown = annotate(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
     assert shown == {"track, 95 % ellipse"}
-    ring = ellipse(belief.mean[:2], belief.covariance[:2, :2])
+    ring = outline_ellipse(belief.mean[:2], belief.covariance[:2, :2])
     points = np.column_stack([ring, np.full(len(ring), TARGET_HEIGHT)])
     on_it = 8 * seen.camera.project(seen.pose, points)[0]
     right = [tuple(view[y, x].tolist()) == track_colour(2) for x, y in np.floor(on_it).astype(int)]
@@ -187,7 +187,7 @@ def test_views_of_anything_can_be_drawn():
     for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
         recording = record(3, seed=0, **options)
         with Rerenderer(recording) as again:
-            page = frame_panels.draw(again, 2, 1, size=300)
+            page = frame_panels.draw_frame_page(again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
@@ -231,7 +231,7 @@ def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp
     with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
         find_scans(recording, 1.05, 1.15)
     monkeypatch.setattr(
-        frame_panels, "draw", lambda rerenderer, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
+        frame_panels, "draw_frame_page", lambda rerenderer, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
     )
     with pytest.raises(ZeroDivisionError):
         write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)

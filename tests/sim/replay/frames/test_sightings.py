@@ -9,7 +9,7 @@ from helpers import synthetic
 from helpers.poses import tilted
 
 from sim.recording.recorder import Recorder
-from sim.replay.frames.sightings import Sight, outline_hidden_ground, silhouette
+from sim.replay.frames.sightings import Sight, outline_cylinder, outline_hidden_ground
 from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -45,7 +45,7 @@ def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt, occlusion):
 
 def test_what_is_behind_the_camera_or_below_the_target_has_no_outline():
     upwards = Pose(np.array([0.0, 0.0, 20.0]), np.array([1.0, 0.0, 0.0, 0.0]))
-    assert silhouette(CAMERA, upwards, np.array([0.0, 0.0, 2.0, 3.0, 6.0])).shape == (0, 2)
+    assert outline_cylinder(CAMERA, upwards, np.array([0.0, 0.0, 2.0, 3.0, 6.0])).shape == (0, 2)
     assert outline_hidden_ground(CAMERA, upwards, Forest((Tree(0.0, 0.0),))) == [[]]
     forest = Forest((Tree(0.0, 0.0, 2.0, 0.3, 0.8),))
     assert outline_hidden_ground(CAMERA, Pose.level(0, 0, 20), forest) == [[]]

@@ -25,8 +25,8 @@ from sim.replay.flight import Flight
 from sim.replay.frames.frame_panels import find_scans
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
-from sim.replay.page.data import page_data
-from sim.replay.page.page import omission, page, write_page
+from sim.replay.page.data import make_page_data
+from sim.replay.page.page import describe_omission, make_page, write_page
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, encode_scenario
@@ -90,7 +90,7 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
 
 def test_commands_name_the_scan_of_an_event_at_any_rate():
     recording = lost_between_tenths()
-    sheet = Page(page(Flight(recording)))
+    sheet = Page(make_page(Flight(recording)))
     lines = [shlex.split(shown) for _, shown in sheet.of("code")]
     times = {line[line.index("--time") + 1] for line in lines if "--time" in line}
     assert "0.15" in times
@@ -129,30 +129,30 @@ def test_the_data_are_those_of_the_recording(mission, text):
 
 def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     five = flown(uavs=5)
-    data = data_of(page(Flight(five)))
+    data = data_of(make_page(Flight(five)))
     assert len(set(data["colours"]["uavs"][:5])) == 5
     assert data["holds"] == History.of(five).hold_states.tolist()
     assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
-    data = page_data(Flight(flown(scans=201)), None)
+    data = make_page_data(Flight(flown(scans=201)), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
 def test_porous_trees_are_on_the_page_with_their_leaves_and_cover(mission):
     density = np.where(np.arange(len(mission.trees)) % 2, np.inf, 0.4)
     porous = dataclasses.replace(mission, trees=np.column_stack([mission.trees, density]))
-    text = page(Flight(porous), video=None)
+    text = make_page(Flight(porous), video=None)
     count = len(density)
     assert [tree[4] for tree in data_of(text)["trees"]] == [1.0 if k % 2 else 0.45 for k in range(count)]
     assert f"{count}, canopies of 5 m, leaf area 0.4 m²/m³ in {(count + 1) // 2}" in text
-    assert "leaf area" not in page(Flight(mission), video=None)
+    assert "leaf area" not in make_page(Flight(mission), video=None)
 
 
 def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypatch, mission):
     monkeypatch.setattr("sim.replay.page.data.MOST_SCANS", 6)  # of 21: each fourth
-    text = page(Flight(mission), video=None)
+    text = make_page(Flight(mission), video=None)
     data = data_of(text)
     monkeypatch.undo()
-    whole = json.loads(json.dumps(page_data(Flight(mission), None)))
+    whole = json.loads(json.dumps(make_page_data(Flight(mission), None)))
     assert data["times"] == whole["times"][::4] and data["rate"] == 5 / 4 and data["trail"] == 4
     for name in ("people", "headings", "uavs", "views", "tracks", "states", "holds", "holders", "works", "ospa"):
         assert data[name] == whole[name][::4], name
@@ -161,14 +161,14 @@ def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypa
               for g, _ in Page(text).of("li") if "data-person" in g}  # fmt: skip
     assert firsts == {(2, 2, 2), (1, 2, 2), (0, 4, 5)}  # scans 5 to 9, 8, and 15 to 20
     said = "The page shows 6 of 21 scans, one each 0.8 s, and no film, because the mission is long"
-    assert said in text and omission(mission) == ""
+    assert said in text and describe_omission(mission) == ""
 
 
 def test_a_large_film_is_on_the_page_in_fewer_bytes_with_the_same_pictures(monkeypatch, tmp_path, mission, folder):
     film = (folder / "mission.mp4").read_bytes()
     monkeypatch.setattr("sim.replay.page.page._LARGE_FILM", len(film) - 1)
     monkeypatch.setattr("sim.replay.page.page._FILM", len(film) // 3)
-    ((given, _),) = Page(page(Flight(mission), video=film)).of("video")
+    ((given, _),) = Page(make_page(Flight(mission), video=film)).of("video")
     small = base64.b64decode(given["src"].partition(",")[2])
     assert len(small) < len(film) / 2
     (tmp_path / "small.mp4").write_bytes(small)
@@ -208,7 +208,7 @@ def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
 )
 def test_missions_of_any_size_and_sensing_have_a_page(changes):
     recording = flown(**{"scans": 6, **changes})
-    text = page(Flight(dataclasses.replace(recording, interrupted=True)))
+    text = make_page(Flight(dataclasses.replace(recording, interrupted=True)))
     data = data_of(text)
     assert Page(text).of("h1") and data["film"] is None
     sizes = len(data["times"]), len(data["people"][0]), len(data["uavs"][0])
@@ -218,12 +218,12 @@ def test_missions_of_any_size_and_sensing_have_a_page(changes):
 
 def test_settings_other_than_the_defaults_stand_on_the_page():
     recording = flown(scans=6)
-    text = page(Flight(recording)).partition("</header>")[0]
+    text = make_page(Flight(recording)).partition("</header>")[0]
     own = list_changes(recording.setting)
     assert own and re.findall("<code>(.*?)</code>", text) == list(map(html.escape, own))
     assert f"Settings other than the defaults: {len(own)}<" in text
     plain = dataclasses.replace(recording, scenario=encode_scenario(Scenario()))
-    assert "All settings are the defaults." in page(Flight(plain)).partition("</header>")[0]
+    assert "All settings are the defaults." in make_page(Flight(plain)).partition("</header>")[0]
 
 
 def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
@@ -231,7 +231,7 @@ def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
     rows[3] |= {"mount": "body", "fails_at": 2.5}
     own = load("forest", ["duration=1", f"uavs={format_value(rows)}"])
     recording = dataclasses.replace(flown(scans=2, uavs=10), scenario=encode_scenario(own))
-    header = page(Flight(recording)).partition("</header>")[0]
+    header = make_page(Flight(recording)).partition("</header>")[0]
     _, fleet = map(html.unescape, re.findall("<code>(.*?)</code>", header, re.S))
     lines = fleet.splitlines()
     assert len(lines) == 12 and max(map(len, lines)) < 100 and load("forest", ["duration=1", fleet]) == own
@@ -241,7 +241,7 @@ def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
 
 def facts(recording):
     """The facts at the top of a recording's page, by their names."""
-    header = page(Flight(recording)).partition("</header>")[0]
+    header = make_page(Flight(recording)).partition("</header>")[0]
     return dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", header))
 
 
@@ -270,7 +270,7 @@ def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     recording = flown(scans=6)
     faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
-    text = page(Flight(dataclasses.replace(recording, faults=encode_faults(faults))))
+    text = make_page(Flight(dataclasses.replace(recording, faults=encode_faults(faults))))
     header = text.partition("</header>")[0]
     assert re.findall(r'<p class="warning">(.*?)</p>', header) == [
         "2 faults of the team 0.0 to 0.2 s: &lt;i&gt;a&lt;/i&gt;",
@@ -279,11 +279,11 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
         "1 more kind of fault is listed below.",
     ]
     faults = [*(Fault(0.0, uav, "a") for uav in (2, 0)), *(Fault(0.2, None, message) for message in "abcd")]
-    header = page(Flight(dataclasses.replace(recording, faults=encode_faults(faults)))).partition("</header>")[0]
+    header = make_page(Flight(dataclasses.replace(recording, faults=encode_faults(faults)))).partition("</header>")[0]
     warnings = re.findall(r'<p class="warning">(.*?)</p>', header)
     assert warnings[0] == "2 faults of UAVs 0 and 2 at 0.0 s: a" and warnings[1] == "fault of the team at 0.2 s: a"
     assert warnings[3:] == ["2 more kinds of fault are listed below."]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
-    header = page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]
+    header = make_page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]
     assert 'class="warning"' not in header
