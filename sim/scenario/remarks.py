@@ -35,6 +35,9 @@ def find_remarks(scenario: Scenario) -> list[str]:
     found += _remark_on_trees(scenario.trees)
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
+    if scenario.trees.leaf_area_density is not None and scenario.sensing.occlusion == "disc":
+        opaque = 'trackers and planners take crowns to be opaque with sensing.occlusion = "disc"'
+        found.append(f"trees.leaf_area_density: {opaque}")
     return (
         found
         + _remark_on_people(scenario.people)
