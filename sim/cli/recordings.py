@@ -103,7 +103,7 @@ def frames(
 
 def export(
     recorded: Recorded,
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/how-to/tracking.md.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup, mot, parquet: docs/how-to/tracking.md.")],
     out: _Folder = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""

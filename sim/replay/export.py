@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from sim.evaluation.score import estimate_velocities
 from sim.flights.flight_tables import CAMERA_COLUMNS, DETECTION_COLUMNS, POSE_COLUMNS, TREE_COLUMNS, TREE_LEAVES
 from sim.recording.atomic_files import make_new_folder
+from sim.recording.dataframes import write_parquet
 from sim.recording.recording import Recording
+from sim.replay.columns import TABLES
+from sim.replay.flight import Flight
 from sim.scenario.settings_text import format_toml
 from tracking.errors import check_known
 from tracking.numerics.arrays import Flags, Indices
@@ -33,7 +36,7 @@ _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
 def export(recording: Recording, target: str, out: Path) -> None:
     """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md describes files and columns.
+    target: `csv`, `stonesoup`, `mot` or `parquet`; docs/how-to/tracking.md describes files and columns.
     """
     check_known("--to", target, TARGETS)
     with make_new_folder(out) as folder:
@@ -95,10 +98,18 @@ def _write_mot(recording: Recording, folder: Path) -> None:
         (sequence / "seqinfo.ini").write_text("\n".join(["[Sequence]", *facts]) + "\n", encoding="utf-8")
 
 
+def _write_parquet(recording: Recording, folder: Path) -> None:
+    """The tables of `Flight.table`, which name units in their columns."""
+    flight = Flight(recording)
+    for name in TABLES:
+        write_parquet(flight.columns(name), folder / f"{name}.parquet")
+
+
 TARGETS: dict[str, Callable[[Recording, Path], None]] = {
     "csv": _write_csv,
     "stonesoup": _write_stonesoup,
     "mot": _write_mot,
+    "parquet": _write_parquet,
 }
 
 

@@ -4,8 +4,11 @@ import configparser
 import csv
 import dataclasses
 import datetime
+import sys
+from importlib import import_module
 
 import numpy as np
+import pandas
 import pytest
 from helpers import synthetic
 from helpers.recordings import broken, record
@@ -16,7 +19,9 @@ from sim.evaluation.score import estimate_velocities
 from sim.flights.flight_log import read_flight
 from sim.recording.archive import save
 from sim.replay import export as module
+from sim.replay.columns import TABLES
 from sim.replay.export import STATE, export
+from sim.replay.flight import Flight
 from sim.scenario.environment import Area
 from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
@@ -173,12 +178,27 @@ def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
         assert dict(facts["Sequence"])["seqlength"] == "21" and dict(facts["Sequence"])["framerate"] == "5"
 
 
+def test_parquet_files_are_the_tables_of_the_flight(recording, folders, monkeypatch, tmp_path):
+    flight = Flight(recording)
+    assert sorted(path.stem for path in (folders / "parquet").iterdir()) == sorted(TABLES)
+    for name in TABLES:
+        pandas.testing.assert_frame_equal(
+            pandas.read_parquet(folders / "parquet" / f"{name}.parquet"), flight.table(name)
+        )
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "fastparquet", None)
+    monkeypatch.setattr("pandas.DataFrame.to_parquet", lambda frame, path: import_module("pyarrow"))
+    with pytest.raises(InputError, match="parquet: needs pandas with pyarrow, or polars: pip install pyarrow"):
+        export(recording, "parquet", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_failed_and_refused_exports_leave_nothing_and_say_why(recording, tmp_path, monkeypatch):
     def broken(*arguments):
         raise OSError("disk full")
 
     monkeypatch.setattr(module, "_list_truth", broken)
-    for target in module.TARGETS:
+    for target in ("csv", "stonesoup", "mot"):
         with pytest.raises(OSError, match="disk full"):
             export(recording, target, tmp_path / "new" / target)
     assert list(tmp_path.iterdir()) == []
