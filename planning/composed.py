@@ -94,7 +94,7 @@ class Composed:
     # `step`: one acceleration for the whole step, so hidden people are expected farther away
     prediction: Literal["scans", "step"] = "scans"
     # controls that are optimised: `all`, or the `first`, after which the UAV flies at full speed to the track of
-    # largest covariance within 40 m, as the MCR of the paper's public code does
+    # largest covariance within 40 m
     actions: Literal["all", "first"] = "all"
     # cost of tracks: the sum of their covariances' `trace`, or minus the mutual `information` [nats] between paths and
     # measurements, which needs `beta=0` and measures `search` in nats

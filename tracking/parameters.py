@@ -54,7 +54,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # with `"existence"`: probability of existence below which a track is deleted
     deletion_threshold: Annotated[float, Meta(gt=0, lt=1)] = 0.001
     # motion model: `"mean-reverting"`: speeds return to the walking speed of the people seen; `"ncv"`: nearly constant
-    # velocity, as in the paper, and what planners expect with a model of your own. `thompson` always expects it
+    # velocity, as in the paper
     motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association
     tracker: str = "jpda"

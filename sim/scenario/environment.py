@@ -118,8 +118,8 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     # wander
     paths: Paths = DEFAULT_PATHS
     group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
-    # s, mean time for which a person is present (0.5 to 1.5 times as long). People appear and leave anywhere and
-    # evenly over the mission, some before its start or after its end; by default all are present throughout
+    # s, mean time for which a person is present (0.5 to 1.5 times as long); people appear and leave anywhere, evenly
+    # over the mission; by default all are present throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds

@@ -35,8 +35,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     # `rates.sensing` itself
     rate: Annotated[float, Meta(ge=0, le=1000)] = 0
     # deg, angle from nadir towards the front of the body, or to the east on a gimbal; the image must end below the
-    # horizon. `footprint`, and the covariance that planners expect with `sensing.noise = "camera"`, are those of a
-    # camera that looks straight down
+    # horizon. `footprint` is that of a camera that looks straight down
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
     fails_at: Time | None = None  # s, time at which the UAV breaks down; by default never
     # m, the start is drawn by the seed within this distance of `start`, inside the area
