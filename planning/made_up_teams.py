@@ -69,7 +69,7 @@ def make_flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
 
 
 def keep_contact(situation: Situation, ids: Collection[int]) -> Situation:
-    """The situation of a UAV that is in contact with none but UAVs `ids`."""
+    """The situation of a UAV that is in contact only with UAVs `ids`."""
     neighbours = tuple(v for v in situation.neighbours if v.id in ids)
     intents = {i: plan for i, plan in situation.intents.items() if i in ids}
     return replace(situation, neighbours=neighbours, intents=intents)

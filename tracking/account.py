@@ -27,7 +27,7 @@ class Association:
         return inside
 
     def weights(self) -> Array:
-        """Probability (T, N) of each measurement that it is the person's; `after.missed` is that of none of them."""
+        """Probability (T, N) that each measurement is the person's; `after.missed` is the probability that none is."""
         found = np.zeros((len(self.ids), len(self.measurements)))
         found[tuple(self.after.gates.T)] = self.after.weights
         return found

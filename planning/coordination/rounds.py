@@ -15,7 +15,7 @@ from tracking.numerics.arrays import Array
 class SequentialPartitions:
     """Rounds of decisions: the UAVs of a round decide at once, given the plans that they received in earlier rounds.
 
-    A UAV leaves out the UAVs without a known plan, so that it maximises the gain over the known plans.
+    A UAV leaves out the UAVs whose plans it does not know, so that it maximises the gain over the plans that it knows.
     With `rounds` of 0 each round has one UAV, in the team's order. If the objective is monotone and submodular and each
     decision is exact, the team reaches at least half of the optimum. Otherwise each UAV draws its round (randomised
     sequential partitions, RSP), and the bound falls by at most half of the redundancy among UAVs of the same round.

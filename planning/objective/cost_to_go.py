@@ -50,7 +50,7 @@ def cost_to_go(vehicles: Sequence[Vehicle], weight: float) -> CostToGo:
 
 @inlined
 def approach(seconds: Array, belief: PredictedBelief, ahead: CostToGo, target: int, uav: int, cameras: Array) -> None:
-    """Lower `seconds` (LANES,), the time until a target can be in view, where a UAV can see it sooner after its plans.
+    """Lower the times `seconds` (LANES,) until a target can be in view, where this UAV needs less time after its plan.
 
     cameras (2, LANES) m: positions of the UAV at the end of the horizon. It flies straight at full speed, until the
     target is in the largest circle about its aim point; the time is negative if it is there.

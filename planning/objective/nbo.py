@@ -46,7 +46,7 @@ def make_objective(
 ) -> Objective:
     """The objective [m² or nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `velocities`.
 
-    All are mean velocities over the steps, with which [Li22] eq. (5) holds for any UAV (`prediction.response`).
+    Velocities are means over a step: with them [Li22] eq. (5) holds for UAVs with any lag (`prediction.response`).
     The objective sums tr P (position block) times the target's weight over steps and targets, and adds for beta > 0
     the MWTP of Algorithm 2 on weighted traces. It is the mean over `samples` sets of targets. Each P is updated with
     the information of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)). If a

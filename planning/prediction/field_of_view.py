@@ -38,7 +38,7 @@ def _view_of(vehicle: Vehicle) -> _View:
 
 
 def points_shown(vehicle: Vehicle, marks: Array) -> Array:
-    """Points (K, 2) m from the vehicle that the image shows at `marks` (K, 2), in half edges from its middle.
+    """Points (K, 2) m, relative to the vehicle, that the image shows at `marks` (K, 2), half edges from its middle.
 
     Note: a view all round has no image; marks are taken in an image of 90 degrees instead.
     """
@@ -55,7 +55,7 @@ def _find_points(view: _View, given: bytes) -> Array:
 
 
 def aim_point(vehicle: Vehicle) -> Array:
-    """Point (2,) m from the vehicle that the middle of the image shows."""
+    """Point (2,) m, relative to the vehicle, that the middle of the image shows."""
     return points_shown(vehicle, _MIDDLE).ravel()
 
 

@@ -203,7 +203,7 @@ def _find_visible_shares(
 
 @inlined
 def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[float, ...]:
-    """Covariance in lane k of P, as in `belief_transition`, one step later without information: its ten elements."""
+    """The ten elements of the covariance in lane k one step later, without information; P as in `belief_transition`."""
     drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
     yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]

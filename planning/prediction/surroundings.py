@@ -18,7 +18,7 @@ _DEVIATIONS = 5.0  # of targets' beliefs
 
 
 def find_surroundings(situation: Situation, uavs: Sequence[int], horizon: int) -> tuple[Situation, Indices]:
-    """The situation with the tracks and UAVs around those in rows `uavs` of its UAVs, and the rows that are left.
+    """The part of a situation around its UAVs in rows `uavs`, and the rows of the UAVs that this part has.
 
     A UAV's reach is the distance at which it can have something in view within the horizon. Targets out of reach, and
     UAVs that reach none of the targets in reach, add the same to the costs of all plans, up to rounding.

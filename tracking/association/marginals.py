@@ -15,7 +15,7 @@ _TOLERANCE = 1e-9  # so small, because among many people messages may hardly cha
 
 @merged
 def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
-    """Probabilities (T, N + 1) of no measurement, or of each, from weights of misses (T,) and of pairs (T, N).
+    """Probabilities (T, N + 1) that a track has no measurement, or each, from weights of misses (T,) and pairs (T, N).
 
     The weight of a matching is the product of its pairs and of the misses of the other tracks. Tracks that share
     measurements, directly or through other tracks, form a cluster. If the smaller side of a cluster is above

@@ -50,7 +50,7 @@ class StretchableMotion(Protocol):
 
 
 def count_steps(motion: MotionModel, duration: float) -> float:
-    """Steps of a model in `duration` s: whole if rounding makes the difference, or if the model has no other steps."""
+    """Number of a model's steps in `duration` s, without errors of rounding; whole if the model has no other steps."""
     steps, whole = duration / motion.dt, float(round(duration / motion.dt))
     return steps if abs(steps - whole) > _ROUNDING and isinstance(motion, StretchableMotion) else whole
 

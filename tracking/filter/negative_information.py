@@ -19,8 +19,8 @@ _AGAIN, _TOGETHER = 8.5, 0.35
 def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
     """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 
-    views (T, 2, K): flags of the samples that frames of this scan, and the frames before, show, of one UAV or of any of
-    several; elapsed (T,) s since the frames before; detection: probability of detection in plain view.
+    views (T, 2, K): flags of the samples that the frames of this scan show, and those that the frames before showed, by
+    one UAV or by any of several; elapsed (T,) s since the frames before; detection: probability in plain view.
     Negative information of the last frames is already in the belief, although the Gaussian has tails again in the empty
     place. A second look there only tells that no person has come since. So where frames of both times show a place, the
     likelihood falls with the share of the belief that people cross between them.
@@ -43,7 +43,7 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
 
 
 def temper(missed: Array, exponent: float) -> Array:
-    """Likelihoods to the power of the setting `negative_information`; below 1 it makes less of them."""
+    """Likelihoods to the power of the setting `negative_information`; a power below 1 weakens them."""
     return missed if exponent == 1.0 else power_each(missed, exponent)
 
 

@@ -57,7 +57,7 @@ class Messenger:
         self._deleted.update(dict.fromkeys(ids, self.time))
 
     def message(self, degree: int, table: TrackTable, evidence: ScanEvidence) -> Message:
-        """Message for the first round about the tracks of a table; the first of them have the evidence's priors."""
+        """Message for the first round about a table's tracks; `evidence` has the priors of the first of them."""
         detected = np.flatnonzero(table.weights[: len(evidence.prior.means)] >= SEEN)
         local = LocalBeliefs(self.uav, table.means, table.covariances, table.weights, *evidence, detected)
         averaged, novel, weights = self._rule.contribution(local)

@@ -189,8 +189,8 @@ THRESHOLDS = np.concatenate([_LEVELS, _LEVELS[::-1]])
 def visible_samples(forest: Forest, means: Array, covariances: Array, *frames: Lens | None) -> Flags:
     """Flags (N, F, 36) of the samples of each belief that F frames show: in the image and not hidden.
 
-    Of samples that porous trees hide in part, as many show as people would be detected, by fixed `THRESHOLDS`, because
-    leaves stand still: another frame from the same place shows the same ones.
+    Porous trees hide samples in part. Such a sample shows if its probability of detection exceeds its fixed threshold
+    in `THRESHOLDS`: leaves stand still, so another frame from the same place shows the same samples.
 
     Beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the samples are mean + L `SAMPLES`, where L Lᵀ
     is the covariance of the position. frames: lenses as from `Camera.lens`; None shows nothing.

@@ -18,7 +18,7 @@ _TURN = 10.0  # s, mean time until people turn or change speed as no motion mode
 
 
 def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
-    """Rows of the tracks that no UAV has detected surely for `reacquire_after` s, after the scan at `time` s.
+    """Rows of the tracks that were last surely detected more than `reacquire_after` s before `time` s.
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """

@@ -86,7 +86,7 @@ def plain_costs(gaps: Array, c: float, p: float) -> Array | None:
 def norm(parts: Sequence[Part], p: float, count: int = 1) -> float:
     """The p-th root of the sum of p-th powers of all distances, divided by `count`; for p = inf the largest distance.
 
-    Where the sum leaves the range of floats, it is that of multiples of the largest distance.
+    Where the sum would leave the range of floats, distances are divided by the largest one first.
     """
     parts = [part for part in parts if len(part.distances) and part.factor > 0]
     largest = max((float(part.distances.max()) for part in parts), default=0.0)

@@ -124,7 +124,7 @@ def _prepare_folder(module: Path, home: Path) -> Path:
 
 
 def find_uncompiled() -> set[str]:
-    """Names of functions in modules of which no code is on disk."""
+    """Names of our compiled functions whose modules have no code on disk."""
     empty = {folder for folder in set(functions.values()) if not any(folder.rglob("*.nbi"))}
     return {name for name, folder in functions.items() if folder in empty}
 
