@@ -49,14 +49,14 @@ class Separation:
             short = np.zeros(len(own))
             for j in range(len(chosen)):
                 for other in [*(other[None] for other in others), *(own[:, i] for i in range(j))]:
-                    gap = _closest(own[:, j] - other)
+                    gap = _find_least_lengths(own[:, j] - other)
                     short += np.maximum(self.distance - gap, 0.0).sum(axis=1)
             return _PRICE * short
 
         return cost
 
 
-def _closest(relative: Array) -> Array:
+def _find_least_lengths(relative: Array) -> Array:
     """Least length (N, H) m of a vector that moves linearly from each of (N, H + 1, 3) m to the next."""
     start, way = relative[:, :-1], np.diff(relative, axis=1)
     along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
@@ -67,8 +67,9 @@ def _closest(relative: Array) -> Array:
 class Connectivity:
     """Cost of `weight` [m²] for each step and each UAV that no chain of links joins to the deciding UAV.
 
-    Of the UAVs in the situation only, so one that has been out of contact for longer than its last plan is forgotten.
-    UAVs are linked within the radio's range. In joint plans the mean over the deciding UAVs counts.
+    UAVs are linked within the radio's range, whatever links the network has. UAVs that are not in the situation do not
+    count, such as those that have been out of contact for longer than their last plans. In joint plans the mean over
+    the deciding UAVs counts.
     """
 
     weight: float
@@ -176,16 +177,17 @@ class _Raster(NamedTuple):
     # Most of the plans that an optimiser tries visit a sequence of places that other plans visited before.
     visited: Indices  # (_ENTRIES, H k): sequences of places; each has one entry, which others may take over
     found: Array  # (_ENTRIES,): sums over people detected from them
-    left: Array  # (C,): ones, a workspace of `_found`
+    left: Array  # (C,): ones, a workspace of `_sum_found`
 
 
 @dataclass(frozen=True)
 class Search:
     """Search for undetected people: each counts as a track of covariance trace `weight` [m²] at each step.
 
-    A camera has the view from the nearest of places 5 m apart. The cost-to-go counts each person that the other UAVs
-    leave undetected, for the steps until the nearest UAV can have the person in the largest circle about the middle of
-    its image. In joint plans each UAV assumes that the others end where they intend to; the mean over the UAVs counts.
+    A camera has the view from the nearest of places 5 m apart. As cost-to-go, each person that the other UAVs leave
+    undetected also counts at each step that the nearest UAV then needs to have the person in the largest circle about
+    the middle of its image. In joint plans each UAV assumes that the others end where they intend to; the mean over the
+    UAVs counts.
 
     Note: the cost-to-go also counts people that the plan itself detects, so that it depends only on the plan's end.
     """
@@ -203,25 +205,25 @@ class Search:
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         fleet = camera_paths(now, velocities, situation.step)
         left = np.repeat(undetected.people.ravel()[cells][None], velocities.shape[1], axis=0)
-        raster = _raster(situation, uavs, fleet, _Cells(centres, _QUARTERS * undetected.cell, left))
+        raster = _make_raster(situation, uavs, fleet, _Cells(centres, _QUARTERS * undetected.cell, left))
         for h in range(len(left) - 2, -1, -1):
             left[h] += left[h + 1]  # now people still to be counted from each step on
         total = float(np.cumsum(left[0])[-1])  # a sum in the order of the cells
-        return partial(_costs, float(self.weight), total, left, raster, now[list(uavs)], situation.step)
+        return partial(_compute_costs, float(self.weight), total, left, raster, now[list(uavs)], situation.step)
 
 
-def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cells) -> _Raster:
+def _make_raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cells) -> _Raster:
     """Raster of the places in reach of UAVs; people whom the other UAVs detect are removed from `cells.people`."""
     vehicles, steps, step = situation.vehicles, fleet.shape[1], situation.step
     shown = np.array([view_quadrangle(v) for v in vehicles])
-    sights = _sights(shown, [step * v.max_speed for v in vehicles])
+    sights = _make_sights(shown, [step * v.max_speed for v in vehicles])
     reach = [math.ceil(steps * step * vehicles[i].max_speed / _SPACING) for i in uavs]  # places in each direction
     low = np.array([vehicles[i].position[:2] - _SPACING * r for i, r in zip(uavs, reach, strict=True)], dtype=float)
     side = 2 * np.array(reach) + 1
     near, _ = find_near_uavs(situation, uavs, steps)
     places = [path if keep else path[:0] for path, keep in zip(fleet, near, strict=True)]
     for j, i in enumerate(uavs):
-        places[i] = _square(low[j], int(side[j]), float(vehicles[i].position[2]))
+        places[i] = _make_square(low[j], int(side[j]), float(vehicles[i].position[2]))
     first = np.cumsum([0, *map(len, places)])
     owners = np.repeat(np.arange(len(vehicles)), np.diff(first))
     # A cell in view may begin this far beyond the range.
@@ -229,30 +231,30 @@ def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, cells: _Cel
         np.ptp(cells.quarters, axis=0).max()
     )
     forest = situation.forest
-    views = _views(np.concatenate(places), _Seeing(owners, shown, farthest), cells, forest.blockers, forest.grid)
+    views = _find_views(np.concatenate(places), _Seeing(owners, shown, farthest), cells, forest.blockers, forest.grid)
     for i in np.flatnonzero(near).tolist():
         if i not in uavs:
             _thin(cells.people, views, first[i])
     costs_to_go = np.zeros(first[-1])
     for i in uavs:
-        costs_to_go[first[i] : first[i + 1]] = _costs_to_go(places[i], i, fleet[:, -1], cells, sights)
+        costs_to_go[first[i] : first[i + 1]] = _count_steps_to_go(places[i], i, fleet[:, -1], cells, sights)
     visited, found = np.full((_ENTRIES, steps * len(uavs)), -1), np.empty(_ENTRIES)
     return _Raster(low, side, first[list(uavs)], views, costs_to_go, visited, found, np.ones(len(cells.centres)))
 
 
-def _square(low: Array, side: int, height: float) -> Array:
+def _make_square(low: Array, side: int, height: float) -> Array:
     """Places (V, 3) m of a square raster with a south-west corner (2,) m and a number of places along each edge."""
     norths, easts = np.divmod(np.arange(side * side), side)
     return np.column_stack([low[0] + _SPACING * easts, low[1] + _SPACING * norths, np.full(side * side, height)])
 
 
-def _sights(views: Array, ways: Sequence[float]) -> _Sights:
+def _make_sights(views: Array, ways: Sequence[float]) -> _Sights:
     """Sights of n UAVs with fields of view (n, 5, 3) that fly `ways` (n,) m in a step."""
     return _Sights(views[:, 4, :2].copy(), radius_in_view(views), np.array(ways))
 
 
 @compiled
-def _costs_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
+def _count_steps_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
     """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; the others are at `ends`.
 
     ends (n, 3) m. Cells beyond `LEAST_RADIUS` to which another UAV is certain to be nearer are left out.
@@ -267,7 +269,7 @@ def _costs_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _S
         gap = hypot(max(low[0] - x1, x0 - high[0], 0.0), max(low[1] - y1, y0 - high[1], 0.0))
         least = max(gap - radius, 0.0) / way * (1.0 - 1e-9)  # steps to any of these cells, whatever the rounding
         limit = least if gap > LEAST_RADIUS else 0.0
-        certain, nearer = _steps_of_others(away, centres, (x0, x1, y0, y1), limit, (uav, nearer), ends, sights)
+        certain, nearer = _count_steps_of_others(away, centres, (x0, x1, y0, y1), limit, (uav, nearer), ends, sights)
         if certain:
             continue
         for c in range(len(centres)):
@@ -280,7 +282,7 @@ def _costs_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _S
 
 
 @compiled
-def _steps_of_others(
+def _count_steps_of_others(
     away: Array,
     centres: Array,
     box: tuple[float, float, float, float],
@@ -313,7 +315,7 @@ def _steps_of_others(
 
 
 @compiled
-def _views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid: Grid) -> _Views:
+def _find_views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid: Grid) -> _Views:
     """Views from places (V, 3) m of cells, which are in order from south to north, by their quarters."""
     uavs, view, farthest = seeing
     starts = np.zeros(len(places) + 1, np.int64)
@@ -346,7 +348,7 @@ def _thin(left: Array, views: _Views, first: int) -> None:
 
 
 @compiled
-def _costs(
+def _compute_costs(
     weight: float, total: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array
 ) -> Array:
     """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 3) m; to_come (H, C) people.
@@ -365,16 +367,16 @@ def _costs(
                 place = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
                 places[h * k + j], entry = place, (131 * entry + place) % _ENTRIES
             result[n] += raster.costs_to_go[places[(H - 1) * k + j]] / k
-        if not _equal(raster.visited[entry], places):
+        if not _are_equal(raster.visited[entry], places):
             for m in range(len(places)):  # assigning the array would take 2 s to compile, for its error
                 raster.visited[entry, m] = places[m]
-            raster.found[entry] = _found(raster.views, places, to_come, raster.left)
+            raster.found[entry] = _sum_found(raster.views, places, to_come, raster.left)
         result[n] -= raster.found[entry]
     return weight * result
 
 
 @inlined
-def _equal(one: Indices, other: Indices) -> bool:
+def _are_equal(one: Indices, other: Indices) -> bool:
     for m in range(len(one)):
         if one[m] != other[m]:
             return False
@@ -382,7 +384,7 @@ def _equal(one: Indices, other: Indices) -> bool:
 
 
 @compiled
-def _found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
+def _sum_found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
     """Sum over people detected from places (H k,) of the steps from then on; left (C,) is ones before and after."""
     total, k = 0.0, len(places) // len(to_come)
     for p in range(len(places)):

@@ -11,7 +11,15 @@ from helpers.teams import planned, refitted
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from planning.objective.terms import Connectivity, Search, Separation, _Cells, _closest, _costs_to_go, _sights
+from planning.objective.terms import (
+    Connectivity,
+    Search,
+    Separation,
+    _Cells,
+    _count_steps_to_go,
+    _find_least_lengths,
+    _make_sights,
+)
 from planning.planner_loading import load_planner
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import expect_plans
@@ -100,7 +108,7 @@ def test_steps_to_an_undetected_target_are_none_only_where_it_is_in_view(random_
     centres, view = NONE.centres().reshape(-1, 2), view_quadrangle(own)
     ahead = [_Cells(centre[None], np.zeros((4, 2)), np.ones((1, 1))) for centre in centres]
     alone = own.position[None].astype(float)
-    steps = np.array([_costs_to_go(alone, 0, alone, one, _sights(view[None], [5.0]))[0] for one in ahead])
+    steps = np.array([_count_steps_to_go(alone, 0, alone, one, _make_sights(view[None], [5.0]))[0] for one in ahead])
     least = [np.hypot(*shortest_move(view[None], 0, *cell)) / 5.0 for cell in centres - own.position[:2]]
     most = np.linalg.norm(centres - own.position[:2] - view[4, :2], axis=1) / 5.0
     assert np.all(steps >= np.array(least) - 1e-9) and np.all(steps <= most)
@@ -213,7 +221,7 @@ def test_the_closest_approach_between_steps_is_that_of_straight_flight():
     relative = rng.normal(size=(30, 4, 3)) * 4
     s = np.linspace(0, 1, 4001)[:, None, None, None]
     sampled = np.linalg.norm((1 - s) * relative[:, :-1] + s * relative[:, 1:], axis=-1).min(axis=0)
-    np.testing.assert_allclose(_closest(relative), sampled, atol=2e-3)
+    np.testing.assert_allclose(_find_least_lengths(relative), sampled, atol=2e-3)
 
 
 @pytest.mark.parametrize("coordination", ["sequential", "centralised"])
