@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from sim.analysis.answers import holm, map_means
+from sim.analysis.answers import Answer, holm, map_means
 from sim.analysis.cell_text import Cell
 from sim.analysis.differences import Difference, differences, pair_differences
 from sim.analysis.groups import Group, Run, group_rows
 from sim.analysis.metric_choice import find_shown_metric
-from sim.analysis.normalised_score import NormalisedScore, Scored, score_planners
+from sim.analysis.normalised_score import Scored, score_planners
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
 from sim.report.figures.pictures import draw_score_picture
@@ -165,7 +165,7 @@ def _name(cell: Cell) -> str:
 def draw() -> None:
     """The figure of scores in all worlds, in the order of the tables."""
 
-    def place(score: NormalisedScore) -> tuple[int, int]:
+    def place(score: Answer) -> tuple[int, int]:
         world = len(STUDY.scenarios) if score.cell is None else STUDY.scenarios.index(dict(score.cell)["scenario"])
         return world, ORDER.index(score.planner)
 

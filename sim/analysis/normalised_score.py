@@ -1,16 +1,16 @@
 """Normalised scores of a study: planners between a floor and a bound, on the maps that all three flew."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from planning.planner_loading import add_options
+from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.differences import find_common_values
 from sim.analysis.groups import Group
-from sim.analysis.intervals import Estimate, estimate_means
+from sim.analysis.intervals import estimate_means
 from sim.analysis.metric_choice import find_shown_metric
 from sim.analysis.planner_labels import find_baseline
 from sim.evaluation.metric import Metric
@@ -19,16 +19,6 @@ from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 
 SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0)
-
-
-@dataclass(frozen=True)
-class NormalisedScore:
-    """Score of a planner in one cell, or the mean over all cells; the floor has the score 0, and the bound 1."""
-
-    cell: Cell | None  # None means all cells
-    planner: str
-    estimate: Estimate
-    maps: int
 
 
 class Ends(NamedTuple):
@@ -41,7 +31,7 @@ class Ends(NamedTuple):
 class Scored(NamedTuple):
     """Scores of planners, with their metric and their ends."""
 
-    scores: list[NormalisedScore]
+    scores: list[Answer]
     metric: Metric
     ends: Ends
 
@@ -66,13 +56,13 @@ def find_score_ends(rows: Sequence[Placed], score: ScoreScale, given: Mapping[st
     )
 
 
-def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[NormalisedScore]:
+def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[Answer]:
     """Scores of each planner, cell by cell, then the mean over cells of planners that are in all of them.
 
-    A score is (m - f) / (b - f), where m, f and b are the means of planner, floor and bound over the maps that all
-    three flew. Its interval is that of `estimate_means` for the linearised ratio: a map's value is the score plus the
-    residual (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound is no better than the floor has no scores.
-    The mean over cells counts the seeds that have a value in all of them.
+    The floor has the score 0, and the bound 1: a score is (m - f) / (b - f), where m, f and b are the means of planner,
+    floor and bound over the maps that all three flew. Its interval is that of `estimate_means` for the linearised
+    ratio: a map's value is the score plus the residual (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell in which the bound
+    is no better than the floor has no scores. The mean over cells counts the seeds that have a value in all of them.
     """
     by_key = {(group.cell, group.planner): group for group in groups}
     cells = list(dict.fromkeys(group.cell for group in groups))
@@ -93,9 +83,9 @@ def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[
     return found
 
 
-def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> NormalisedScore:
+def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Answer:
     (estimate,) = estimate_means(np.array([*values.values()], dtype=float).reshape(-1, 1))
-    return NormalisedScore(cell, planner, estimate, len(values))
+    return Answer(cell, planner, SCORE, maps=len(values), mean=estimate)
 
 
 def _score_maps(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:

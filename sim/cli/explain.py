@@ -92,7 +92,7 @@ def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
     with Observer(flight) as observer:
         facts = PersonFacts.of(observer, scan, person)
         groups = explain_person(facts)
-        page = draw_explanation(observer, facts, groups)
+        page = draw_explanation(facts, groups)
     with write_whole(path) as part:
         part.write_bytes(encode_png(page))
     _print(groups)

@@ -25,12 +25,6 @@ _LITTLE = 20.0  # pixels that a name which is not needed may cover
 _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
-def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
-    """The snapshot with readable numbers in place of track ids; new tracks are added to `numbers`."""
-    add_numbers(snapshot, numbers)
-    return replace(snapshot, tracks=[rename_tracks(held, numbers) for held in snapshot.tracks])
-
-
 def add_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> None:
     """Add the ids of new tracks to `numbers`, in the order of their appearance."""
     for track in (track for held in snapshot.tracks for track in held):
@@ -49,7 +43,8 @@ def name_track(track: Track) -> str:
 
 def number_snapshot(recording: Recording, k: int) -> Snapshot:
     """Scan k of a recording with numbered tracks."""
-    return number_tracks(recording.snapshot(k), recording.track_numbers)
+    snapshot, numbers = recording.snapshot(k), recording.track_numbers
+    return replace(snapshot, tracks=[rename_tracks(held, numbers) for held in snapshot.tracks])
 
 
 class Labels:

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import cv2
@@ -223,14 +224,13 @@ class MapView:
         In a crowd UAVs come first, then lost people, and people and tracks have names only where there is room.
         """
         crowd = len(snapshot.people) > _FEW or len(snapshot.poses) > len(palette.UAV_COLOURS)
-        if crowd:
-            self._name_uavs(snapshot, views, labels)
-            self._name_lost(snapshot, holds, labels, needed=False)
-            self._name_tracks(snapshot, labels, needed=False)
-        else:
-            self._name_tracks(snapshot, labels, needed=True)
-            self._name_lost(snapshot, holds, labels, needed=True)
-            self._name_uavs(snapshot, views, labels)
+        steps = [
+            partial(self._name_uavs, snapshot, views, labels),
+            partial(self._name_lost, snapshot, holds, labels, needed=not crowd),
+            partial(self._name_tracks, snapshot, labels, needed=not crowd),
+        ]
+        for step in steps if crowd else reversed(steps):
+            step()
 
     def _name_tracks(self, snapshot: Snapshot, labels: Labels, *, needed: bool) -> None:
         for track in self.shown_tracks(snapshot):
@@ -244,7 +244,8 @@ class MapView:
             labels.put(f"person {m}", at, style, gap=14.0 * self._mark, needed=needed)
 
     def _name_uavs(self, snapshot: Snapshot, views: Sequence[Array | None], labels: Labels) -> None:
-        shown = {i: _bounds(self.pixels(c)) for i in snapshot.working if (c := views[i]) is not None}
+        outlines = {i: self.pixels(corners) for i in snapshot.working if (corners := views[i]) is not None}
+        shown = {i: np.concatenate([c.min(axis=0), c.max(axis=0)]) for i, c in outlines.items()}
         for i, pose in enumerate(snapshot.cameras):
             at, style = self.pixels(pose.position[:2]), TextStyle(13, mix(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
@@ -268,11 +269,6 @@ def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
     return bool(np.all(camera.rays(pose, corners if pixels is None else pixels)[:, 2] < -0.1))
-
-
-def _bounds(outline: Array) -> Array:
-    """Left, top, right, bottom of an outline (N, 2)."""
-    return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
 
 
 def _points_along(path: Array, gap: float) -> Array:

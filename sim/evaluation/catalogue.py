@@ -29,7 +29,7 @@ from tracking.plugins.registry import import_plugin
 _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
 
 
-def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
+def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
     """Statistic of the OSPA distances [m] of all scans and all UAVs that work at the scan."""
 
     def of(outcome: Outcome) -> float | None:
@@ -39,7 +39,7 @@ def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
     return of
 
 
-def _gospa(column: int, *, counted: bool = False) -> Of:
+def _average_gospa(column: int, *, counted: bool = False) -> Of:
     """Mean of a part of GOSPA over all scans and working UAVs, in m; if counted, in people or tracks."""
 
     def of(outcome: Outcome) -> float | None:
@@ -49,12 +49,12 @@ def _gospa(column: int, *, counted: bool = False) -> Of:
     return of
 
 
-def _source(name: str) -> Of:
+def _average_source(name: str) -> Of:
     """Mean of a source of squared GOSPA over all scans and working UAVs, in m²."""
     return lambda outcome: mean(outcome.error_sources[:, SOURCES.index(name)])
 
 
-def _unmatched(what: str) -> dict[str, Metric]:
+def _make_unmatched_metrics(what: str) -> dict[str, Metric]:
     """Number of "false" or "duplicate" tracks, and shares of pairs of scan and working UAV that have one.
 
     The second share counts only scans at which the track is older than 1 s.
@@ -77,12 +77,12 @@ def _unmatched(what: str) -> dict[str, Metric]:
     return {f"tracks.{what}": count, f"tracks.{what}_share": shown, f"tracks.{what}_old_share": old}
 
 
-def _over_uavs(value: Callable[[Score], float]) -> Of:
+def _average_over_uavs(value: Callable[[Score], float]) -> Of:
     """Mean over the UAVs; a UAV that breaks down counts until then."""
     return lambda outcome: mean([value(score) for score in outcome.flown])
 
 
-def _nees(label: str, errors: Callable[[Score], Array]) -> Metric:
+def _make_nees(label: str, errors: Callable[[Score], Array]) -> Metric:
     """Mean over the UAVs of each UAV's mean NEES."""
 
     def of(outcome: Outcome) -> float | None:
@@ -91,35 +91,35 @@ def _nees(label: str, errors: Callable[[Score], Array]) -> Metric:
     return Metric(label, of, better="neither")
 
 
-def _left_out(outcome: Outcome) -> float | None:
+def _share_left_out(outcome: Outcome) -> float | None:
     """Share of pairs of a scan and a reported track that NEES does not count, of all UAVs."""
     left = sum(score.left_out for score in outcome.scores)
-    return _ratio(np.int64(left), np.int64(left + sum(len(score.position_nees) for score in outcome.scores)))
+    return _divide(np.int64(left), np.int64(left + sum(len(score.position_nees) for score in outcome.scores)))
 
 
-def _recall(outcome: Outcome) -> float | None:
+def _compute_recall(outcome: Outcome) -> float | None:
     """Share of detected people among those that a camera shows with at least one pixel."""
     r = outcome.recording
-    return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
+    return _divide(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
 
 
-def _precision(outcome: Outcome) -> float | None:
+def _compute_precision(outcome: Outcome) -> float | None:
     """Share of detections that were people."""
     r = outcome.recording
-    return _ratio(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
+    return _divide(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
 
 
-def _ratio(part: np.generic, whole: np.generic) -> float | None:
+def _divide(part: np.generic, whole: np.generic) -> float | None:
     return part.item() / whole.item() if whole else None
 
 
-def _disagreement(outcome: Outcome) -> float | None:
+def _average_disagreement(outcome: Outcome) -> float | None:
     r = outcome.recording
     tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
     return float(np.mean([measure_disagreement(held) for held in tracks]))
 
 
-def _sent(
+def _make_sent(
     label: str, sent: Callable[[Recording], Indices | None], reduced: Callable[[Indices], np.generic], unit: str
 ) -> Metric:
     """Metric of the bytes that UAVs sent; None if no UAV could send."""
@@ -131,11 +131,11 @@ def _sent(
     return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
 
 
-def _plan_rounds(outcome: Outcome) -> float | None:
+def _count_plan_rounds(outcome: Outcome) -> float | None:
     return None if count_plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
 
 
-def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
+def _make_planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
     """Mean time of a decision of the whole fleet, by a clock."""
 
     def of(outcome: Outcome) -> float | None:
@@ -145,18 +145,18 @@ def _planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
     return Metric(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, in_summary=False)
 
 
-def _real_time_factor(outcome: Outcome) -> float | None:
+def _compute_real_time_factor(outcome: Outcome) -> float | None:
     """Simulated time divided by wall time without start-up, film and page."""
     times = outcome.recording.times
     flown = outcome.wall_s - sum(outcome.seconds.get(name, 0.0) for name in ("start_up", "video", "page"))
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 
-def _share(label: str, of: Of) -> Metric:
+def _make_share(label: str, of: Of) -> Metric:
     return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0)
 
 
-def _seconds(stage: str) -> Metric:
+def _make_time_metric(stage: str) -> Metric:
     return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
 
 
@@ -166,47 +166,47 @@ _OF_FLEET |= {"real_time_factor", "wall_s", "seconds"}
 METRICS = {
     name: replace(known, name=name, least=0.0, judges=name.split(".")[0] not in _OF_FLEET)  # none can be negative
     for name, known in {
-        "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
-        "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
-        "ospa.median_m": Metric("OSPA median", _ospa(np.median), "m"),
-        "gospa.mean_m": Metric("GOSPA mean", _gospa(0), "m"),
-        "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
-        "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
-        "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        "ospa.share_under_1m": _make_share("scans with OSPA under 1 m", _reduce_ospa(lambda d: np.mean(d < 1.0))),
+        "ospa.mean_m": Metric("OSPA mean", _reduce_ospa(np.mean), "m"),
+        "ospa.median_m": Metric("OSPA median", _reduce_ospa(np.median), "m"),
+        "gospa.mean_m": Metric("GOSPA mean", _average_gospa(0), "m"),
+        "gospa.localisation_m": Metric("GOSPA, localisation", _average_gospa(1), "m"),
+        "gospa.missed": Metric("people missed per scan", _average_gospa(2, counted=True)),
+        "gospa.false": Metric("false tracks per scan", _average_gospa(3, counted=True)),
         **{
-            f"gospa.squared_m2.{name}": Metric(f"GOSPA squared, {name.replace('_', ' ')}", _source(name), "m²")
+            f"gospa.squared_m2.{name}": Metric(f"GOSPA squared, {name.replace('_', ' ')}", _average_source(name), "m²")
             for name in SOURCES
         },
-        **_unmatched("false"),
-        **_unmatched("duplicate"),
-        "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
-        "identity.switches": Metric("identity switches", _over_uavs(lambda s: s.switches)),
-        "identity.fragmentations": Metric("fragmentations", _over_uavs(lambda s: s.fragmentations)),
+        **_make_unmatched_metrics("false"),
+        **_make_unmatched_metrics("duplicate"),
+        "ospa2_m": Metric("OSPA(2)", _average_over_uavs(lambda s: s.ospa2), "m"),
+        "identity.switches": Metric("identity switches", _average_over_uavs(lambda s: s.switches)),
+        "identity.fragmentations": Metric("fragmentations", _average_over_uavs(lambda s: s.fragmentations)),
         "handoffs": Metric("hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither"),
-        "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
+        "share_held": _make_share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
         "time_to_find_s": Metric(
             "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"
         ),
-        "nees.position.mean": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
-        "nees.state.mean": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
-        "nees.left_out_share": Metric("tracks left out of NEES", _left_out, "%", scale=100.0, digits=1, most=1.0),
-        "detection.recall": _share("detection recall", _recall),
-        "detection.precision": _share("detection precision", _precision),
-        "network.disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4),
-        "network.bytes_per_scan_mean": _sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
-        "network.bytes_per_scan_max": _sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
-        "network.bytes_total": _sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
-        "network.plans.bytes_total": _sent("plans sent by all UAVs", count_plan_bytes, np.sum, "kB"),
-        "network.plans.rounds": Metric("rounds of plans", _plan_rounds, digits=0),
+        "nees.position.mean": _make_nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
+        "nees.state.mean": _make_nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
+        "nees.left_out_share": Metric("tracks left out of NEES", _share_left_out, "%", scale=100.0, digits=1, most=1.0),
+        "detection.recall": _make_share("detection recall", _compute_recall),
+        "detection.precision": _make_share("detection precision", _compute_precision),
+        "network.disagreement_m": Metric("disagreement of UAVs", _average_disagreement, "m", digits=4),
+        "network.bytes_per_scan_mean": _make_sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
+        "network.bytes_per_scan_max": _make_sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
+        "network.bytes_total": _make_sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
+        "network.plans.bytes_total": _make_sent("plans sent by all UAVs", count_plan_bytes, np.sum, "kB"),
+        "network.plans.rounds": Metric("rounds of plans", _count_plan_rounds, digits=0),
         "faults": Metric(
             "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
         ),
         "contacts": Metric("contacts", lambda o: len(list_contacts(o.recording)), in_summary=False),
-        "planning_cpu_s_per_decision": _planning("processor", lambda o: o.planning_cpu_s),
-        "planning_s_per_decision": _planning("wall", lambda o: o.seconds.get("planning", 0.0)),
-        "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),
+        "planning_cpu_s_per_decision": _make_planning("processor", lambda o: o.planning_cpu_s),
+        "planning_s_per_decision": _make_planning("wall", lambda o: o.seconds.get("planning", 0.0)),
+        "real_time_factor": Metric("real-time factor", _compute_real_time_factor, "", "higher", digits=1),
         "wall_s": Metric("wall time per mission", lambda o: o.wall_s, "s"),
-        **{f"seconds.{stage}": _seconds(stage) for stage in STAGES},
+        **{f"seconds.{stage}": _make_time_metric(stage) for stage in STAGES},
     }.items()
 }
 

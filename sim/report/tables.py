@@ -1,13 +1,13 @@
 """Tables of a study's answers, scores and run times, as texts for every format."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 from sim.analysis.answers import Answer, map_means
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.groups import Group
-from sim.analysis.normalised_score import SCORE, Scored
+from sim.analysis.normalised_score import Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.answer_columns import make_entries
 
@@ -53,14 +53,10 @@ def make_score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     planners = list(dict.fromkeys(score.planner for score in found))
     by_key = {(group.cell, group.planner): group for group in groups}
     rows = []
-    for cell, of_cell in groupby(found, lambda score: score.cell):
-        texts = {score.planner: score.estimate.text(SCORE) for score in of_cell}
-        if cell is None:
-            start = ["mean over cells", "", ""]
-        else:
-            means = [map_means(by_key[cell, end], metric).value for end in ends]
-            start = [cell_text(cell) or "all missions", *map(metric.text, means)]
-        rows.append(TableRow((), [*start, *(texts.get(planner, UNKNOWN) for planner in planners)]))
+    for cell, texts in _list_means_by_cell(found, planners, UNKNOWN):
+        means = ["", ""] if cell is None else [metric.text(map_means(by_key[cell, end], metric).value) for end in ends]
+        name = "mean over cells" if cell is None else cell_text(cell) or "all missions"
+        rows.append(TableRow((), [name, *means, *texts]))
     note = (
         f"{metric.label}: 0 is that of {ends.floor}, 100 that of {ends.bound}, on the maps that all three flew. "
         "In brackets: 95 % intervals over the maps; how often these hold was not counted."
@@ -75,10 +71,16 @@ def make_runtime_tables(found: Sequence[Answer]) -> list[Table]:
     planners = list(dict.fromkeys(answer.planner for answer in own))
     listed = []
     for metric, of_metric in groupby(own, lambda answer: answer.metric):
-        rows = []
-        for cell, of_cell in groupby(of_metric, lambda answer: answer.cell):
-            means = {answer.planner: answer.mean.text(metric) for answer in of_cell}
-            texts = [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]
-            rows.append(TableRow((), texts))
+        by_cell = _list_means_by_cell(of_metric, planners, "")
+        rows = [TableRow((), [cell_text(cell or ()) or "all missions", *texts]) for cell, texts in by_cell]
         listed.append(Table(metric.title, ["cell", *planners], rows, metric))
     return listed
+
+
+def _list_means_by_cell(
+    found: Iterable[Answer], planners: Sequence[str], missing: str
+) -> Iterator[tuple[Cell | None, list[str]]]:
+    """Each cell of the answers of one metric, with the mean of each planner."""
+    for cell, of_cell in groupby(found, lambda answer: answer.cell):
+        means = {answer.planner: answer.mean.text(answer.metric) for answer in of_cell}
+        yield cell, [means.get(planner, missing) for planner in planners]

@@ -76,7 +76,7 @@ def test_no_planner_is_ahead_of_the_oracle(page, whole):
 
 
 def test_mean_scores_and_planners_that_the_table_leaves_out_are_as_the_page_says(page, whole):
-    means = {s.planner: s.estimate.text(SCORE) for s in scores._scored(scores._groups()).scores if s.cell is None}
+    means = {s.planner: s.mean.text(SCORE) for s in scores._scored(scores._groups()).scores if s.cell is None}
     share, _, interval = means[scores.DEFAULT].partition(" ")
     others = f"`oracle` {means['oracle']}, `random` {means['random']} and `lawnmower` {means['lawnmower']}"
     assert f"where the default has {share} % {interval}, {others}." in page

@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.drawing.lettering import TextGroup
 from sim.evaluation.holding import HOLDS, find_episodes
+from sim.evaluation.score import estimate_velocities
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event, find_lasting_ends
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
@@ -29,8 +30,8 @@ def explain_person(facts: PersonFacts) -> list[TextGroup]:
     groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _tell_person(facts))]
     if np.isnan(facts.place[0]):
         return groups
-    if facts.note:
-        groups.append(TextGroup("note", [facts.note]))
+    if note := facts.observer.replay.note:
+        groups.append(TextGroup("note", [note]))
     groups += [TextGroup(f"UAV {w.uav}", _tell_observation(w, facts)) for w in facts.observations]
     groups += [TextGroup(f"track {holder.number}", _tell_track(holder, facts)) for holder in facts.holders]
     if now := _find_events(facts):
@@ -43,9 +44,10 @@ def _tell_person(facts: PersonFacts) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
     walks = ""
-    if not np.isnan(facts.velocity[0]):
-        eighth = round(math.atan2(facts.velocity[1], facts.velocity[0]) / (math.pi / 4)) % 8
-        walks = f" and walks {math.hypot(*facts.velocity):.1f} m/s to the {_COMPASS[eighth]}"
+    vx, vy = estimate_velocities(facts.flight.recording)[facts.k, facts.person].tolist()
+    if not math.isnan(vx):
+        eighth = round(math.atan2(vy, vx) / (math.pi / 4)) % 8
+        walks = f" and walks {math.hypot(vx, vy):.1f} m/s to the {_COMPASS[eighth]}"
     return [f"is at {format_place(facts.place)}{walks}", *_tell_holding(facts), _tell_detections(facts)]
 
 

@@ -63,14 +63,13 @@ class Observer(ExitStack):
         """The observation of one person by one UAV at scan k."""
         recording, setting = self.recording, self.recording.setting
         sighting = Sighting.all_of(recording, k, uav, view_of(setting.uavs[uav], setting))[person]
-        works = bool(recording.working[k, uav])
-        owners = self.owners(k, uav)
+        owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
         return PersonObservation(
             uav=uav,
-            works=works,
+            works=bool(recording.working[k, uav]),
             sighting=sighting,
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
-            whole=self._whole(k, uav, sighting) if works else None,
+            whole=int(self.again.count_whole(k, uav)[person]) if shown else None,
             found=self._found(k, uav, person, owners),
             owners=owners,
             association=self.replay.association(k, uav),
@@ -78,12 +77,6 @@ class Observer(ExitStack):
 
     def _renders(self, k: int, uav: int) -> bool:
         return self.recording.setting.sensing.renders and bool(self.recording.frames_taken[k, uav])
-
-    def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
-        """Number of pixels of the person in the same frame without trees."""
-        if not self._renders(k, uav) or not sighting.in_image:
-            return None
-        return int(self.again.count_whole(k, uav)[sighting.person])
 
     def _owners(self, k: int, uav: int) -> Indices:
         """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.

@@ -1,12 +1,12 @@
 """Facts about one person at one scan of a recording."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.score import estimate_velocities
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.planned_visibility import PlannedVisibility, find_planned_visibility
@@ -43,56 +43,55 @@ class HoldingTrack:
 
 @dataclass(frozen=True, eq=False)
 class PersonFacts:
-    """Facts about one person at one scan, given n UAVs."""
+    """Facts about one person at one scan, given n UAVs; the observer has to stay open."""
 
+    observer: Observer
     k: int
     person: int
-    place: Array  # (2,) m, NaN if absent
-    velocity: Array  # (2,) m/s, NaN if unknown
     # The tracks that stand for the person, that of most UAVs first. If none does, the last that did, if there is one.
     holders: tuple[HoldingTrack, ...]
-    observations: tuple[PersonObservation, ...]
-    planned: tuple[PlannedVisibility | None, ...]
-    flight: Flight
-    note: str  # on facts about the tracker that are unknown; empty if there are none
 
     @staticmethod
     def of(observer: Observer, k: int, person: int) -> "PersonFacts":
         """The facts about a person at scan k."""
-        recording, uavs = observer.recording, range(observer.recording.poses.shape[1])
-        holders = _find_holders(observer.flight, k, person)
-        beliefs = [_find_belief(recording, k, i, _find_track(holders, i)) for i in uavs]
-        return PersonFacts(
-            k=k,
-            person=person,
-            place=recording.people[k, person],
-            velocity=estimate_velocities(recording)[k, person],
-            holders=holders,
-            observations=tuple(observer.observe(k, i, person) for i in uavs),
-            planned=tuple(find_planned_visibility(recording, k, i, person, beliefs[i]) for i in uavs),
-            flight=observer.flight,
-            note=observer.replay.note,
-        )
+        return PersonFacts(observer, k, person, _find_holders(observer.flight, k, person))
+
+    @property
+    def flight(self) -> Flight:
+        """The flight of the observer."""
+        return self.observer.flight
+
+    @property
+    def place(self) -> Array:
+        """Position (2,) m; NaN if absent."""
+        return np.asarray(self.flight.recording.people[self.k, self.person])
+
+    @cached_property
+    def observations(self) -> list[PersonObservation]:
+        """Observations of the person by each UAV."""
+        return [self.observer.observe(self.k, i, self.person) for i in range(len(self.flight.scenario.uavs))]
+
+    @cached_property
+    def planned(self) -> list[PlannedVisibility | None]:
+        """Visibility of the person and of the track on the plan of each UAV."""
+        uavs, recording = range(len(self.flight.scenario.uavs)), self.flight.recording
+        return [find_planned_visibility(recording, self.k, i, self.person, self._find_belief(i)) for i in uavs]
 
     def track_of(self, uav: int) -> HoldingTrack | None:
         """The track by which a UAV holds the person or, if it has none, the first of `holders`.
 
         None if that one stands for another person on this UAV, as ids differ between UAVs that do not hear each other.
         """
-        return _find_track(self.holders, uav)
+        own = next((holder for holder in self.holders if uav in holder.holds), next(iter(self.holders), None))
+        return None if own is None or uav in own.elsewhere else own
 
-
-def _find_track(holders: Sequence[HoldingTrack], uav: int) -> HoldingTrack | None:
-    own = next((holder for holder in holders if uav in holder.holds), holders[0] if holders else None)
-    return None if own is None or uav in own.elsewhere else own
-
-
-def _find_belief(recording: Recording, k: int, uav: int, holder: HoldingTrack | None) -> Gaussian | None:
-    """The belief of a track that a UAV has after scan k; that of another UAV if it does not have the track."""
-    if holder is None:
-        return None
-    found = find_track_at(recording, k, [uav], list(recording.track_numbers)[holder.number])
-    return found[1] if found else holder.belief
+    def _find_belief(self, uav: int) -> Gaussian | None:
+        """The belief of the track that a UAV has after scan k; that of another UAV if it does not have the track."""
+        if (holder := self.track_of(uav)) is None:
+            return None
+        id_ = list(self.flight.recording.track_numbers)[holder.number]
+        found = find_track_at(self.flight.recording, self.k, [uav], id_)
+        return found[1] if found else holder.belief
 
 
 def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:

@@ -12,7 +12,6 @@ from sim.drawing.map_view import MapView, measure_map
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import draw_disc, draw_line
 from sim.evaluation.holding import HOLDS
-from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import TRACK, annotate, find_marks
 from sim.replay.frames.frame_panels import MARK
@@ -28,19 +27,23 @@ _FRAMES = 3  # largest number of frames
 _TITLE = TextStyle(14, bold=True)
 
 
-def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
-    """The picture (H, W, 3) RGB: the map, the frames of up to three UAVs nearest to the person, and the words.
+def draw_explanation(facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
+    """The picture (H, W, 3) RGB: the map, the frames of up to three UAVs, and the words.
 
-    Below the words are the cameras' original pixels around the person.
+    UAVs with the person inside come first, then the nearest. Below the words are the cameras' original pixels around
+    the person.
     """
-    picture, tracks = _draw_map(facts)
+    observer, (picture, tracks) = facts.observer, _draw_map(facts)
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
-    for w in _find_nearest(facts):
+    working = [w for w in facts.observations if w.works]
+    for w in sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]:
         sight = Sight.of(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotate(image, sight, _TILE)
         shown |= marks
-        tiles.append((_write_heading(w), np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
+        found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
+        heading = f"UAV {w.uav}: {w.sighting.status}{found}"
+        tiles.append((heading, np.asarray(cv2.resize(frame, (_TILE, _TILE)), dtype=np.uint8)))
         if sight.people[facts.person].pixels and w.sighting.looked:
             place = sight.camera.project(sight.pose, at_target_height(facts.place[None]))[0][0]
             insets.append((f"pixels of UAV {w.uav}", _enlarge(image, place)))
@@ -57,17 +60,6 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Te
     page[_GAP:-_GAP, left:-_GAP] = PANEL
     page[_GAP : _GAP + words.shape[0], left:-_GAP] = words
     return page
-
-
-def _find_nearest(facts: PersonFacts) -> list[PersonObservation]:
-    """Observations of the UAVs with shown frames: those with the person inside first, then the nearest."""
-    working = [w for w in facts.observations if w.works]
-    return sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]
-
-
-def _write_heading(w: PersonObservation) -> str:
-    found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
-    return f"UAV {w.uav}: {w.sighting.status}{found}"
 
 
 def _enlarge(image: Image, place: Array) -> Image:

@@ -9,7 +9,6 @@ import numpy as np
 from sim.drawing.labels import number_snapshot
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
@@ -84,16 +83,11 @@ class Sighting:
 class Sight:
     """Facts about one camera's view with ground truth; tracks are numbered as in the film."""
 
-    scenario: Scenario
+    camera: Camera
     forest: Forest
     snapshot: Snapshot
     uav: int
     people: tuple[Sighting, ...]
-
-    @property
-    def camera(self) -> Camera:
-        """The UAV's camera."""
-        return camera_of(self.scenario.uavs[self.uav])
 
     @property
     def pose(self) -> Pose:
@@ -103,11 +97,11 @@ class Sight:
     @staticmethod
     def of(recording: Recording, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
-        scenario = recording.setting
-        people = Sighting.all_of(recording, k, uav, camera_of(scenario.uavs[uav]))
-        if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
+        camera = camera_of(recording.setting.uavs[uav])
+        people = Sighting.all_of(recording, k, uav, camera)
+        if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, recording.hiding_forest, number_snapshot(recording, k), uav, people)
+        return Sight(camera, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:

@@ -81,7 +81,9 @@ def make_page(flight: Flight, *, video: bytes | Path | None = None, place: str =
     listed = (*UNHELD, *UNMATCHED, *IDENTITIES) if recording.labelled else ("track deleted",)
     lost = sort_by_severity(event for event in events if event.kind in listed)
     incidents = summarise_outages(events, recording.times, also=INCIDENTS)
-    style, script = _make_style(), _join_scripts()
+    variables = "".join(f" --{name}: {colour};" for name, colour in list_colours().items())
+    style = f":root {{ color-scheme: light;{variables} }}{_read_asset('page.css')}"
+    script = '"use strict";\n(() => {\n' + "\n".join(map(_read_asset, _SCRIPTS)) + "})();\n"  # in a scope of its own
     sources = f"style-src {_hash_source(style)}; script-src {_hash_source(script)}"
     return Template(_read_asset("page.html")).substitute(
         policy=f"default-src 'none'; img-src data:; media-src data:; {sources}",
@@ -118,16 +120,6 @@ def _check_film(film: bytes, recording: Recording) -> None:
 
 def _read_asset(name: str) -> str:
     return (files("sim.replay.page") / name).read_text(encoding="utf-8")
-
-
-def _make_style() -> str:
-    variables = "".join(f" --{name}: {colour};" for name, colour in list_colours().items())
-    return f":root {{ color-scheme: light;{variables} }}{_read_asset('page.css')}"
-
-
-def _join_scripts() -> str:
-    """All scripts as one, in its own scope."""
-    return '"use strict";\n(() => {\n' + "\n".join(map(_read_asset, _SCRIPTS)) + "})();\n"
 
 
 def _hash_source(text: str) -> str:

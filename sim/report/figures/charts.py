@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.distributions import compute_ecdf, find_quartiles
-from sim.analysis.normalised_score import NormalisedScore
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import open_figure, order_by_rows, rgb
 from sim.evaluation.metric import Metric
@@ -95,7 +95,7 @@ def _draw_grid(
     return figure
 
 
-def draw_score_figure(found: Sequence[NormalisedScore]) -> Figure:
+def draw_score_figure(found: Sequence[Answer]) -> Figure:
     """Normalised scores with intervals: a line per cell, a colour and shape per planner."""
     cells = list(dict.fromkeys(score.cell for score in found))
     planners = list(dict.fromkeys(score.planner for score in found))
@@ -107,12 +107,12 @@ def draw_score_figure(found: Sequence[NormalisedScore]) -> Figure:
             index = planners.index(score.planner)
             height = cells.index(score.cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
             colour, shape = looks[score.planner]
-            ends = [100 * score.estimate.low, 100 * score.estimate.high]
+            ends = [100 * score.mean.low, 100 * score.mean.high]
             axes.plot(ends, [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(100 * score.estimate.value, height, shape, color=colour, ms=5)
+            axes.plot(100 * score.mean.value, height, shape, color=colour, ms=5)
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        values = [100 * score.estimate.value for score in found]
+        values = [100 * score.mean.value for score in found]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
         axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
         axes.set_yticks(range(len(cells)), [_format_row(cell) for cell in cells])

@@ -9,11 +9,11 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.analysis.answers import map_points
+from sim.analysis.answers import Answer, map_points
 from sim.analysis.cell_text import append_cell, make_slug
 from sim.analysis.distributions import compute_share_under, find_quartiles
 from sim.analysis.groups import Group
-from sim.analysis.normalised_score import SCORE, Ends, NormalisedScore
+from sim.analysis.normalised_score import SCORE, Ends
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import (
     LOOK,
@@ -59,9 +59,9 @@ def _rename_equal_ones(found: Sequence[Picture]) -> list[Picture]:
     return list(named.values())
 
 
-def draw_score_picture(found: Sequence[NormalisedScore], ends: Ends) -> Picture:
+def draw_score_picture(found: Sequence[Answer], ends: Ends) -> Picture:
     """Picture of the normalised scores of planners, cell by cell."""
-    lines = [f"{append_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
+    lines = [f"{append_cell(s.planner, s.cell)} {SCORE.text(s.mean.value)} %" for s in found]
     caption = f"0 is {ends.floor}, 100 is {ends.bound}. Lines are 95 % intervals over the maps."
     return _make_picture("score", "Normalised score", caption, "; ".join(lines), draw_score_figure(found))
 

@@ -35,17 +35,17 @@ def cell(own, floor=(8.0, 10.0, 12.0), bound=(2.0, 2.0, 2.0), factors=(), name="
 def test_a_score_is_the_share_of_the_way_from_floor_to_bound():
     (score,) = scored(cell((6.0, 6.0, 6.0)))
     assert score.planner == "sma-nbo" and score.cell == () and score.maps == 3
-    assert score.estimate.value == pytest.approx((10 - 6) / (10 - 2))
+    assert score.mean.value == pytest.approx((10 - 6) / (10 - 2))
     residuals = np.array([2.0, 4.0, 6.0]) - 0.5 * np.array([6.0, 8.0, 10.0])
-    assert score.estimate == estimate_means((0.5 + residuals / 8)[:, None])[0]
+    assert score.mean == estimate_means((0.5 + residuals / 8)[:, None])[0]
     (ends,) = scored(cell((8.0, 10.0, 12.0)))
-    assert ends.estimate.value == 0 and ends.estimate.low == ends.estimate.high == 0
+    assert ends.mean.value == 0 and ends.mean.low == ends.mean.high == 0
     (ends,) = scored(cell((2.0, 2.0, 2.0)))
-    assert ends.estimate.value == 1 == ends.estimate.low == ends.estimate.high
+    assert ends.mean.value == 1 == ends.mean.low == ends.mean.high
     (worse,) = scored(cell((10.0, 12.0, 14.0)))
-    assert worse.estimate.value == pytest.approx(-0.25)
+    assert worse.mean.value == pytest.approx(-0.25)
     (higher,) = scored(cell((0.5, 0.7), (0.2, 0.2), (1.0, 1.0), name=SHARE.name), SHARE)
-    assert higher.estimate.value == pytest.approx(0.5)
+    assert higher.mean.value == pytest.approx(0.5)
 
 
 def test_a_score_on_a_metric_of_the_users_has_its_direction(tmp_path, monkeypatch):
@@ -56,13 +56,13 @@ def test_a_score_on_a_metric_of_the_users_has_its_direction(tmp_path, monkeypatc
     monkeypatch.syspath_prepend(str(tmp_path))
     rows = cell((0.5, 0.7), (0.2, 0.2), (1.0, 1.0), name="ownscore:FOUND")
     found = scored_study(rows, group_rows(rows, "hover"), msgspec.structs.replace(SCORED, metric="ownscore:FOUND"))
-    assert [score.estimate.value for score in found.scores] == [pytest.approx(0.5)]
+    assert [score.mean.value for score in found.scores] == [pytest.approx(0.5)]
 
 
 def test_maps_without_floor_or_bound_do_not_count_nor_do_cells_without_room():
     rows = [*cell((6.0, 6.0, 6.0))[:-1], failed("sma-nbo", 2, (VIEW,))]
     (score,) = scored(rows)
-    assert score.maps == 2 and score.estimate.value == pytest.approx((9 - 6) / (9 - 2))
+    assert score.maps == 2 and score.mean.value == pytest.approx((9 - 6) / (9 - 2))
     assert scored(cell((6.0, 6.0, 6.0), bound=(20.0, 20.0, 20.0))) == []
     equal = (0.5, 0.5), (0.5, 0.5), (0.5, 0.5)
     assert scored(cell(*equal)) == scored(cell(*equal, name=SHARE.name), SHARE) == []
@@ -71,7 +71,7 @@ def test_maps_without_floor_or_bound_do_not_count_nor_do_cells_without_room():
 def test_the_mean_over_cells_is_by_seed_and_of_planners_in_all_of_them():
     worlds = [cell(own, factors=(("scenario", w),)) for w, own in (("a", (6.0, 6.0, 6.0)), ("b", (4.0, 8.0, 2.0)))]
     rows = [*worlds[0], *worlds[1], *flown("greedy", (3.0, 3.0, 3.0), (("scenario", "a"),))]
-    found = {(s.cell, s.planner): s.estimate for s in scored(rows)}
+    found = {(s.cell, s.planner): s.mean for s in scored(rows)}
     one, other = (found[(("scenario", w),), "sma-nbo"].value for w in "ab")
     assert found[None, "sma-nbo"].value == pytest.approx((one + other) / 2) and (None, "greedy") not in found
     third = cell((6.0, 6.0, 6.0), factors=(("scenario", "c"),))
@@ -86,7 +86,7 @@ def test_intervals_hold_the_score_of_many_maps():
         bound = 0.3 * floor
         own = floor + rng.uniform(0.2, 1.0, 12) * (bound - floor)
         (score,) = scored(cell(own.tolist(), floor.tolist(), bound.tolist()))
-        held.append(score.estimate.low <= 0.6 <= score.estimate.high)
+        held.append(score.mean.low <= 0.6 <= score.mean.high)
     assert 0.91 < np.mean(held) < 0.99
 
 

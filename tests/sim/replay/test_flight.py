@@ -11,7 +11,7 @@ import pytest
 from helpers.recordings import broken, record
 from matplotlib.figure import Figure
 
-from sim.drawing.labels import number_tracks
+from sim.drawing.labels import number_snapshot
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.recording import FIELDS
@@ -112,7 +112,7 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
     image = np.zeros(shown.shape, np.uint8)
     for k in range(19):
-        view.draw(image, number_tracks(flight.recording.snapshot(k), flight.recording.track_numbers))
+        view.draw(image, number_snapshot(flight.recording, k))
     np.testing.assert_array_equal(shown, image)
     place = np.array([12.0, -7.0])  # m
     figure.axes[0].plot(*place, "x")

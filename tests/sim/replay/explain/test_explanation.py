@@ -110,7 +110,7 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > recording.setting.uavs[i].footprint
         page = PersonFacts.of(observer, 0, 0)
-        assert draw_explanation(observer, page, explain_person(page)).std() > 10
+        assert draw_explanation(page, explain_person(page)).std() > 10
     assert far > 5
 
 
@@ -214,7 +214,7 @@ def test_pages_of_any_fleet_can_be_drawn(options):
             facts = PersonFacts.of(observer, k, m)
             groups = explain_person(facts)
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
-            page = draw_explanation(observer, facts, groups)
+            page = draw_explanation(facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
 
 
@@ -250,7 +250,7 @@ def test_a_track_that_is_not_reported_is_said_to_be_so(all_facts):
 def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, all_facts):
     recording, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
-    page = draw_explanation(observer, facts, explain_person(facts))
+    page = draw_explanation(facts, explain_person(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
     frame, _ = annotate(image, Sight.of(recording, facts.k, first.uav), 512)
@@ -274,7 +274,7 @@ def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_f
     for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
         written.clear()
         with Observer(Flight(flown)) as observer:
-            draw_explanation(observer, replace(all_facts[0], flight=observer.flight), ())
+            draw_explanation(replace(all_facts[0], observer=observer), ())
         assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
 
 
@@ -291,7 +291,7 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
 
     monkeypatch.setattr("sim.drawing.labels.write", written)
     with Observer(Flight(recording)) as observer:
-        draw_explanation(observer, PersonFacts.of(observer, 2, 0), ())
+        draw_explanation(PersonFacts.of(observer, 2, 0), ())
     assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
     for (low, high), (left, right) in combinations(boxes.values(), 2):
         assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
@@ -320,9 +320,9 @@ def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
     ids[row] = 0
     with Observer(Flight(replace(recording, track_ids=ids))) as observer:
         facts = PersonFacts.of(observer, k, m)
+        groups = explain_person(facts)
     assert [holder.holds for holder in facts.holders] == [(1, 2), (0,)]
     numbers = [holder.number for holder in facts.holders]
-    groups = explain_person(facts)
     said = [f"held by UAVs 1 and 2 as track {numbers[0]}", f"held by UAV 0 as track {numbers[1]}"]
     assert [line for line in groups[0][1] if line.startswith("held")] == said
     assert [name for name, _ in groups if name.startswith("track")] == [f"track {number}" for number in numbers]
