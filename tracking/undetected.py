@@ -78,7 +78,7 @@ class UndetectedIntensity:
 
     def _thin(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
         """Expected people (rows, columns) after a frame that shows no undetected person."""
-        window, cell = self._window(camera, pose), np.array(self.belief.cell)
+        window, cell = self._find_window(camera, pose), np.array(self.belief.cell)
         if people[window].any():
             centres = self.belief.centres()[window]
             each = centres.reshape(-1, 2)
@@ -89,7 +89,7 @@ class UndetectedIntensity:
             people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
         return people
 
-    def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
+    def _find_window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
         """Rows and columns of the cells that a camera may see."""
         shown = camera.footprint(pose, TARGET_HEIGHT) if camera.fov < ALL_ROUND else np.full((4, 2), np.nan)
         if np.isnan(shown).any():  # the view is all round or reaches above the horizon

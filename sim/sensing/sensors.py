@@ -130,7 +130,7 @@ class Sensors:
         places, ground = self._clutter.draw_false_alarms(camera, pose)
         whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
         exact = output.frame is not None and output.covariances is not None
-        alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
+        alarms = whole if exact else whole + self._compute_covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
         if len(ground) or output.frame is None:  # without images the mode's order may reveal identities
@@ -143,12 +143,12 @@ class Sensors:
 
         The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
         """
-        roots = cholesky_factors(self._covariances(uav, pose, output.ground))
+        roots = cholesky_factors(self._compute_covariances(uav, pose, output.ground))
         z = output.ground + apply(roots, standard_normal(self._rng, output.ground.shape))
-        R = self._covariances(uav, pose, z)
+        R = self._compute_covariances(uav, pose, z)
         return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 
-    def _covariances(self, uav: int, pose: Pose, points: Array) -> Array:
+    def _compute_covariances(self, uav: int, pose: Pose, points: Array) -> Array:
         """Covariances R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
         R = [self.noises[uav].covariance(pose.position[:2], point) for point in points]
         return np.array(R).reshape(-1, 2, 2)
