@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.flights.bag import BagFlight, find_bag, read_bag
 from sim.flights.flight_tables import (
     CameraRow,
     Fleet,
@@ -47,12 +48,16 @@ class FlightFiles(NamedTuple):
 def read_files(folder: Path, origin: tuple[float, float]) -> FlightFiles:
     """The files of a flight in a folder, whose places have this `origin` [m]; InputError says what to change."""
     if not folder.is_dir():
-        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv")
-    cameras = read_cameras(folder / "cameras.csv")
-    poses, found = read_poses(folder / "poses.csv"), _read_detections(folder, cameras)
-    for name, uavs in (("poses.csv", {*poses}), ("its detections", {*found.fleet})):
+        raise InputError(f"FLIGHT: {folder} is not a folder; expected one with poses.csv and detections.csv, or a bag")
+    bag = find_bag(folder)
+    told = read_bag(bag) if bag and not (folder / "poses.csv").exists() else None
+    own = folder / "cameras.csv"
+    cameras = told.cameras if told and not own.exists() else read_cameras(own)
+    poses = told.poses if told else read_poses(folder / "poses.csv")
+    found = _read_detections(folder, cameras, told)
+    for name, uavs in (("its poses", {*poses}), ("its detections", {*found.fleet})):
         if odd := sorted(uavs ^ {*cameras}):
-            raise InputError(f"FLIGHT: {folder}: only one of {name} and cameras.csv has {list_numbers('UAV', odd)}")
+            raise InputError(f"FLIGHT: {folder}: only one of {name} and its cameras has {list_numbers('UAV', odd)}")
     if sorted(cameras) != list(range(len(cameras))):
         raise InputError(f"FLIGHT: {folder}: has {list_numbers('UAV', sorted(cameras))}; number UAVs from 0")
     for uav, frames in found.fleet.items():
@@ -87,13 +92,18 @@ class _Found(NamedTuple):
     labels: Path | None
 
 
-def _read_detections(folder: Path, cameras: dict[int, CameraRow]) -> _Found:
-    """Detections in `detections.csv` or sequences of MOTChallenge; of the latter, `cameras` get the size of images."""
+def _read_detections(folder: Path, cameras: dict[int, CameraRow], bag: BagFlight | None) -> _Found:
+    """Detections in `detections.csv`, sequences of MOTChallenge or a bag.
+
+    By sequences, `cameras` get the size of their images.
+    """
     labels, sequences = folder / "truth.csv", find_sequences(folder)
     known = labels if labels.exists() else None
-    if (folder / "detections.csv").exists() or not sequences:
-        return _Found(read_detections(folder / "detections.csv"), defaultdict(list), known)
-    fleet, people = dict[int, list[Frame]](), defaultdict[int, list[Frame]](list)
+    table = folder / "detections.csv"
+    if table.exists() or not sequences:
+        fleet = bag.fleet if bag and not table.exists() else read_detections(table)
+        return _Found(fleet, defaultdict(list), known)
+    fleet, people = Fleet(), defaultdict[int, list[Frame]](list)
     for uav, path in sequences.items():
         sequence = read_sequence(path)
         fleet[uav] = sequence.detections

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.flights.flight_files import FlightFiles, read_files
 from sim.flights.flight_setting import EXACT, find_rate, make_setting
-from sim.flights.flight_tables import CameraRow, Frame, Poses, measure_gap
+from sim.flights.flight_tables import CameraRow, Frame, Poses, interpolate, measure_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -86,7 +86,7 @@ def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
     for i, frames in files.people.items():
         log, times = files.poses[i], np.array([frame.time for frame in frames])
-        for frame, pose in zip(frames, _interpolate(log, np.clip(times, *log.times[[0, -1]])), strict=True):
+        for frame, pose in zip(frames, interpolate(log, np.clip(times, *log.times[[0, -1]])), strict=True):
             places = _find_places(frame, Pose(pose[:3], pose[3:]), camera_of(setting.uavs[i]))
             for detection, place in zip(frame.detections, places, strict=True):
                 found[detection.person].setdefault(round(frame.time * rate), place)
@@ -110,12 +110,12 @@ def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories 
     rounded, lost = 0.0, 0
     for i, log in files.poses.items():
         camera, edges = camera_of(setting.uavs[i]), log.times[[0, -1]]
-        poses[:, i] = _interpolate(log, np.clip(times, *edges))
+        poses[:, i] = interpolate(log, np.clip(times, *edges))
         taken = [frame for frame in files.fleet[i] if round(frame.time * rate) < len(times)]
         at = np.array([frame.time for frame in taken])
         _check_pose_times(log, at, i, files.start)
         _check_pixels(taken, i, files.cameras[i])
-        for frame, pose in zip(taken, _interpolate(log, np.clip(at, *edges)), strict=True):
+        for frame, pose in zip(taken, interpolate(log, np.clip(at, *edges)), strict=True):
             k = round(frame.time * rate)
             rounded = max(rounded, abs(frame.time - k / rate))
             poses[k, i], frames[k, i] = pose, True
@@ -124,20 +124,6 @@ def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories 
         _check_attitude([scan for (_, uav), (scan, _) in observed.items() if uav == i])
     forest = Forest(files.forest.trees, setting.sensing.occlusion)
     return FlightLog(setting, forest, people, poses, frames, observed, tuple(_remark(files, rate, rounded, lost)))
-
-
-def _interpolate(log: Poses, times: Array) -> Array:
-    """Poses (N, 7) at times (N,) s between the first and the last pose: those of the log, or linearly in between."""
-    after = np.clip(np.searchsorted(log.times, times), 1, max(len(log.times) - 1, 1)) if len(log.times) > 1 else 0
-    if len(log.times) == 1:
-        return np.repeat(log.rows, len(times), axis=0)
-    one, other = log.rows[after - 1], log.rows[after].copy()
-    other[:, 3:] *= np.where(np.sum(one[:, 3:] * other[:, 3:], axis=1) < 0, -1.0, 1.0)[:, None]  # the shorter way
-    share = ((times - log.times[after - 1]) / (log.times[after] - log.times[after - 1]))[:, None]
-    mixed = one + share * (other - one)
-    mixed[:, 3:] /= np.sqrt(np.sum(np.square(mixed[:, 3:]), axis=1))[:, None]
-    # At the time of a pose it is taken as it is.
-    return np.where(share <= 1e-9, one, np.where(share >= 1 - 1e-9, log.rows[after], mixed))
 
 
 def _check_pose_times(log: Poses, times: Array, uav: int, start: float) -> None:

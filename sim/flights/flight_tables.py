@@ -37,6 +37,20 @@ class Poses(NamedTuple):
     rows: Array  # (P, 7), position [m] and quaternion xyzw
 
 
+def interpolate(log: Poses, times: Array) -> Array:
+    """Poses (N, 7) at times (N,) s between the first and the last pose: those of the log, or linearly in between."""
+    if len(log.times) == 1:
+        return np.repeat(log.rows, len(times), axis=0)
+    after = np.clip(np.searchsorted(log.times, times), 1, len(log.times) - 1)
+    one, other = log.rows[after - 1], log.rows[after].copy()
+    other[:, 3:] *= np.where(np.sum(one[:, 3:] * other[:, 3:], axis=1) < 0, -1.0, 1.0)[:, None]  # the shorter way
+    share = ((times - log.times[after - 1]) / (log.times[after] - log.times[after - 1]))[:, None]
+    mixed = one + share * (other - one)
+    mixed[:, 3:] /= np.sqrt(np.sum(np.square(mixed[:, 3:]), axis=1))[:, None]
+    # At the time of a pose it is taken as it is.
+    return np.where(share <= 1e-9, one, np.where(share >= 1 - 1e-9, log.rows[after], mixed))
+
+
 class Detection(NamedTuple):
     """One detection, on the ground or in the image; NaN for what is not known."""
 

@@ -116,7 +116,7 @@ REFUSED = {
         {"poses": [PLACES[1], "0,0,0,0,20", "9,0,0,0,20", "0,0,9,0,20"]},
         "poses.csv, line 4, column uav: UAV 0 has another pose at 0 s in line 2; number the UAVs apart",
     ),
-    "a UAV without poses": ({"poses": [PLACES[1], "0,0,0,0,20"]}, "only one of poses.csv and cameras.csv has UAV 1"),
+    "a UAV without poses": ({"poses": [PLACES[1], "0,0,0,0,20"]}, "only one of its poses and its cameras has UAV 1"),
     "numbers from 1": (
         {
             "poses": [PLACES[1], "0,1,0,0,9"],

@@ -1,5 +1,7 @@
 """Oracle of `understory track`: a mission that was exported without its truth has the same tracks, byte for byte."""
 
+import shutil
+
 import numpy as np
 import pytest
 from helpers.processes import python
@@ -53,6 +55,19 @@ def test_a_mission_without_its_truth_has_the_same_tracks_byte_for_byte(mission):
     assert not again.labelled and again.people.shape == (len(recording.times), 0, 2)
     assert again.setting.tracking == recording.setting.tracking
     assert replay_tracking(again).note == ""
+
+
+def test_a_mission_in_a_bag_has_the_same_tracks_byte_for_byte(mission, tmp_path):
+    pytest.importorskip("rosbags")
+    from helpers.bags import write_bag
+
+    recording, out = mission
+    write_bag(recording, tmp_path / "bag")
+    for name in ("trees.csv", "scenario.toml"):
+        shutil.copy(out / "csv" / name, tmp_path / name)
+    again = track_flight(read_flight(tmp_path)).recording
+    for name in (name for name in TRACKS if name not in ("pixels", "cameras")):
+        assert getattr(recording, name).tobytes() == getattr(again, name).tobytes(), name
 
 
 def test_flights_are_tracked_without_the_engine(mission):
