@@ -33,15 +33,6 @@ def test_a_study_file_is_flown_once_and_shown_by_cell(compare, tmp_path):
     assert len(backend.flown) == 4
 
 
-def test_a_planner_spelled_otherwise_is_not_flown_again_and_shown_as_spelled(compare, tmp_path):
-    spellings = ["sma-nbo(horizon=3, evaluations=640)", "sma-nbo(evaluations=640, horizon=3)"]
-    for text, flown in zip(spellings, ([0, 1], [2]), strict=True):
-        backend = Serial(INVENTED)
-        assert compare("--planner", text, *FLAGS, "--maps", str(flown[-1] + 1), backend=backend)[0] == 0
-        assert backend.flown == [(text, seed) for seed in flown]
-        assert {row.planner for row in read_rows(tmp_path / "runs" / "compare")} == {text}
-
-
 def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
     options = ["--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
     code, out, _ = compare(*options)

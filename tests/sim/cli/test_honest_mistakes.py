@@ -203,7 +203,7 @@ ENDS = {
 def test_a_planner_that_hangs_or_crashes_ends_a_timed_run_in_one_line(refused, wrong, mistake):
     code, text = ENDS[mistake]
     place = wrong(code)
-    told = refused(*words(PLANNER), "--timeout", "2", code=1)
+    told = refused(*words(PLANNER), "--timeout", "1", code=1)
     assert text in told and place in told
 
 

@@ -272,7 +272,7 @@ def folder(tmp_path_factory):
 )
 def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(refused, folder, monkeypatch, arguments, words):
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)
+    monkeypatch.setattr("sim.study.backends._CONNECT", 0.2)
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
     told = refused(*arguments)
     for word in words:

@@ -99,19 +99,6 @@ def test_resets_without_a_seed_draw_new_maps_the_same_after_the_same_seed():
     assert drawn == expected and drawn[:2] == drawn[2:] and len(set(drawn)) == 2
 
 
-def test_eighty_steps_are_the_same_again():
-    settings = {**IDEAL, "duration": 16, "rates.planning": 5, "sensing.false_alarms": 0.2, "network.loss": 0.1}
-    one, other = (understory.parallel_env("forest", settings=settings) for _ in range(2))
-    assert equal(one.reset(seed=7), other.reset(seed=7))
-    chance = np.random.default_rng(0)
-    for step in range(80):
-        actions = {agent: chance.uniform(-1, 1, 2) for agent in one.agents}
-        told = one.step(actions)
-        assert equal(told, other.step({agent: action.copy() for agent, action in actions.items()})), step
-    assert not one.agents and set(told[3].values()) == {True}
-    assert compute_digest(one.flight().recording) == compute_digest(other.flight().recording)
-
-
 def test_a_copy_of_an_environment_goes_on_as_it_does():
     env = understory.parallel_env("forest", settings={**IDEAL, "dynamics": "quadrotor"}, render_mode="rgb_array")
     env.reset(seed=2)

@@ -203,22 +203,6 @@ def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
     assert heard[1] == [(n, sorted([i, *n])) for i, n in enumerate(neighbours)]
 
 
-def test_a_planner_that_spoils_its_map_spoils_nothing_else():
-    def spoil(situation):
-        situation.forest.blockers[:] = 0.0
-        situation.own.position[:] = 0.0
-        return np.zeros((1, 2))
-
-    (_, spoilt), (_, kept) = (
-        fly("sensing.mode=ideal", planner=planner, duration=2) for planner in (Spy(spoil), "hover")
-    )
-    for a, b in zip(spoilt, kept, strict=True):
-        for one, other in zip(a.scans, b.scans, strict=True):
-            np.testing.assert_array_equal(one.measurements, other.measurements)
-        for one, other in zip(a.poses, b.poses, strict=True):
-            np.testing.assert_array_equal(one.position, other.position)
-
-
 @pytest.mark.parametrize(("first", "asked"), [(0, [0, 1, 2, 3, 4]), (1, [1, 2, 3, 4]), (3, [3, 4]), (4, [4])])
 def test_uavs_hover_until_the_first_decision(first, asked):
     planner = Spy(lambda situation: [[2.0, 0.0]])

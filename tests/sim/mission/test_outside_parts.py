@@ -180,6 +180,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
         ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1000000 m away"),
         ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),
+        ("sense", "return replace(given, covariances=np.full((2, 2, 2), 0.1) + 1e14 * np.eye(2))", "1e-12 to 1e12 m²"),
         ("sense", "return replace(given, visible=given.visible[1:])", "visible are not whole numbers of shape (4,)"),
         ("sense", "return replace(given, visible=given.visible / 2)", "visible are not whole numbers of shape (4,)"),
         ("sense", "return replace(given, visible=-given.visible)", "cannot sense: visible are below 0"),

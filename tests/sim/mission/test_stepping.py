@@ -65,14 +65,23 @@ def test_a_mission_stepped_from_outside_is_recorded_with_its_chance():
 
 
 def test_what_uavs_know_is_theirs_to_change():
-    overrides = ["duration=2", "sensing.mode=ideal"]
-    one, other = (Mission(load("forest", overrides), load_planner("greedy"), 0) for _ in range(2))
-    while not one.over:
-        for situation in one.team:
-            situation.own.position[:] = 0.0
-            for track in situation.tracks:
-                track.belief.mean[:] = 0.0
-        np.testing.assert_array_equal(one.step().ospa, other.step().ospa)
+    """By the planner of a mission, and from outside."""
+
+    def spoil(situation):
+        situation.forest.blockers[:] = situation.own.position[:] = 0.0
+        for track in situation.tracks:
+            track.belief.mean[:] = 0.0
+        return np.zeros((1, 2))
+
+    setting = load("forest", ["duration=2", "sensing.mode=ideal"])
+    still, spoiling, spoilt = (Mission(setting, planner, 0) for planner in (Spy(), Spy(spoil), Spy()))
+    while not still.over:
+        for situation in spoilt.team:
+            spoil(situation)
+        expected = still.step()
+        for found in (spoiling.step(), spoilt.step()):
+            for name in ("ospa", "people", "poses", "scans", "tracks"):
+                assert pickle.dumps(getattr(found, name)) == pickle.dumps(getattr(expected, name)), name
 
 
 EACH = "expected a plan or a velocity (2,) for each of 3 UAVs"

@@ -48,18 +48,18 @@ ENDS = {
     crash: "its process was killed by SIGSEGV",
     leave: "its process ended by itself, with exit code 3",
     be_killed: "its process was killed by SIGKILL",
-    hang: "took longer than the timeout of 0.5 s",
-    hang_in_c: "took longer than the timeout of 0.5 s",
+    hang: "took longer than the timeout of 0.3 s",
+    hang_in_c: "took longer than the timeout of 0.3 s",
     press_ctrl_c: "",
 }
 
 
 def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done(monkeypatch):
-    monkeypatch.setattr(pebble.CONSTS, "term_timeout", 0.5)  # s until a worker that ignores SIGTERM is killed
-    with start_workers(2, time.sleep, 0.6) as workers:  # the start takes longer than tasks may
-        ill = {work: workers.submit(work.__name__, 0.5, work) for work in ENDS}
-        well = [workers.submit(f"well {number}", 0.5, double, number) for number in range(4)]
-        assert [describe_end(future.exception(), 0.5) for future in ill.values()] == list(ENDS.values())
+    monkeypatch.setattr(pebble.CONSTS, "term_timeout", 0.2)  # s until a worker that ignores SIGTERM is killed
+    with start_workers(2, time.sleep, 0.4) as workers:  # the start takes longer than tasks may
+        ill = {work: workers.submit(work.__name__, 0.3, work) for work in ENDS}
+        well = [workers.submit(f"well {number}", 0.3, double, number) for number in range(4)]
+        assert [describe_end(future.exception(), 0.3) for future in ill.values()] == list(ENDS.values())
         assert [future.result() for future in well] == [0, 2, 4, 6]
         places = {work: workers.find_crash_place(work.__name__) for work in ENDS}
     for work in (crash, hang):
@@ -69,26 +69,33 @@ def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done(monkey
 
 
 PARENT = """
-import signal, sys, time
+import pathlib, signal, sys, time
 from sim.processes.workers import start_workers
+
+def work(name):
+    pathlib.Path(name).touch()
+    time.sleep(600)
 
 if __name__ == "__main__":
     with start_workers(2, time.sleep, 0.0) as workers:
-        for name in "ab":
-            workers.submit(name, None, time.sleep, 600)
+        for name in sys.argv[1:]:
+            workers.submit(name, None, work, name)
         print("started", flush=True)
         time.sleep(600)
 """
 
 
 @pytest.mark.usefixtures("heard")
-@pytest.mark.parametrize("after", [0.2, 1.2], ids=["while workers start", "at work"])
+@pytest.mark.parametrize("at_work", [False, True], ids=["while workers start", "at work"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_no_worker_outlasts_its_parent_and_only_that_complains(tmp_path, number, after):
+def test_no_worker_outlasts_its_parent_and_only_that_complains(tmp_path, number, at_work):
     (tmp_path / "parent.py").write_text(PARENT)
-    parent = python(tmp_path / "parent.py", started=True, start_new_session=True, PARENT=str(tmp_path))
+    tasks = tmp_path / "a", tmp_path / "b"
+    parent = python(tmp_path / "parent.py", *tasks, started=True, start_new_session=True, PARENT=str(tmp_path))
     parent.stdout.readline()
-    time.sleep(after)
+    time.sleep(0.2)
+    while at_work and parent.poll() is None and not all(task.exists() for task in tasks):
+        time.sleep(0.02)
     (os.killpg if number == signal.SIGINT else os.kill)(parent.pid, number)  # a terminal's Ctrl-C reaches all
     parent.wait()
     give_up = time.monotonic() + 30

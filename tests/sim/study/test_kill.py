@@ -221,7 +221,7 @@ def test_a_study_waits_for_workers_and_if_its_scheduler_dies_no_trial_is_blamed(
 
 def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)
+    monkeypatch.setattr("sim.study.backends._CONNECT", 0.2)
     start = time.monotonic()
     for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x", "127.0.0.1:notaport"):
         with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connect(address):

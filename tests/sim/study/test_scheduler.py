@@ -46,7 +46,7 @@ class Hangs(Dies):
 
 class Sleeps(Dies):
     def fail(self):
-        time.sleep(0.25)
+        time.sleep(0.15)
 """
 
 
@@ -139,11 +139,11 @@ def cluster():
 def test_trials_that_wait_for_a_worker_or_its_warm_up_do_not_hang(ailing, cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(scheduler, "GRACE", 0.0)
     warm_up = Mock()
-    warm_up.side_effect = lambda: time.sleep(1.6 if warm_up.call_count == 1 else 0.0)
+    warm_up.side_effect = lambda: time.sleep(1.0 if warm_up.call_count == 1 else 0.0)
     monkeypatch.setattr(trial_flight, "warm_up", warm_up)
     tasks = short([ailing("Sleeps", once=False)], "0-2")
     with cluster("Worker") as backend:
-        rows = run(tmp_path, tasks, backend, Options(timeout=1.3))  # all three take longer
+        rows = run(tmp_path, tasks, backend, Options(timeout=0.8))  # all three take longer
         assert backend.submit.call_count == len(tasks) and backend._names == backend._begun == {}
     assert [row.error for row in rows] == [""] * len(tasks)
 
