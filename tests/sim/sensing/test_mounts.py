@@ -149,6 +149,7 @@ def test_film_and_map_keep_what_a_slow_camera_saw_last():
     hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark
     for k in range(6):
         changes = {"people": place[None], "visible": np.full((1, 1), 9 if k == 0 else 0)}
+        changes["frames"] = np.array([setting.has_frame(0, k)])
         snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
         image = np.zeros((540, 790, 3), dtype=np.uint8)
         view.draw(image, snapshot)
