@@ -29,6 +29,7 @@ _Sigma = Annotated[
     typer.Option(metavar="M", help="Standard deviation [m] to add to detections without a covariance of their own."),
 ]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
+_Detector = Annotated[str, typer.Option(metavar="NAME", help="Detector for images.csv, or yours as module:Class.")]
 _Seed = Annotated[str, typer.Option(metavar="N", help="Decides which messages are lost, with network.loss.")]
 
 
@@ -37,12 +38,13 @@ def track(
     overrides: Overrides = None,
     origin: _Origin = "0,0",
     sigma: _Sigma = "0",
+    detector: _Detector = "blob",
     seed: _Seed = "0",
     out: _Out = None,
     video: _Video = True,
 ) -> None:
     """Track people in a flight from elsewhere. A new folder gets its recording, summary, film, page and timeline."""
-    options = Options(overrides or (), _parse_origin(origin), _parse_sigma(sigma))
+    options = Options(overrides or (), _parse_origin(origin), _parse_sigma(sigma), detector)
     drawn, _ = parse_seed_and_repeat(seed, "0", "--")
     log = read_flight(flight, options)
     print_remarks(*log.remarks)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.flights.flight_tables import CameraRow, Detection, Fleet, Frame, Poses, interpolate
+from sim.flights.flight_tables import CameraRow, Detection, Fleet, LoggedFrame, Poses, interpolate
 from tracking.errors import InputError, one_line
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
@@ -202,9 +202,9 @@ def _read_camera(info: Any, where: str) -> CameraRow:  # noqa: ANN401 - messages
     return CameraRow(math.degrees(2 * math.atan(min(size) / 2 / k[0])), min(size), 0.0, size)
 
 
-def _read_frame(message: Any, where: str) -> Frame:  # noqa: ANN401 - messages have types of the bag's own
+def _read_frame(message: Any, where: str) -> LoggedFrame:  # noqa: ANN401 - messages have types of the bag's own
     time = _read_time(message.header.stamp)
-    return Frame(time, f"{where}, {time:.3f} s", [_read_detection(found) for found in message.detections])
+    return LoggedFrame(time, f"{where}, {time:.3f} s", [_read_detection(found) for found in message.detections])
 
 
 def _read_detection(found: Any) -> Detection:  # noqa: ANN401 - messages have types of the bag's own

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.flights.flight_files import FlightFiles, read_files
 from sim.flights.flight_setting import EXACT, find_rate, make_setting
-from sim.flights.flight_tables import CameraRow, Frame, Poses, interpolate, measure_gap
+from sim.flights.flight_tables import CameraRow, LoggedFrame, Poses, interpolate, measure_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -35,6 +35,7 @@ class Options(NamedTuple):
     overrides: Sequence[str] = ()  # `key=value` of `scenario.toml`
     origin: tuple[float, float] = (0.0, 0.0)  # m, place in the files of the origin
     sigma: float = 0.0  # m, standard deviation to add to detections without a covariance of their own
+    detector: str = "blob"  # as `sensing.detector`, for images
 
 
 PLAIN = Options()
@@ -69,7 +70,7 @@ def read_flight(folder: Path | str, options: Options = PLAIN) -> FlightLog:
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
     apply_overrides(given, options.overrides)
-    files = read_files(folder, options.origin)
+    files = read_files(folder, options.origin, options.detector)
     rate = find_rate(given, files.fleet)
     end = given.get("duration", max(frames[-1].time for frames in files.fleet.values()))
     setting = make_setting(folder, given, files, rate=rate, end=end)
@@ -137,7 +138,7 @@ def _check_pose_times(log: Poses, times: Array, uav: int, start: float) -> None:
         raise InputError(f"poses: {far}; its poses are from {first} to {last} s; are both in seconds, of one clock?")
 
 
-def _find_places(frame: Frame, pose: Pose, camera: Camera) -> Array:
+def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:
     """Places (N, 2) m of a frame's detections; NaN for pixels above the horizon."""
     places = np.array([found.place for found in frame.detections]).reshape(-1, 2)
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
@@ -146,7 +147,9 @@ def _find_places(frame: Frame, pose: Pose, camera: Camera) -> Array:
     return places
 
 
-def _make_scan(frame: Frame, uav: int, time: float, pose: Pose, camera: Camera, sigma: float) -> tuple[Scan, Array]:
+def _make_scan(
+    frame: LoggedFrame, uav: int, time: float, pose: Pose, camera: Camera, sigma: float
+) -> tuple[Scan, Array]:
     """Scan of a frame at a pose, and its pixels (N, 2), or (0, 2) if it has none.
 
     Left out are detections above the horizon, and those beside the square in the middle of the image.
@@ -163,7 +166,7 @@ def _make_scan(frame: Frame, uav: int, time: float, pose: Pose, camera: Camera, 
     return Scan(uav, time, pose, places[kept], R[kept]), known
 
 
-def _check_pixels(frames: Sequence[Frame], uav: int, camera: CameraRow) -> None:
+def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: CameraRow) -> None:
     """InputError if a detection is outside its image, of which the camera is the square in the middle."""
     half = [edge / 2 + _OUTSIDE * camera.pixels for edge in camera.size]
     for frame in frames:

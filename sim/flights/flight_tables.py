@@ -60,7 +60,7 @@ class Detection(NamedTuple):
     person: str = ""  # id, if this is a label
 
 
-class Frame(NamedTuple):
+class LoggedFrame(NamedTuple):
     """The detections of one frame."""
 
     time: float  # s
@@ -76,11 +76,31 @@ class CameraRow(NamedTuple):
     clock_offset: float  # s, to add to the UAV's times
     size: tuple[int, int]  # width and height of the images, of which the camera is the square in the middle
 
+    def fit(self, size: tuple[int, int], where: str) -> "CameraRow":
+        """The camera of images of this size; InputError unless its square has their shorter edge."""
+        if self.pixels == min(size):
+            return self._replace(size=size)
+        images = f"images have {size[0]} × {size[1]} pixels, but the camera in cameras.csv has {self.pixels}"
+        raise InputError(f"{where}: {images}; give it {min(size)}, and the angle of view over these")
 
-Fleet = dict[int, list[Frame]]  # frames in order of time, by UAV
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Pixel at which the square begins."""
+        return (self.size[0] - self.pixels) / 2, (self.size[1] - self.pixels) / 2
 
 
-def measure_gap(frames: Sequence[Frame]) -> float:
+Fleet = dict[int, list[LoggedFrame]]  # frames in order of time, by UAV
+
+
+class CameraFrames(NamedTuple):
+    """Frames of one camera."""
+
+    detections: list[LoggedFrame]
+    people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
+    size: tuple[int, int] | None = None  # width and height of the images, if known
+
+
+def measure_gap(frames: Sequence[LoggedFrame]) -> float:
     """The usual time [s] from one frame to the next; 0 for a single one."""
     return float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
 
@@ -95,7 +115,7 @@ def read_poses(path: Path) -> dict[int, Poses]:
     found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
     lines: dict[tuple[int, float], int] = {}
     for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
-        uav, time = _read_uav(row), row.number("time_s")
+        uav, time = read_uav(row), row.number("time_s")
         if (uav, time) in lines:
             twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
             raise row.error("uav", f"{twice}; number the UAVs apart")
@@ -114,13 +134,13 @@ def read_detections(path: Path) -> Fleet:
     row with neither says that the camera took a frame at this time. Rows may have any order. InputError names file,
     line and column of a wrong entry.
     """
-    found: defaultdict[int, dict[float, Frame]] = defaultdict(dict)
+    found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
     rows: dict[tuple[int, float, Detection], int] = {}
     for row in read_csv(path, "detections", ("time_s",)):
         if not found and not {*_PLACE} <= {*row.values} and not {*_PIXEL} <= {*row.values}:
             raise InputError(f"detections: {path}, line 1: names neither x_m and y_m nor u_px and v_px")
-        uav, time = _read_uav(row), row.number("time_s")
-        frame = found[uav].setdefault(time, Frame(time, row.where, []))
+        uav, time = read_uav(row), row.number("time_s")
+        frame = found[uav].setdefault(time, LoggedFrame(time, row.where, []))
         detection = _read_detection(row)
         if detection is None:
             continue
@@ -139,7 +159,7 @@ def read_cameras(path: Path) -> dict[int, CameraRow]:
     """
     cameras: dict[int, CameraRow] = {}
     for row in read_csv(path, "cameras", CAMERA_COLUMNS[1:]):
-        uav = _read_uav(row)
+        uav = read_uav(row)
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
@@ -156,7 +176,8 @@ def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
     return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
 
 
-def _read_uav(row: Row) -> int:
+def read_uav(row: Row) -> int:
+    """Number of the UAV of a row, 0 in a table without this column."""
     return row.integer("uav") if "uav" in row.values else 0
 
 

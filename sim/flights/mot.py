@@ -3,9 +3,8 @@
 import configparser
 from collections import defaultdict
 from pathlib import Path
-from typing import NamedTuple
 
-from sim.flights.flight_tables import Detection, Frame
+from sim.flights.flight_tables import CameraFrames, Detection, LoggedFrame
 from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.quantities import parse_number
 from sim.scenario.text_files import read_spreadsheet_text
@@ -13,14 +12,6 @@ from tracking.errors import InputError, one_line, spell
 
 _COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
 _TRUTH_COLUMNS = (*_COLUMNS[:7], "class", "visibility")  # of nine columns
-
-
-class MotSequence(NamedTuple):
-    """A sequence of one camera, whose first frame is at 0 s."""
-
-    detections: list[Frame]
-    people: list[Frame] | None  # with the ids of people; None without gt.txt
-    size: tuple[int, int] | None  # width and height of the images, if known
 
 
 def find_sequences(folder: Path) -> dict[int, Path]:
@@ -31,12 +22,12 @@ def find_sequences(folder: Path) -> dict[int, Path]:
     return {int(path.name[3:]): path for path in found if path.name[3:].isdigit()}
 
 
-def read_sequence(folder: Path) -> MotSequence:
-    """Read a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`; InputError says what to change.
+def read_sequence(folder: Path) -> CameraFrames:
+    """Frames of a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`, the first at 0 s.
 
     Frames count from 1, and each up to the last, also without a row, was taken. A row is a box in the image, whose
     middle is the person's, or with a box of -1 a place x, y on the ground. Confidences are not used; in `gt.txt` those
-    of zero, and classes other than pedestrians, are left out.
+    of zero, and classes other than pedestrians, are left out. InputError says what to change.
     """
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
@@ -50,18 +41,18 @@ def read_sequence(folder: Path) -> MotSequence:
         raise InputError(f"seqinfo: {info}: frameRate is missing; expected the number of frames in a second")
     found = _read_rows(folder / "det" / "det.txt", "detections")
     truth = folder / "gt" / "gt.txt"
-    people = _read_rows(truth, "truth") if truth.exists() else None
-    last = max([int(facts.get("seqlength", 0)), *found, *(people or ())], default=0)
+    people = _read_rows(truth, "truth") if truth.exists() else {}
+    last = max([int(facts.get("seqlength", 0)), *found, *people], default=0)
     if last == 0:
         raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
     size = (int(facts["imwidth"]), int(facts["imheight"])) if {"imwidth", "imheight"} <= {*facts} else None
 
-    def make_frame(number: int, detections: list[Detection]) -> Frame:
-        return Frame((number - 1) / rate, f"detections: {folder}, frame {number}", detections)
+    def make_frame(number: int, detections: list[Detection]) -> LoggedFrame:
+        return LoggedFrame((number - 1) / rate, f"detections: {folder}, frame {number}", detections)
 
-    return MotSequence(
+    return CameraFrames(
         detections=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
-        people=None if people is None else [make_frame(number, people[number]) for number in sorted(people)],
+        people=[make_frame(number, people[number]) for number in sorted(people)],
         size=size,
     )
 
