@@ -92,14 +92,18 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Compare planners or trackers on the same forests, people and seeds. Started again, it flies what is missing."""
-    changes = merge_overrides(overrides, duration, _check_mode(sensing))
+    if sensing is not None:
+        replace(SENSOR_MODES, field="--sensing").check(sensing)
+    changes = merge_overrides(overrides, duration, sensing)
     number = None if repeats is None else parse_integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _make_study(study, planner or (), tracker or (), scenario or ())
     chosen = adapt_study(begun, seeds=_read_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = _read_workers(workers, dask)
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
-    kept = _choose_recordings_folder(keep, folder)
+    if keep is not None:
+        check_known("--keep", keep, ["recordings"])
+    kept = None if keep is None else folder / "recordings"
     listed = list_tasks(chosen, find_outside_metrics(metric or ()))
     facts = make_facts(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
@@ -129,26 +133,12 @@ def _is_study(path: Path) -> bool:
     return bool({*STUDY_TABLES} & {*read_toml(path, "study")}) if path.is_file() else path.stem in STUDIES
 
 
-def _choose_recordings_folder(keep: str | None, folder: Path) -> Path | None:
-    """Folder of recordings, if they are kept."""
-    if keep is None:
-        return None
-    check_known("--keep", keep, ["recordings"])
-    return folder / "recordings"
-
-
 def _read_workers(workers: str | None, dask: str | None) -> int | None:
     if workers is None:
         return None
     if dask is not None:
         raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
     return parse_integer(workers, "--workers", least=1, most=WORKERS)
-
-
-def _check_mode(sensing: str | None) -> str | None:
-    if sensing is not None:
-        replace(SENSOR_MODES, field="--sensing").check(sensing)
-    return sensing
 
 
 def _read_seeds(seeds: str | None, maps: str | None) -> str | None:

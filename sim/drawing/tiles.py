@@ -57,16 +57,11 @@ def _fill(image: Image, colour: Colour) -> None:
 
 
 def _name(image: Image, uav: int, colour: Colour) -> None:
-    tab = TextStyle(13, _choose_ink(colour), True)
-    name = f"UAV {uav}"
+    red, green, blue = colour
+    legible = INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
+    name, tab = f"UAV {uav}", TextStyle(13, legible, True)
     image[: BORDER + 18, : BORDER + measure_width(name, tab) + 6] = colour
     write(image, name, (BORDER + 1, BORDER + 8), tab)
-
-
-def _choose_ink(colour: Colour) -> Colour:
-    """Black or white, whichever is more legible on the colour."""
-    red, green, blue = colour
-    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
 
 
 def _draw_tracks(

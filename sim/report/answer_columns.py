@@ -1,6 +1,9 @@
 """The columns of an answer, as tables and table.csv show it. A new column is one entry of `make_entries`."""
 
+import csv
+import io
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from sim.analysis.answers import Answer
@@ -67,6 +70,21 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
     return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.of] else e for e in entries]
+
+
+def format_csv(found: Sequence[Answer], baseline: str) -> str:
+    """CSV with one line per cell, planner and metric; values in SI units, empty if undefined."""
+    names = list(dict.fromkeys(name for answer in found for name, _ in answer.cell or ()))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    for n, answer in enumerate(found):
+        fields = {name: value for entry in make_entries(answer, baseline) for name, value in entry.fields.items()}
+        if n == 0:
+            writer.writerow([*names, *fields])
+        levels = ["all"] * len(names) if answer.cell is None else [dict(answer.cell).get(name, "") for name in names]
+        known = ("" if isinstance(value, float) and math.isnan(value) else value for value in fields.values())
+        writer.writerow([*levels, *known])
+    return text.getvalue()
 
 
 def _list_ends(name: str, estimate: Estimate) -> dict[str, Value]:

@@ -1,28 +1,21 @@
 """HTML of a report: the page, its tables and paragraphs."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from itertools import groupby
 from string import Template
-from typing import NamedTuple
 
 from sim.analysis.cell_text import cell_text
 from sim.report.tables import Table
 
 
-class Section(NamedTuple):
-    """A part of the page."""
-
-    heading: str
-    html: str
-
-
-def make_page(title: str, opening: str, sections: Sequence[Section]) -> str:
-    """The page: the HTML before the contents, the contents, and the sections."""
-    links = "\n".join(f'<a href="#section-{n}">{escape(s.heading)}</a>' for n, s in enumerate(sections, start=1))
-    parts = [f'<h2 id="section-{n}">{escape(s.heading)}</h2>\n{s.html}' for n, s in enumerate(sections, start=1)]
+def make_page(title: str, opening: str, sections: Mapping[str, str]) -> str:
+    """The page: the HTML before the contents, the contents, and the HTML of each section that has any, by heading."""
+    shown = [(f"section-{n}", heading) for n, heading in enumerate(filter(sections.get, sections), start=1)]
+    links = "\n".join(f'<a href="#{name}">{escape(heading)}</a>' for name, heading in shown)
+    parts = [f'<h2 id="{name}">{escape(heading)}</h2>\n{sections[heading]}' for name, heading in shown]
     body = "\n".join([opening, f"<nav>\n{links}\n</nav>", *parts])
     template, style = ((files("sim.report") / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     return Template(template).substitute(title=escape(title), style=style.rstrip(), body=body)

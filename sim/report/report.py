@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import groupby
 from pathlib import Path
 
 from sim.analysis.answers import Answer, find_answers
@@ -19,10 +20,9 @@ from sim.analysis.normalised_score import score_planners
 from sim.analysis.planner_labels import find_baseline, format_entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import write_whole
-from sim.report.csv_table import format_csv
+from sim.report.answer_columns import format_csv
 from sim.report.figures.pictures import Picture, draw_pictures, draw_score_picture
 from sim.report.html_parts import (
-    Section,
     make_bullet_list,
     make_command_line,
     make_html_table,
@@ -59,6 +59,9 @@ _HOW_TO_READ = (
     "A difference is the planner's value minus the baseline's on the same map. The last lines of a table compare means "
     "over all cells, seed by seed.",
     "Failed trials and undefined values do not count. They are listed wherever they are left out.",
+)
+_HOW_TO_FLY = (
+    "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
 )
 
 
@@ -109,29 +112,28 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         groups, [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)], baseline
     )
     drawn = draw_pictures(groups, baseline, metrics)
-    scores = score_planners(rows, groups, about.score, about.labels)
-    scoring = [draw_score_picture(scores.scores, scores.ends)] if scores else []
-    table = make_score_table(scores, groups) if scores else None
+    scoring, scored = list[Picture](), ""
+    if scores := score_planners(rows, groups, about.score, about.labels):
+        scoring, table = [draw_score_picture(scores.scores, scores.ends)], make_score_table(scores, groups)
+        scored = make_paragraph(table.note) + make_html_table(table) + _embed_figures(scoring)
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
     full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
-    sections = [
-        Section("In short", _write_verdicts(found, baseline, metrics[0])),
-        Section("What was run", _describe_study(rows, every, about, baseline)),
-        *(
-            [Section("Scores", make_paragraph(table.note) + make_html_table(table) + _embed_figures(scoring))]
-            if table
-            else []
-        ),
-        Section(
-            "Results",
-            f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
-        ),
-        Section("Figures", _embed_figures(drawn)),
-        *([Section("Run time", make_titled_tables(make_runtime_tables(times)))] if times else []),
-        *_make_trial_sections(groups, every, metrics[0]),
-        Section("How to read this", make_bullet_list(_HOW_TO_READ)),
-    ]
+    extremes, commands = show_extreme_maps(groups, metrics[0])
+    best_and_worst = "Least and greatest maps" if metrics[0].better == "neither" else "Best and worst maps"
+    of_each = make_paragraph(f"For each planner separately, by {metrics[0].title}.")
+    sections = {
+        "In short": _write_verdicts(found, baseline, metrics[0]),
+        "What was run": _describe_study(rows, every, about, baseline),
+        "Scores": scored,
+        "Results": f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
+        "Figures": _embed_figures(drawn),
+        "Run time": make_titled_tables(make_runtime_tables(times)),
+        best_and_worst: of_each + extremes if commands else "",
+        f"Failures: {sum(len(group.failed) for group in every)}": list_failures(every),
+        "Fly them again": make_paragraph(_HOW_TO_FLY) + commands if commands else "",
+        "How to read this": make_bullet_list(_HOW_TO_READ),
+    }
     opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
     files = {
         "report.html": make_page(f"{about.study}: understory", opening, sections).encode(),
@@ -153,21 +155,6 @@ def _embed_figures(pictures: Sequence[Picture]) -> str:
         caption = f"<figcaption>{escape(picture.caption)}</figcaption>"
         parts.append(f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>")
     return "\n".join(parts)
-
-
-def _make_trial_sections(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[Section]:
-    table, places = show_extreme_maps(groups, metric)
-    failed = sum(len(group.failed) for group in every)
-    heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
-    of_each = f"For each planner separately, by {metric.title}."
-    hint = (
-        "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
-    )
-    return [
-        *([Section(heading, make_paragraph(of_each) + table)] if places else []),
-        *([Section(f"Failures: {failed}", list_failures(every))] if failed else []),
-        *([Section("Fly them again", make_paragraph(hint) + places)] if places else []),
-    ]
 
 
 def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
@@ -194,6 +181,7 @@ def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, b
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
+    hashes = sorted(row.recording for row in rows if row.recording)  # equal in any order if all missions are
     planners = dict.fromkeys(format_entrant(row) for group in every for row in (*group.done, *group.failed))
     facts = [
         ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
@@ -208,7 +196,7 @@ def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, b
         ("trials", f"{len(rows) - failed} done, {failed} failed"),
         ("time of all trials, added up", "" if about.wall_s is None else format_duration(about.wall_s)),
         ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
-        ("hash of all recordings", _hash_recordings(rows)),
+        ("hash of all recordings", hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""),
         ("report made on", about.machine),
         ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
     ]
@@ -219,20 +207,9 @@ def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, b
     )
 
 
-def _hash_recordings(rows: Sequence[Row]) -> str:
-    """SHA-256 over the hashes of all recordings, whatever the order of the rows; equal if all missions are equal."""
-    hashes = sorted(row.recording for row in rows if row.recording)
-    return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""
-
-
 def format_ranges(numbers: Sequence[int]) -> str:
     """Ascending integers as text, such as 0-4, 7."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
+    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])]
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 

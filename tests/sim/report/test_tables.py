@@ -16,8 +16,7 @@ from sim.analysis.answers import find_answers
 from sim.analysis.groups import group_rows
 from sim.analysis.intervals import Estimate
 from sim.analysis.metric_choice import find_shown_metric
-from sim.report.answer_columns import Entry, make_entries
-from sim.report.csv_table import format_csv
+from sim.report.answer_columns import Entry, format_csv, make_entries
 from sim.report.html_parts import make_bullet_list, make_titled_tables
 from sim.report.report import About, make_files
 from sim.report.sentences import list_shortfalls, write_notes
@@ -190,7 +189,7 @@ def test_a_new_column_is_one_entry_for_every_format(monkeypatch, without_picture
         return [*make_entries(answer, baseline), faulty]
 
     monkeypatch.setattr("sim.report.tables.make_entries", with_faults)
-    monkeypatch.setattr("sim.report.csv_table.make_entries", with_faults)
+    monkeypatch.setattr("sim.report.answer_columns.make_entries", with_faults)
     files = make_files(study(seeds=2), About("tried"))
     assert b",maps_needed,faulty\n" in files["table.csv"]
     assert b'<td data-head="faulty trials">0 bad</td>' in files["report.html"]
