@@ -104,17 +104,6 @@ class _Flight:
         require(false <= len(_KNOWN), seen)
         return held, seen
 
-    def check_agreement(self) -> None:
-        """Raise ValueError if the UAVs differ in ids or beliefs."""
-        for k, (one, other) in enumerate(self.tracks):
-            ids = [[track.id for track in tracks] for tracks in (one, other)]
-            now = f"at {_STEP * k:.1f} s"
-            require(ids[0] == ids[1], f"{now} UAV 0 has ids {ids[0]}, UAV 1, which hears it, {ids[1]}")
-            pairs = zip(("means", "covariances"), beliefs_of(one), beliefs_of(other), strict=True)
-            for what, own, heard in pairs:
-                gap = np.abs(own - heard).max(initial=0.0)
-                require(gap <= _SAME, f"{now} {what} of two UAVs that hear one another differ by {spell(gap, 2)}")
-
 
 def _check_scans(flight: _Flight) -> str:
     flight.finish()
@@ -133,9 +122,21 @@ def _check_people(flight: _Flight) -> str:
     return f"{seen}; one was unknown at the start"
 
 
+def _check_agreement(flight: _Flight) -> str:
+    for k, (one, other) in enumerate(flight.tracks):
+        ids = [[track.id for track in tracks] for tracks in (one, other)]
+        now = f"at {_STEP * k:.1f} s"
+        require(ids[0] == ids[1], f"{now} UAV 0 has ids {ids[0]}, UAV 1, which hears it, {ids[1]}")
+        pairs = zip(("means", "covariances"), beliefs_of(one), beliefs_of(other), strict=True)
+        for what, own, heard in pairs:
+            gap = np.abs(own - heard).max(initial=0.0)
+            require(gap <= _SAME, f"{now} {what} of two UAVs that hear one another differ by {spell(gap, 2)}")
+    return "two UAVs that hear one another have the same ids and beliefs"
+
+
 def _check_unknown_start(flight: _Flight) -> str:
     other = _Flight(flight.name, _KNOWN[:0]).finish()
-    other.check_agreement()
+    _check_agreement(other)
     return other.count_people()[1]
 
 
@@ -149,11 +150,6 @@ def _check_covariances(flight: _Flight) -> str:
         near = length(error) < _FAR
         squares += squared_distance(error[near], covariances[near, :2, :2]).tolist()
     return check_nees(squares)
-
-
-def _check_agreement(flight: _Flight) -> str:
-    flight.check_agreement()
-    return "two UAVs that hear one another have the same ids and beliefs"
 
 
 def _check_repeatable(flight: _Flight) -> str:
