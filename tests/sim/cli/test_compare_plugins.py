@@ -53,6 +53,7 @@ REFUSED = {
     "tracking.tracker=theirs:Raising": "'theirs:Raising' cannot be made: ValueError: no table (",
     "network.fusion=theirs:Stepless": "'theirs:Stepless' has no method contribution(local)",
     "tracking.motion=theirs:Bare": "'theirs:Bare' cannot be made: TypeError: Bare.__init__() takes 1 positional arg",
+    "sensing.detector=theirs:Stepless": "'theirs:Stepless' has no method detect(frame)",
     "sensing.mode=theirs:Stepless": "'theirs:Stepless' has no method sense(uav, time, pose, people)",
 }
 
