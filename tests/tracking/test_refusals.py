@@ -1,15 +1,13 @@
 """Validation of parameters, tracks, poses and scenarios: errors in one line."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, play, scan, track, tracker
+from helpers.scenes import CAMERA, MOTION, OPEN
 
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.geometry.camera import Pose
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa
 from tracking.tracker import Track, Tracker, TrackerParameters
@@ -83,14 +81,6 @@ def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covari
     with pytest.raises(ValueError, match=complaint) as raised:
         Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize("quaternion", [np.full(4, math.nan), np.zeros(4), np.zeros(3), np.array([0, 0, 0, 1.01])])
-def test_a_scan_from_an_impossible_attitude_is_refused_and_changes_nothing(quaternion):
-    subject = tracker(track(1, 0, 0, 0, 0))
-    with pytest.raises(ValueError, match=r"pose.quaternion of a scan must be four numbers of norm 1, is \["):
-        subject.step(dataclasses.replace(scan(0), pose=Pose(ABOVE.position, quaternion)))
-    play(subject, [scan(0, (0, 0))])
 
 
 @pytest.mark.parametrize("distance", [ospa, gospa])

@@ -200,14 +200,6 @@ def test_what_is_wrong_is_named_by_field_line_column_and_value(csv_file, text, c
     assert str(error.value).startswith(f"people.trajectories: {path}")
 
 
-def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"missing\.csv cannot be read"):
-        read_trajectories(tmp_path / "missing.csv", AREA, duration=40)
-    (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\x01\xfe")
-    with pytest.raises(ValueError, match=r"binary\.csv cannot be read"):
-        read_trajectories(tmp_path / "binary.csv", AREA, duration=40)
-
-
 def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_file, monkeypatch):
     path = csv_file(table([(t, 1, 0, 0) for t in range(700)]))
     assert read_trajectories(path, AREA, duration=1).positions.shape == (61, 1, 2)

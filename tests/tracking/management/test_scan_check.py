@@ -37,6 +37,10 @@ def with_second(covariance) -> np.ndarray:
         ({"time": -0.2}, "scan at -0.2 s is not after the last one at 0.0 s"),
         ({"pose": Pose(np.array([0, 0, math.nan]), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
         ({"pose": Pose(np.zeros(2), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
+        *(
+            ({"pose": Pose(ABOVE.position, q)}, r"pose.quaternion of a scan must be four numbers of norm 1, is \[")
+            for q in (np.full(4, math.nan), np.zeros(4), np.zeros(3), np.array([0, 0, 0, 1.01]))
+        ),
     ],
 )
 def test_a_scan_that_makes_no_sense_is_refused_and_changes_nothing(change, complaint):
