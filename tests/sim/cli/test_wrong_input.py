@@ -165,7 +165,7 @@ COMPARISONS = {
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
     "folder of a mission": (["--out", "run"], ["--out: run holds a mission; allowed is a new folder"]),
     "file for a folder": (
-        ["--out", "empty.toml"],
+        ["--out", "bad.csv"],
         ["--out: bad.csv is not a folder; allowed is a new folder, or that of a study\n"],
     ),
     "folder in a file": (["--out", "bad.csv/study"], ["--out: bad.csv/study", "cannot be used"]),
