@@ -68,8 +68,9 @@ def track(
 
 
 def _describe_tracks(recording: Recording) -> str:
-    held = len(set(recording.track_ids[recording.reported].tolist()))
-    return f"{held} tracks in {recording.times[-1]:.1f} s; with the people in truth.csv there would be metrics, too."
+    count = len(set(recording.track_ids[recording.reported].tolist()))
+    tracks = f"{count} track{'s' * (count != 1)} in {recording.times[-1]:.1f} s"
+    return f"{tracks}; with the people in truth.csv there would be metrics, too."
 
 
 def _parse_origin(text: str) -> tuple[float, float]:

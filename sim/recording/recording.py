@@ -101,6 +101,11 @@ class Recording:
         """False if the people are unknown, as in a flight from elsewhere without labels."""
         return self.frames is None or self.people.shape[1] > 0
 
+    @property
+    def errors(self) -> Array:
+        """OSPA (K, n, 3) m as recorded, but NaN everywhere if people are unknown."""
+        return self.ospa if self.labelled else np.full(self.ospa.shape, np.nan)
+
     @cached_property
     def frames_taken(self) -> Flags:
         """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""

@@ -112,8 +112,8 @@ def _list_tracks(r: Recording) -> Columns:
 
 
 def _list_ospa(r: Recording) -> Columns:
-    k, i = np.nonzero(r.working)
-    parts = dict(zip(("ospa_m", "localisation_m", "cardinality_m"), r.ospa[k, i].T, strict=True))
+    k, i = np.nonzero(~np.isnan(r.errors[:, :, 0]))
+    parts = dict(zip(("ospa_m", "localisation_m", "cardinality_m"), r.errors[k, i].T, strict=True))
     return {"time_s": r.times[k], "uav": i, **parts}
 
 

@@ -38,7 +38,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
             parts.append(f"{state} in {count}" if n else f"for UAV {i} {state} in {count} of {frames} frames")
     if away:
         parts.append(f"out of view of {list_numbers('UAV', away)}")
-    return f"not detected since {since:.1f} s, " + ", ".join(parts) if parts else ""
+    return f"no sure detection since {since:.1f} s, " + ", ".join(parts) if parts else ""
 
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:

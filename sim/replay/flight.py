@@ -76,12 +76,18 @@ class Flight:
         return make_dataframe(self.columns(table))
 
     def ospa_figure(self) -> Figure:
-        """OSPA over time."""
+        """OSPA over time; InputError if people are unknown."""
+        self._check_labels("OSPA")
         return draw_ospa_figure(self.recording.times, self.recording.ospa)
 
     def timeline_figure(self) -> Figure:
-        """The timeline: the states of each person in the cameras and to the tracks."""
+        """The timeline: the states of each person in the cameras and to the tracks; InputError if they are unknown."""
+        self._check_labels("timeline")
         return draw_timeline(self.history, self.recording.ospa, self.events)
+
+    def _check_labels(self, what: str) -> None:
+        if not self.recording.labelled:
+            raise InputError(f"the people of this flight are unknown, so it has no {what}")
 
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""

@@ -38,12 +38,17 @@ def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> I
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [format_recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
-    if not scenario.sensing.renders:
+    if recording.frames is not None:
+        notes.append("drawn by the map of trees, not the flight's image")
+    elif not scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
     elif not recording.frames_taken[k, uav]:
         notes.append("the camera took no image at this scan")
     looked = scenario.sensing.renders and recording.frames_taken[k, uav]
     whole = rerenderer.count_whole(k, uav).tolist() if looked else None
+    distance, localisation, cardinality = recording.errors[k, uav]
+    if recording.labelled:
+        notes += [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     panel = _draw_panel(sight, notes, whole, shown, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
     page[GAP:-GAP, -GAP - _WIDTH : -GAP] = panel
@@ -138,15 +143,13 @@ def _draw_panel(sight: Sight, notes: list[str], whole: list[int] | None, shown: 
 
 
 def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> list[TextGroup]:
-    distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
-    error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     tracks = [
         f"track {name_track(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
         for ring in [np.hypot(*outline_ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]
     return [
-        TextGroup("mission", [*notes, *error]),
+        TextGroup("mission", notes),
         TextGroup("field of view", _describe_view(sight.camera, sight.pose)),
         TextGroup("truth", _describe_people(sight, whole)),
         TextGroup("tracks, 95 %", _shorten(tracks)),

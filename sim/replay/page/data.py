@@ -70,9 +70,7 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "holds": history.hold_states[every].tolist(),
         "holders": recording.numbers_of(holders.ravel()).reshape(holders.shape).tolist(),
         "works": history.working[every].astype(int).tolist(),
-        "ospa": _put_nulls(
-            recording.ospa[every, :, 0], 3, np.isnan(recording.ospa[every, :, 0]) | (not recording.labelled)
-        ),
+        "ospa": _put_nulls(recording.errors[every, :, 0], 3, np.isnan(recording.errors[every, :, 0])),
         "rows": rows,
         "folded": folded,
         "unmatched": [[e.kind, *shown.span(e.first, e.last), lane] for e, lane in assign_lanes(events)],

@@ -44,7 +44,7 @@ class Series(NamedTuple):
 
 
 def _list_ospa(recording: Recording) -> list[Series]:
-    errors, means = recording.ospa[:, :, 0], average_ospa(recording.ospa)[:, 0]
+    errors, means = recording.errors[:, :, 0], average_ospa(recording.errors)[:, 0]
     each = [Series(f"ospa/uav{i}", f"UAV {i}", uav_colour(i), error) for i, error in enumerate(errors.T)]
     return [*each, Series("ospa/mean", "mean", (255, 255, 255), means)]
 
