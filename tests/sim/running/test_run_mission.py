@@ -10,7 +10,6 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from planning.planners import DEFAULT_PLANNER
 from sim.mission.trial import ScanProgress, Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import PlaceTaken, make_new_folder
@@ -61,15 +60,6 @@ def test_a_run_leaves_files_that_agree(tmp_path):
     flown = summary["wall_s"] - seconds["start_up"] - seconds["video"] - seconds["page"]
     assert summary["real_time_factor"] == pytest.approx(2.0 / flown) and seconds["page"] > 0.0
     assert set(summary["versions"]) >= {"python", "understory", "pybullet", "numpy"}
-
-
-@pytest.mark.slow  # recordings of two processes are compared in test_recording, and by hash in test_reproducibility
-def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
-    words = ["-m", "sim", "run", "--duration", "1", "--seed", "7", "--no-video", "--out", tmp_path / "one"]
-    assert python(*words, PYTHONHASHSEED="1").returncode == 0
-    run_mission(Trial(load("forest", ["duration=1"]), DEFAULT_PLANNER, 7), tmp_path / "two", video=False)
-    first, second = ((tmp_path / name / "mission.npz").read_bytes() for name in ("one", "two"))
-    assert first == second
 
 
 def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path, monkeypatch, without_pictures):

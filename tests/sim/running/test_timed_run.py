@@ -59,16 +59,6 @@ def fly(tmp_path, monkeypatch, without_pictures):
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.slow  # the command's test of honest mistakes tells the line, too
-def test_a_planner_that_hangs_is_ended_and_its_line_is_told(fly, tmp_path):
-    with pytest.raises(PluginError) as raised:
-        fly("ailing_run:Hangs", timeout=2.0)
-    line = PLANNERS[: PLANNERS.index("time.sleep")].count("\n") + 1
-    place = f"{tmp_path / 'ailing_run.py'}:{line}, in plan"
-    assert str(raised.value) == f"the mission ended at 0.8 s: took longer than the timeout of 2 s ({place})"
-    assert not (tmp_path / "runs").exists()
-
-
 def test_ctrl_c_in_flight_keeps_the_scans_of_a_mission_that_is_else_as_without_a_limit(fly, tmp_path):
     times = []
 
