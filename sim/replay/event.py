@@ -31,6 +31,7 @@ KINDS = (
     "person off",  # more than `loss_distance`, inside the track's 95 % ellipse
     "person found",
     "hand-off",  # another UAV detects a person than the one that did last
+    "track held",  # by any UAV, where people are unknown
     "false track",
     "duplicate track",
 )
@@ -106,10 +107,13 @@ def sort_by_severity(events: Iterable[Event]) -> list[Event]:
 
 
 def assign_lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
-    """Events of tracks that stand for no person, each with its lane in a drawing, such that no two overlap."""
+    """Events of tracks that stand for no person, or that are held where people are unknown, each with its lane.
+
+    In a drawing no two overlap.
+    """
     ends: list[int] = []
     found = []
-    for event in (event for event in events if event.kind in UNMATCHED):
+    for event in (event for event in events if event.kind in (*UNMATCHED, "track held")):
         lane = next((n for n, end in enumerate(ends) if end < event.first), len(ends))
         ends[lane : lane + 1] = [event.last]
         found.append((event, lane))

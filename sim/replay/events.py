@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.handoffs import find_handoffs
+from sim.evaluation.holding import find_episodes
 from sim.evaluation.unmatched import find_unmatched_tracks
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, find_ends, make_lasting_event
@@ -26,6 +27,7 @@ def find_events(recording: Recording, history: History) -> tuple[Event, ...]:
         *_list_contacts(recording),
         *_find_link_changes(recording),
         *_find_holding_changes(recording),
+        *_list_held_tracks(recording),
         *_find_identity_changes(recording, history),
         *_tell_losses(recording, history),
         *_list_unmatched(recording),
@@ -107,6 +109,18 @@ def _find_holding_changes(recording: Recording) -> Iterator[Event]:
             text = f"track {number} {words} by {name_fleet(fleet)}"
             yield _note_at(recording, k, kind, text, why=why, track=number, uavs=fleet)
         known, before = known | held, now
+
+
+def _list_held_tracks(recording: Recording) -> Iterator[Event]:
+    """Spans in which any UAV reports a track, in a flight whose people are unknown."""
+    scans, _ = recording.cells(recording.track_offsets)
+    for id_, number in recording.track_numbers.items() if not recording.labelled else ():
+        held = np.zeros(len(recording.times), dtype=np.int64)
+        held[scans[recording.reported & (recording.track_ids == id_)]] = 1
+        for first, last, value in find_episodes(held):
+            if value:
+                text = f"track {number} held"
+                yield make_lasting_event(recording.times, (first, last), "track held", text, track=number)
 
 
 def _group_by_track(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, int, tuple[int, ...]]]:

@@ -53,6 +53,7 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     holders = history.tracks[every]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
     return {
+        "labelled": recording.labelled,
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
         "rate": rate,

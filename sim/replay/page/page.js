@@ -16,7 +16,7 @@ function go(k, keep = false) {
   const time = `${data.times[state.k].toFixed(1)} s`;
   $("now").textContent = time;
   const error = fleetMean(state.k);
-  $("error").textContent = error === null ? "-" : `${error.toFixed(2)} m`;
+  $("error").textContent = error === null ? "-".repeat(data.labelled) : `${error.toFixed(2)} m`;
   $("slider").value = state.k;
   $("slider").setAttribute("aria-valuetext", time);
   $("cursor").style.left = `${xOf(state.k)}px`;
@@ -242,6 +242,7 @@ legend("chart-legend", [
   ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],
   ["off, in the track's ellipse", box(colours.off), known.holds.has(OFF)],
   ["lost", box(colours.lost), known.holds.has(LOST)], ["not found yet", box(colours.not_found_yet), known.holds.has(NOT_FOUND)],
+  ["track held", box(colours.held), known.kinds.has("track held")],
   ["false track", box(colours.false), known.kinds.has("false track")], ["duplicate track", box(colours.pale_false), known.kinds.has("duplicate track")],
   ["track switched", (ctx) => diamond(ctx, 13, 10), data.switches.length],
 ]);

@@ -16,7 +16,7 @@ for (let n = 0, top = 4; n <= data.rows.length; n++) {
   if (n < data.rows.length) top += Math.max(data.rows[n][1].length * lane + BAR + 8, 15); // else names overlap
 }
 const low = tops[data.rows.length] + (data.folded.length ? FOLDED + 8 : 0) + (people ? 0 : 16);
-const charts = { timeline: $("timeline"), ospa: $("ospa"), height: 125 };
+const charts = { timeline: $("timeline"), ospa: $("ospa"), height: data.labelled ? 125 : 30 };
 
 const plotWidth = () => charts.ospa.clientWidth - GUTTER - RIGHT;
 const snapped = (x) => Math.round(x * devicePixelRatio) / devicePixelRatio;
@@ -34,10 +34,12 @@ function sizeCharts() {
   drawOspa();
 }
 
+const trackColours = { "false track": colours.false, "duplicate track": colours.pale_false, "track held": colours.held };
+
 function drawTimeline() {
   const ctx = charts.timeline.getContext("2d");
   ctx.clearRect(0, 0, charts.timeline.clientWidth, charts.timeline.clientHeight);
-  if (!people) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
+  if (!people && data.labelled) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
   data.rows.forEach(([m, uavs], n) => {
     const whose = bracketed && uavs.length ? ` (${uavs.slice(0, 5).join(", ")}${uavs.length > 5 ? ", ..." : ""})` : "";
     const name = people > 12 ? String(m) : `person ${m}`;
@@ -46,9 +48,9 @@ function drawTimeline() {
     drawBar(ctx, m, barOf(n));
   });
   drawFolded(ctx, tops[data.rows.length]);
-  if (deep) write(ctx, "no person", GUTTER - 8, low + deep / 2 - 1, colours.ink, "right");
+  if (deep) write(ctx, data.labelled ? "no person" : "tracks", GUTTER - 8, low + deep / 2 - 1, colours.ink, "right");
   for (const [kind, first, until, row] of data.unmatched) {
-    span(ctx, first, until, low + row * thin, Math.max(thin - 2, 1), kind === "false track" ? colours.false : colours.pale_false);
+    span(ctx, first, until, low + row * thin, Math.max(thin - 2, 1), trackColours[kind]);
   }
   for (const [k, person] of data.switches) {
     const n = data.rows.findIndex(([m]) => m === person);
@@ -121,6 +123,7 @@ function drawOspa() {
   const top = level(Math.max(1.5, 1.15 * Math.max(0, ...data.ospa.flat().map((v) => v || 0))));
   const y = (value) => bottom - (level(value) / top) * (bottom - 8);
   ctx.clearRect(0, 0, charts.ospa.clientWidth, charts.height);
+  if (!data.labelled) return drawTimes(ctx, bottom);
   write(ctx, "OSPA", 8, bottom / 2 - 7, colours.ink, "left");
   let lowest = Infinity;
   for (const tick of [0, 0.5, 1, 2, 5, 10, 20, 50]) {

@@ -62,6 +62,8 @@ def test_nothing_is_compared_with_people_who_are_unknown(recordings):
     flight = Flight(recordings["missed"])
     kinds = [event.kind for event in flight.events]
     assert kinds.count("track deleted") == 1 and not {"false track", "person lost"} & {*kinds}
+    (held,) = (event for event in flight.events if event.kind == "track held")
+    assert (held.track, held.time) == (0, 0.2) and 4 < held.until < 5
     (deleted,) = (event for event in flight.events if event.kind == "track deleted")
     assert "in view but not detected" in deleted.sentence
     assert "unknown people" in repr(flight) and "OSPA mean –" in repr(flight)
