@@ -63,12 +63,10 @@ def fly_study(
                 flown = {} if options.redo else store.read_finished_rows(listed)
                 _check_missions(study, [task for task in listed if task.key not in flown])
             maps = dict.fromkeys(task.setting.trees for task in listed)
-            print_remarks(*dict.fromkeys(line for trees in maps for line in find_unused_columns(trees)))
             files = {(task.setting.people, task.setting.area): task.setting for task in listed}
-            print_remarks(
-                *dict.fromkeys(line for setting in files.values() for line in describe_trajectories(setting)[1])
-            )
-            print_remarks(*_list_remarks_on_others(store, listed))
+            remarks = [line for trees in maps for line in find_unused_columns(trees)]
+            remarks += [line for setting in files.values() for line in describe_trajectories(setting)[1]]
+            print_remarks(*dict.fromkeys(remarks), *_list_remarks_on_others(store, listed))
             with show_study_progress(len(listed)) as progress:
 
                 def on_row(task: Task, row: Row, fresh: bool) -> None:

@@ -47,7 +47,7 @@ def draw_ecdf_figure(layout: FigureLayout) -> Figure:
 
 def draw_time_figure(layout: FigureLayout) -> Figure:
     """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
-    few = all(len(panel.curves) <= _FEW for panel in layout.panels)
+    few = all(len(curves) <= _FEW for curves in layout.panels.values())
     ends = [times[-1] for group in layout.groups if len(times := group.curves().times)]
 
     def draw(axes: Axes, curve: Curve) -> None:
@@ -77,10 +77,10 @@ def _draw_grid(
     width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
     with _open_drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
         every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes, panel in zip(every, layout.panels, strict=False):
-            for curve in panel.curves:
+        for axes, (title, curves) in zip(every, layout.panels.items(), strict=False):
+            for curve in curves:
                 draw(axes, curve)
-            axes.set_title(panel.title, fontsize=10, loc="left", fontweight="bold")
+            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
             axes.grid(lw=0.5, alpha=0.4)
             axes.spines[["top", "right"]].set_visible(False)
         for axes in every[: len(layout.panels)]:

@@ -1,5 +1,6 @@
 """Layout of a study's figures: the curves of each panel, and their colours and dashes."""
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle, product
@@ -32,30 +33,22 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Panel:
-    """Curves over the same axes."""
-
-    title: str
-    curves: tuple[Curve, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class FigureLayout:
-    """Panels of a figure."""
+    """Panels of a figure: curves over the same axes, by their titles."""
 
     title: str  # text that all panels share
-    panels: tuple[Panel, ...]
+    panels: dict[str, list[Curve]]
     columns: int
 
     @property
     def groups(self) -> list[Group]:
         """The group of each curve."""
-        return [curve.group for panel in self.panels for curve in panel.curves]
+        return [curve.group for curves in self.panels.values() for curve in curves]
 
     @property
     def legend(self) -> dict[str, Style]:
         """Every label with its style."""
-        return {curve.label: curve.style for panel in self.panels for curve in panel.curves}
+        return {curve.label: curve.style for curves in self.panels.values() for curve in curves}
 
 
 def lay_out_figures(groups: Sequence[Group]) -> list[FigureLayout]:
@@ -87,14 +80,14 @@ def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[G
 
 def _lay_out_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
     factors = find_varying_factors(groups)
-    panels = []
-    for cell in dict.fromkeys(group.cell for group in groups):
-        curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
-        panels.append(Panel(cell_text(_select_factors(cell, factors)), curves))
+    panels = defaultdict[str, list[Curve]](list)
+    for group in groups:
+        title = cell_text(_select_factors(group.cell, factors))
+        panels[title].append(Curve(group.planner, styles[group.planner], group))
     sizes = [len(values) for values in factors.values()]
     crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
     columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
-    return FigureLayout(cell_text(shared), tuple(panels), min(columns, len(panels)))
+    return FigureLayout(cell_text(shared), panels, min(columns, len(panels)))
 
 
 def _lay_out_one_planner(groups: Sequence[Group]) -> FigureLayout:
@@ -104,15 +97,14 @@ def _lay_out_one_planner(groups: Sequence[Group]) -> FigureLayout:
     inner = factors[len(outer) :]
     last = list(dict.fromkeys(_select_factors(group.cell, inner[-1:]) for group in groups))
     between = list(dict.fromkeys(_select_factors(group.cell, inner[:-1]) for group in groups))
-    panels: dict[Cell, list[Curve]] = {}
+    panels = defaultdict[str, list[Curve]](list)
     for group in groups:
         colour = COLOURS[last.index(_select_factors(group.cell, inner[-1:])) % len(COLOURS)]
         dash = DASHES[between.index(_select_factors(group.cell, inner[:-1])) % len(DASHES)]
         label = cell_text(_select_factors(group.cell, inner)) or group.planner
-        curve = Curve(label, Style(colour, dash), group)
-        panels.setdefault(_select_factors(group.cell, outer), []).append(curve)
-    found = tuple(Panel(cell_text(cell), tuple(curves)) for cell, curves in panels.items())
-    return FigureLayout("", found, min(COLUMNS, len(found)))
+        title = cell_text(_select_factors(group.cell, outer))
+        panels[title].append(Curve(label, Style(colour, dash), group))
+    return FigureLayout("", panels, min(COLUMNS, len(panels)))
 
 
 def _select_factors(cell: Cell, names: Collection[str]) -> Cell:

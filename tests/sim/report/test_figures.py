@@ -30,15 +30,15 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
     (layout,) = lay_out_figures(found)
     figure = draw_ecdf_figure(layout)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["λ = 15", "λ = 75"]
-    for axes, panel in zip(figure.axes, layout.panels, strict=True):
-        for line, curve in zip(lines(axes), panel.curves, strict=True):
+    for axes, curves in zip(figure.axes, layout.panels.values(), strict=True):
+        for line, curve in zip(lines(axes), curves, strict=True):
             pooled = np.concatenate([r.ospa for r in curve.group.done])
             brute = [100 * np.mean(pooled <= x) for x in AT]
             np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
         assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
     figure = draw_time_figure(layout)
-    for axes, panel in zip(figure.axes, layout.panels, strict=True):
-        for line, shade, curve in zip(lines(axes), axes.collections, panel.curves, strict=True):
+    for axes, curves in zip(figure.axes, layout.panels.values(), strict=True):
+        for line, shade, curve in zip(lines(axes), axes.collections, curves, strict=True):
             low, median, high = find_quartiles(np.array([r.ospa for r in curve.group.done], dtype=float))
             np.testing.assert_allclose(line.get_ydata(), median)
             np.testing.assert_allclose(line.get_xdata(), np.arange(26) / 5)
@@ -73,12 +73,12 @@ def test_points_are_maps_that_both_flew():
 def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     found = groups(study(densities=("15", "45", "75")))
     (layout,) = lay_out_figures(found)
-    colours = [{c.label: c.style for c in panel.curves} for panel in layout.panels]
+    colours = [{c.label: c.style for c in curves} for curves in layout.panels.values()]
     assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
     legend = [text.get_text() for text in draw_ecdf_figure(layout).legends[0].get_texts()]
     assert legend == ["sma-nbo", "greedy", "hover"]
     (layout,) = lay_out_figures(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
-    styles = [curve.style for curve in layout.panels[0].curves]
+    styles = [curve.style for curve in next(iter(layout.panels.values()))]
     assert len({(s.colour, s.dash) for s in styles}) == 9
     figure = draw_ecdf_figure(layout)
     assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
@@ -93,21 +93,21 @@ def test_studies_of_two_and_three_factors_are_drawn_as_in_the_paper():
     cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
     rows = [row(f"sma-nbo(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1)]
     (layout,) = lay_out_figures(groups(rows))
-    assert [panel.title for panel in layout.panels] == ["λ = 15", "λ = 45", "λ = 75"] and layout.columns == 3
-    assert [curve.label for curve in layout.panels[0].curves] == [
+    assert list(layout.panels) == ["λ = 15", "λ = 45", "λ = 75"] and layout.columns == 3
+    assert [curve.label for curve in next(iter(layout.panels.values()))] == [
         f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)
     ]
-    styles = {(c.style.colour, c.style.dash) for c in layout.panels[0].curves}
+    styles = {(c.style.colour, c.style.dash) for c in layout.panels["λ = 15"]}
     assert len(styles) == 6 and len({dash for _, dash in styles}) == 2  # colour: H, dash: R
     rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
     found = lay_out_figures(groups(rows))
     assert [layout.title for layout in found] == ["R = 1", "R = 5"]
-    assert sum(len(panel.curves) for layout in found for panel in layout.panels) == 36
+    assert sum(len(curves) for layout in found for curves in layout.panels.values()) == 36
     cells = factored(**{"lambda": ["15", "45", "75"], "H": ["1", "3", "5"]})
     rows = [row(f"{p}(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1) for p in ("sma-nbo", "mcr")]
     (layout,) = lay_out_figures(groups(rows))
     assert layout.columns == 3 and len(layout.panels) == 9
-    assert [panel.title for panel in layout.panels[:3]] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
+    assert list(layout.panels)[:3] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
 
 
 def test_missing_curves_and_values_do_not_stop_a_figure():
