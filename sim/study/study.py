@@ -20,7 +20,7 @@ from tracking.settings import read_settings
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 
 
-class ScoreScale(Struct, frozen=True):
+class ScoreScale(Struct, frozen=True, forbid_unknown_fields=True):
     """Ends of the normalised score of a study, two planners that are always flown besides the compared ones."""
 
     floor: str  # planner with the score 0
@@ -61,7 +61,6 @@ def read_study(name: str) -> Study:
         if key in table:
             raise InputError(f"{name}: study.{key}: is no key of [study] but a table of its own")
     _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
-    _check_keys(data.get("score", {}), ScoreScale.__struct_fields__, f"{name}: score.")
     for factor, levels in data.get("factors", {}).items():
         _check_table(levels, f"{name}: factors.{factor}")
         for level, values in levels.items():

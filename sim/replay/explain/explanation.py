@@ -19,6 +19,7 @@ from sim.replay.link_outages import list_outages_at
 from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.distances import squared_distance
 from tracking.track import UNLIKELY
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
@@ -30,14 +31,12 @@ def explain_person(facts: PersonFacts) -> list[TextGroup]:
     groups = [TextGroup(f"person {facts.person} at {facts.flight.recording.times[facts.k]:.1f} s", _tell_person(facts))]
     if np.isnan(facts.place[0]):
         return groups
-    if note := facts.observer.replay.note:
-        groups.append(TextGroup("note", [note]))
+    groups.append(TextGroup("note", list(filter(None, [facts.observer.replay.note]))))
     groups += [TextGroup(f"UAV {w.uav}", _tell_observation(w, facts)) for w in facts.observations]
     groups += [TextGroup(f"track {holder.number}", _tell_track(holder, facts)) for holder in facts.holders]
-    if now := _find_events(facts):
-        groups.append(TextGroup("events", [f"{event.when}: {event.sentence}" for event in now]))
+    groups.append(TextGroup("events", [f"{event.when}: {event.sentence}" for event in _find_events(facts)]))
     groups.append(TextGroup("intents", _tell_intents(facts)))
-    return groups
+    return [group for group in groups if group.sentences]
 
 
 def _tell_person(facts: PersonFacts) -> list[str]:
@@ -160,11 +159,11 @@ def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
         return [f"{role}; began at {holder.since:.1f} s; no UAV has it any more"]
-    error, square = holder.error(facts.place)
-    major, minor = holder.axes.tolist()
-    speed = math.hypot(*holder.belief.mean[2:])
+    off, speed = holder.belief.mean[:2] - facts.place, math.hypot(*holder.belief.mean[2:])
+    covariance = holder.belief.covariance[:2, :2]
+    square, (minor, major) = float(squared_distance(off, covariance)), np.sqrt(np.linalg.eigvalsh(covariance))
     lines.append(f"believed at {format_place(holder.belief.mean[:2])}, {speed:.1f} m/s")
-    lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
+    lines.append(f"error {math.hypot(*off):.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
         unreported = "" if holder.existence > UNLIKELY else ", so it is not reported"

@@ -13,7 +13,6 @@ from sim.replay.explain.planned_visibility import PlannedVisibility, find_planne
 from sim.replay.flight import Flight
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
-from tracking.numerics.distances import squared_distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,18 +26,6 @@ class HoldingTrack:
     belief: Gaussian | None  # None if no UAV has the track any more
     existence: float  # existence probability; NaN if it is not estimated
     until: float  # s, time of the last scan at which it stood for the person
-
-    @property
-    def axes(self) -> Array:
-        """Standard deviations (2,) m of the position along its principal axes, the larger first."""
-        assert self.belief is not None
-        return np.asarray(np.sqrt(np.linalg.eigvalsh(self.belief.covariance[:2, :2])[::-1]))
-
-    def error(self, place: Array) -> tuple[float, float]:
-        """Distance [m] of the track's position from a place (2,) m, and the NEES of this error."""
-        assert self.belief is not None
-        off = self.belief.mean[:2] - place
-        return float(np.hypot(*off)), float(squared_distance(off, self.belief.covariance[:2, :2]))
 
 
 @dataclass(frozen=True, eq=False)

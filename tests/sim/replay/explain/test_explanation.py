@@ -163,8 +163,15 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
         uav = holder.holds[0] if holder.holds else 0
         (track,) = (t for t in recording.tracks_at(k, uav) if t.id == order[holder.number])
         off, P = track.belief.mean[:2] - facts.place, track.belief.covariance[:2, :2]
-        assert holder.error(facts.place) == pytest.approx((np.hypot(*off), off @ np.linalg.inv(P) @ off))
-        assert np.prod(holder.axes) ** 2 == pytest.approx(np.linalg.det(P)) and holder.axes[0] >= holder.axes[1]
+        told = dict(explain_person(facts))[f"track {holder.number}"]
+        square = off @ np.linalg.inv(P) @ off
+        assert f"error {np.hypot(*off):.2f} m, {square**0.5:.1f} σ (NEES {square:.1f}, 2 expected)" in told
+        (axes,) = (
+            re.fullmatch(r"standard deviations ([\d.]+) × ([\d.]+) m", line) for line in told if "deviat" in line
+        )
+        spread, parting = (np.trace(P) / 2, np.hypot((P[0, 0] - P[1, 1]) / 2, P[0, 1]))
+        assert float(axes[1]) == pytest.approx(np.sqrt(spread + parting), abs=0.0051)
+        assert float(axes[2]) == pytest.approx(np.sqrt(spread - parting), abs=0.0051)
     assert lost > 2
 
 
