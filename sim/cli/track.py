@@ -64,7 +64,8 @@ def track(
     else:
         say(_describe_tracks(outcome.recording))
     show_files(place)
-    show_place("Why tracks faded", f"understory explain {shlex.quote(str(place))}")
+    what = "People lost, when and why" if outcome.recording.labelled else "Why tracks faded"
+    show_place(what, f"understory explain {shlex.quote(str(place))}")
 
 
 def _describe_tracks(recording: Recording) -> str:

@@ -98,7 +98,8 @@ def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
         if len(stay) > 1:
             positions[:, m] = resample(f"truth: {path}", str(m), stay, times, 1.5 * slowest)
         for k, place in rows.items():
-            positions[k, m] = place
+            if k < len(times):
+                positions[k, m] = place
     return Trajectories(times, positions)
 
 
@@ -123,8 +124,9 @@ def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories 
             observed[k, i] = _make_scan(frame, i, k / rate, Pose(pose[:3], pose[3:]), camera, sigma)
             lost += len(frame.detections) - len(observed[k, i][0].measurements)
         _check_attitude([scan for (_, uav), (scan, _) in observed.items() if uav == i])
+    remarks = [*_remark(files, rate, rounded, lost), *([] if sigma else _remark_on_covariances(files, observed))]
     forest = Forest(files.forest.trees, setting.sensing.occlusion)
-    return FlightLog(setting, forest, people, poses, frames, observed, tuple(_remark(files, rate, rounded, lost)))
+    return FlightLog(setting, forest, people, poses, frames, observed, tuple(remarks))
 
 
 def _check_pose_times(log: Poses, times: Array, uav: int, start: float) -> None:
@@ -205,3 +207,13 @@ def _remark(files: FlightFiles, rate: int, rounded: float, lost: int) -> Iterato
         if len(frames) > 1 and all(frame.detections for frame in frames):
             every = f"each frame of UAV {uav} has a detection"
             yield f"detections: {every}; list those without, too, as rows of time_s and uav: they show where nobody is"
+
+
+def _remark_on_covariances(files: FlightFiles, observed: Mapping[tuple[int, int], tuple[Scan, Array]]) -> Iterator[str]:
+    """A remark if detections have covariances that take poses as exact."""
+    detections = (found for frames in files.fleet.values() for frame in frames for found in frame.detections)
+    if any(math.isnan(found.covariance[0]) for found in detections):
+        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan, _ in observed.values()]
+        spread = math.sqrt(np.median(np.concatenate(traces)) / 2)
+        exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
+        yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"

@@ -75,7 +75,12 @@ def test_pixels_become_places_on_the_ground_with_covariances_of_the_camera(fligh
     first, _, third = (scans[0] for scans in read_flight(folder).scans())
     np.testing.assert_allclose(first.measurements, places, atol=1e-9)
     assert (np.linalg.eigvalsh(first.covariances) > 1e-4).all() and len(third.measurements) == 0
-    wider = next(read_flight(folder, Options(sigma=1.5)).scans())[0]
+    assert any(
+        "get 0.0" in remark and "--sigma adds errors of poses" in remark for remark in read_flight(folder).remarks
+    )
+    wide = read_flight(folder, Options(sigma=1.5))
+    assert not any("--sigma" in remark for remark in wide.remarks)
+    wider = next(wide.scans())[0]
     np.testing.assert_allclose(wider.covariances - first.covariances, np.tile(2.25 * np.eye(2), (2, 1, 1)), atol=1e-12)
 
 
