@@ -1,6 +1,5 @@
 """`understory compare`."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -96,8 +95,18 @@ def compare(
         replace(SENSOR_MODES, field="--sensing").check(sensing)
     changes = merge_overrides(overrides, duration, sensing)
     number = None if repeats is None else parse_integer(repeats, "--repeats", least=1, most=REPEATS)
-    begun = _make_study(study, planner or (), tracker or (), scenario or ())
-    chosen = adapt_study(begun, seeds=_read_seeds(seeds, maps), repeats=number, overrides=changes)
+    for name in planner or ():
+        load_planner(name)
+    for name in tracker or ():
+        replace(TRACKERS, field="--tracker").find(name)
+    chosen = adapt_study(
+        add_trackers(_find_study(study), tracker or ()),
+        planners=planner or (),
+        scenarios=scenario or (),
+        seeds=_read_seeds(seeds, maps),
+        repeats=number,
+        overrides=changes,
+    )
     processes = _read_workers(workers, dask)
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
@@ -110,16 +119,8 @@ def compare(
     show_study(rows, folder, facts)
 
 
-def _make_study(name: str, planners: Sequence[str], trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
-    """A packaged study, a study file, or a study made of a scenario, changed by options."""
-    for planner in planners:
-        load_planner(planner)
-    for tracker in trackers:
-        replace(TRACKERS, field="--tracker").find(tracker)
-    return adapt_study(add_trackers(_find_study(name), trackers), planners=planners, scenarios=scenarios)
-
-
 def _find_study(name: str) -> Study:
+    """A packaged study, a study file, or a study made of a scenario."""
     is_file = name.endswith(".toml")
     if name in STUDIES or (is_file and _is_study(Path(name))):
         return read_study(name)

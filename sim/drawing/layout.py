@@ -85,18 +85,16 @@ def _arrange(panel: Box, aspect: float, tiles: int) -> Parts:
 
 def _place_tiles(panel: Box, aspect: float, *, tiles: int, lines: int, side: int, below: bool) -> Parts:
     """The map with tiles in so many lines: rows below it, or columns right of it."""
-    per_line = math.ceil(tiles / lines)
-    pitch = side + GAP
-    taken = lines * pitch
+    per_line, pitch = math.ceil(tiles / lines), side + GAP
+    columns, rows = (per_line, lines) if below else (lines, per_line)
+    width, height = columns * pitch, rows * pitch
     if below:
-        room = Box(panel.x, panel.y, panel.width, panel.height - taken)
-        left = panel.x + (panel.width - per_line * pitch + GAP) // 2
-        top = panel.y + room.height + GAP
+        room = Box(panel.x, panel.y, panel.width, panel.height - height)
+        left, top = panel.x + (panel.width - width + GAP) // 2, panel.y + room.height + GAP
     else:
-        room = Box(panel.x, panel.y, panel.width - taken, panel.height)
-        left = panel.x + room.width + GAP
-        top = panel.y + (panel.height - per_line * pitch + GAP) // 2
-    cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
+        room = Box(panel.x, panel.y, panel.width - width, panel.height)
+        left, top = panel.x + room.width + GAP, panel.y + (panel.height - height + GAP) // 2
+    cells = [divmod(i, columns) for i in range(tiles)]
     boxes = [Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells]
     return Parts(_fit(room, aspect), dict(enumerate(boxes)))
 

@@ -28,33 +28,23 @@ def draw_ospa_figure(times: Array, ospa: Array) -> Figure:
     """
     with open_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
-        mean = average_ospa(ospa)
+        mean, marker = average_ospa(ospa), _choose_marker(times)
         broken: str | None = "broke down"  # only once in the legend
-        axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
-        axes.fill_between(
-            times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
-        )
+        parts = (("localisation", 0, mean[:, 1], SKY), ("added by cardinality", mean[:, 1], mean[:, 0], ORANGE))
+        for name, low, high, part_colour in parts:
+            axes.fill_between(times, low, high, color=rgb(part_colour), alpha=0.45, lw=0, label=name)
         apart = [i for i in range(ospa.shape[1]) if _differs(ospa[:, i, 0], mean[:, 0])]
         names = {i: f"UAV {i}" for i in apart} if ospa.shape[1] <= 4 else dict.fromkeys(apart[:1], "each UAV")
         for i in range(ospa.shape[1]):
             errors = ospa[:, i, 0]
             colour, style = rgb(uav_colour(i)), (0, uav_dashes(i)) if uav_dashes(i) else "-"
-            axes.plot(
-                times,
-                errors,
-                color=colour,
-                ls=style,
-                lw=0.9,
-                alpha=0.8,
-                marker=_choose_marker(times),
-                label=names.get(i),
-            )
+            axes.plot(times, errors, color=colour, ls=style, lw=0.9, alpha=0.8, marker=marker, label=names.get(i))
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):
                 place = times[works[-1]], errors[works[-1]]
                 axes.scatter(*place, marker="x", s=50, color=colour, lw=2.0, zorder=3, label=broken)
                 broken = None
-        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=_choose_marker(times), label="mean of UAVs")
+        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=marker, label="mean of UAVs")
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))
         axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
