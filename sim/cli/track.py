@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sim.evaluation.summary import make_results_table
-from sim.flights.flight_log import Options, read_flight
+from sim.flights.flight_log import FlightOptions, read_flight
 from sim.flights.tracked_flight import track_flight
 from sim.recording.atomic_files import claim_place, make_new_folder
 from sim.recording.recording import Recording
@@ -44,7 +44,7 @@ def track(
     video: _Video = True,
 ) -> None:
     """Track people in a flight from elsewhere. A new folder gets its recording, summary, film, page and timeline."""
-    options = Options(overrides or (), _parse_origin(origin), _parse_sigma(sigma), detector)
+    options = FlightOptions(overrides or (), _parse_origin(origin), _parse_sigma(sigma), detector)
     drawn, _ = parse_seed_and_repeat(seed, "0", "--")
     log = read_flight(flight, options)
     print_remarks(*log.remarks)

@@ -29,7 +29,7 @@ _POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
 
-class Options(NamedTuple):
+class FlightOptions(NamedTuple):
     """What the files of a flight do not say."""
 
     overrides: Sequence[str] = ()  # `key=value` of `scenario.toml`
@@ -38,7 +38,7 @@ class Options(NamedTuple):
     detector: str = "blob"  # as `sensing.detector`, for images
 
 
-PLAIN = Options()
+PLAIN = FlightOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class FlightLog:
             yield tuple(self.observed[k, i][0] for i in np.flatnonzero(self.frames[k]).tolist())
 
 
-def read_flight(folder: Path | str, options: Options = PLAIN) -> FlightLog:
+def read_flight(folder: Path | str, options: FlightOptions = PLAIN) -> FlightLog:
     """Read a flight from the files in its folder, see docs/how-to/flights.md; InputError says what to change."""
     folder = Path(folder)
     own = folder / "scenario.toml"

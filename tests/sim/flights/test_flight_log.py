@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from sim.flights.flight_log import Options, read_flight
+from sim.flights.flight_log import FlightOptions, read_flight
 from sim.flights.tracked_flight import track_flight
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -78,7 +78,7 @@ def test_pixels_become_places_on_the_ground_with_covariances_of_the_camera(fligh
     assert any(
         "get 0.0" in remark and "--sigma adds errors of poses" in remark for remark in read_flight(folder).remarks
     )
-    wide = read_flight(folder, Options(sigma=1.5))
+    wide = read_flight(folder, FlightOptions(sigma=1.5))
     assert not any("--sigma" in remark for remark in wide.remarks)
     wider = next(wide.scans())[0]
     np.testing.assert_allclose(wider.covariances - first.covariances, np.tile(2.25 * np.eye(2), (2, 1, 1)), atol=1e-12)
@@ -93,7 +93,7 @@ def test_projected_coordinates_have_an_origin(flight):
     )
     with pytest.raises(InputError, match=r"9000 m or more from the origin; .* --origin 457100,5428300"):
         read_flight(far)
-    log = read_flight(far, Options(origin=(457100, 5428300)))
+    log = read_flight(far, FlightOptions(origin=(457100, 5428300)))
     assert log.observed[0, 0][0].measurements.tolist() == [[1, 2]]
     assert log.forest.table[:, :2].tolist() == [[10, 10]]
     assert (log.setting.area.width, log.setting.area.height) == (40, 40)
@@ -106,7 +106,7 @@ def test_labels_give_metrics_and_may_begin_tracks(flight):
     assert recording.labelled and recording.people.shape[1] == 1
     assert recording.matched[recording.frames_taken].mean() > 0.95 and outcome.scores[0].held.mean() > 0.95
     assert 0 < np.nanmedian(recording.ospa[..., 0]) < 0.2
-    known = track_flight(read_flight(folder, Options(("tracking.initial_tracks=known",)))).recording
+    known = track_flight(read_flight(folder, FlightOptions(("tracking.initial_tracks=known",)))).recording
     assert len(known.tracks_at(0, 0)) == 1 and len(recording.tracks_at(0, 0)) == 0
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.flights.flight_log import Options, read_flight
+from sim.flights.flight_log import FlightOptions, read_flight
 from sim.flights.tracked_flight import track_flight
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
@@ -59,13 +59,13 @@ def test_a_detector_of_ones_own_gets_the_images_and_its_errors_are_one_line(flig
         "class Bad:\n    def detect(self, frame):\n        raise RuntimeError('no')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    log = read_flight(folder, Options(detector="mine:One"))
+    log = read_flight(folder, FlightOptions(detector="mine:One"))
     scan, pixels = log.observed[0, 0]
     assert scan.measurements.tolist() == [[1.0, 2.0]] and pixels.tolist() == [[64.0, 64.0]]
     with pytest.raises(ValueError, match=r"mine:Bad.* cannot detect people in an image: RuntimeError: no"):
-        read_flight(folder, Options(detector="mine:Bad"))
+        read_flight(folder, FlightOptions(detector="mine:Bad"))
     with pytest.raises(InputError, match="'blobb' is unknown"):
-        read_flight(folder, Options(detector="blobb"))
+        read_flight(folder, FlightOptions(detector="blobb"))
     sys.modules.pop("mine", None)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.evaluation.score import find_reported_tracks
-from sim.flights.flight_log import Options, read_flight
+from sim.flights.flight_log import FlightOptions, read_flight
 from sim.flights.mot import read_sequence
 from sim.flights.tracked_flight import track_flight
 from sim.mission.trial import Trial
@@ -60,7 +60,7 @@ def test_people_are_where_and_when_the_file_has_them(flight):
 
 
 def test_a_part_of_a_flight_is_tracked_alone(flight):
-    whole, part = (read_flight(flight, Options(overrides)) for overrides in ((), ("duration=4",)))
+    whole, part = (read_flight(flight, FlightOptions(overrides)) for overrides in ((), ("duration=4",)))
     assert len(part.frames) == 21 and len(whole.frames) == 51
     np.testing.assert_array_equal(part.people.positions, whole.people.positions[:21])
 
