@@ -75,7 +75,9 @@ def check_detector(detector: str) -> list[Finding]:
 
     detector: a name or an import string. InputError if there is no such detector, or it cannot be made.
     """
-    return try_checks(_Subject(detector), _CHECKS)
+    subject = _Subject(detector)
+    subject.make()
+    return try_checks(subject, _CHECKS)
 
 
 @dataclass
