@@ -28,6 +28,8 @@ from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.planner_check import check_planner
 from planning.planner_loading import PlannerError, resolve_planner
 from sim.environments.observations import Observations
+from sim.flights.flight_log import FlightOptions, read_flight
+from sim.flights.tracked_flight import track_flight
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial, prefix_errors
 from sim.recording.recording import Recording
@@ -37,6 +39,7 @@ from sim.running.results import record, run_mission
 from sim.scenario.loading import place_of, resolve_scenario
 from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
+from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
 from sim.study.backends import Pool
 from sim.study.scheduler import fly_tasks
@@ -89,6 +92,7 @@ __all__ = [
     "parallel_env",
     "record",
     "run",
+    "track",
 ]
 
 
@@ -125,6 +129,30 @@ def run(
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
     made = resolve_planner(planner)
     return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
+
+
+def track(
+    folder: str | Path,
+    *,
+    settings: Mapping[str, Any] | None = None,
+    origin: tuple[float, float] = (0.0, 0.0),
+    sigma: float = 0.0,
+    detector: str = "blob",
+) -> Flight:
+    """Track people in a flight from elsewhere, and return its recording with tables and figures.
+
+    Args:
+        folder: The flight's files, see docs/how-to/flights.md.
+        settings: Keys of `scenario.toml` to change, as {"tracking.sigma_a": 1.0}.
+        origin: Place in the files [m] that becomes the area's centre.
+        sigma: Standard deviation [m] that is added to detections without a covariance.
+        detector: Name or "module:Class" of what finds people in images.
+
+    Raises:
+        InputError: If the input is wrong.
+    """
+    options = FlightOptions(format_overrides(settings), origin, sigma, detector)
+    return Flight(track_flight(read_flight(folder, options), name=f"flight {Path(folder).resolve().name}").recording)
 
 
 def mission(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.films import frames_of
 
+import understory
 from sim.flights.flight_log import read_flight
 from sim.flights.tracked_flight import track_flight
 from sim.replay.fades import tell_fade
@@ -94,6 +95,15 @@ def test_the_command_leaves_what_others_read(tmp_path, call):
     assert "measurements from UAV 0" in story and "false alarm" not in story and "no sure detection since" in story
     code, _, err = call("explain", str(folder), "--target", "0")
     assert code == 2 and "--target: '0' is not allowed; the people of this flight are unknown" in err
+
+
+def test_a_flight_is_tracked_from_python(tmp_path):
+    folder = write_flight(tmp_path / "walk")
+    flight = understory.track(folder, settings={"tracking.survival": 0.99, "duration": 5})
+    assert flight.scenario.tracking.survival == 0.99 and len(flight.recording.times) == 26
+    assert flight.recording.planner == "flight walk" and len(flight.columns("tracks")["time_s"]) > 20
+    with pytest.raises(InputError, match=r"tracking\.sigma: unknown key"):
+        understory.track(folder, settings={"tracking": {"sigma": 1}})
 
 
 @pytest.mark.parametrize(
