@@ -1,6 +1,5 @@
 """Headless Chromium for tests: pages from files, keys and clicks, scripts, and whatever the page complained about."""
 
-import base64
 import contextlib
 import fcntl
 import json
@@ -88,10 +87,6 @@ class Browser:
     def requests_elsewhere(self):
         """Beginnings of the addresses that were asked for, data aside."""
         return [url for url in self.requests if not url.startswith("data:")]
-
-    def screenshot(self, path):
-        """The window as PNG."""
-        path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
         """End the browser."""

@@ -14,7 +14,6 @@ import pytest
 from helpers import synthetic
 from helpers.films import decoded
 from helpers.processes import python
-from helpers.recordings import record
 
 from sim.drawing.film import Film, Video
 from sim.mission.trial import Trial
@@ -102,13 +101,6 @@ def test_speed_changes_the_frame_rate_and_nothing_else(replay, tmp_path):
     np.testing.assert_allclose(plain[1], np.arange(7) / 5, atol=1e-4)
     np.testing.assert_allclose(slow[1], np.arange(7) / 1.25, atol=1e-4)
     np.testing.assert_allclose(fast[1], np.arange(7) / 100, atol=1e-4)
-
-
-@pytest.mark.parametrize("mode", ["camera", "ideal"])
-@pytest.mark.parametrize("scans", [1, 4])
-def test_missions_of_one_scan_interrupted_and_with_ideal_sensing_are_shown(pictures, mode, scans):
-    recording = dataclasses.replace(record(scans, seed=0, mode=mode), interrupted=True)
-    assert len(pictures(recording, range(scans))) == scans
 
 
 def test_people_from_a_file_that_is_gone_walk_again(pictures, tmp_path, without_pictures):
