@@ -4,7 +4,6 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from sim.drawing.labels import add_numbers, rename_tracks
+from sim.drawing.labels import number_tracks
 from sim.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.drawing.legend import draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
@@ -88,11 +87,12 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        snapshot = number_tracks(snapshot, self._numbers)
         holds = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
             picture = image[self._layout.map.slices]
-            self._map.draw(picture, self._on_map(snapshot), holds)
+            self._map.draw(picture, snapshot, holds)
             if not self._labelled:
                 for place in self._map.pixels(np.vstack([scan.measurements for scan in snapshot.scans])):
                     draw_detection(picture, place, reach=4.0)
@@ -105,8 +105,9 @@ class Film:
 
         `frames` as in `draw`; only the last frame of each camera is used, and only if the camera is slower than scans.
         """
+        snapshot = number_tracks(snapshot, self._numbers)
         self._take(snapshot)
-        self._map.follow(self._on_map(snapshot))
+        self._map.follow(snapshot)
         if frames is not None:
             self._draw_tiles(self._empty.copy(), snapshot, frames)
 
@@ -117,22 +118,15 @@ class Film:
                 continue
             frame = None if frames is None else frames[i]
             if frames is None or frame is not None or i not in self._last:
-                draw_tile(image[tile.slices], snapshot, i, self._numbers, camera=self._cameras[i], frame=frame)
+                draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
                 self._last[i] = image[tile.slices].copy()
             else:
                 image[tile.slices] = self._last[i]
 
-    def _on_map(self, snapshot: Snapshot) -> Snapshot:
-        """The snapshot with the numbered tracks of the first working UAV."""
-        shown, numbers = set(snapshot.working[:1]), self._numbers
-        tracks = [rename_tracks(held, numbers) if i in shown else () for i, held in enumerate(snapshot.tracks)]
-        return replace(snapshot, tracks=tracks)
-
     def _take(self, snapshot: Snapshot) -> Indices:
-        """Number new tracks; return the states (M,) of people, which depend on earlier snapshots."""
+        """The states (M,) of people, which depend on earlier snapshots; the curve of OSPA grows."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses), self._within)
         self._sparkline.add(snapshot.time, snapshot.error)
-        add_numbers(snapshot, self._numbers)
         return self._holding.step(snapshot)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:

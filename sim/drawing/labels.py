@@ -1,6 +1,5 @@
 """Names in an image, placed clear of one another and of the marks."""
 
-from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -25,15 +24,13 @@ _LITTLE = 20.0  # pixels that a name which is not needed may cover
 _CLOSE = 1.0  # pixels, distance from the corner of a view
 
 
-def add_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> None:
-    """Add the ids of new tracks to `numbers`, in the order of their appearance."""
-    for track in (track for held in snapshot.tracks for track in held):
-        numbers.setdefault(track.id, len(numbers))
-
-
-def rename_tracks(tracks: Iterable[Track], numbers: Mapping[int, int]) -> tuple[Track, ...]:
-    """Tracks with readable numbers in place of their ids."""
-    return tuple(Track(numbers[t.id], t.belief, t.existence, t.sighting) for t in tracks)
+def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
+    """The snapshot with readable numbers in place of the ids of tracks; new tracks are added to `numbers`."""
+    tracks = [
+        tuple(Track(numbers.setdefault(t.id, len(numbers)), t.belief, t.existence, t.sighting) for t in held)
+        for held in snapshot.tracks
+    ]
+    return replace(snapshot, tracks=tracks)
 
 
 def name_track(track: Track) -> str:
@@ -43,8 +40,7 @@ def name_track(track: Track) -> str:
 
 def number_snapshot(recording: Recording, k: int) -> Snapshot:
     """Scan k of a recording with numbered tracks."""
-    snapshot, numbers = recording.snapshot(k), recording.track_numbers
-    return replace(snapshot, tracks=[rename_tracks(held, numbers) for held in snapshot.tracks])
+    return number_tracks(recording.snapshot(k), recording.track_numbers)
 
 
 class Labels:

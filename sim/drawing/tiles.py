@@ -1,27 +1,24 @@
 """One camera's frame with its detections and tracks."""
 
-from collections.abc import Mapping
-
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels, name_track, rename_tracks
+from sim.drawing.labels import Labels, name_track
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.marks import draw_broken_mark, draw_cross, draw_detection
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
+from tracking.track import beliefs_of
 
 BORDER = 4
 
 
-def draw_tile(
-    image: Image, snapshot: Snapshot, uav: int, numbers: Mapping[int, int], *, camera: Camera, frame: Image | None
-) -> None:
+def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
     """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks.
 
-    numbers: those to show for tracks, by id.
+    snapshot: with numbered tracks.
     """
     colour = uav_colour(uav)
     _fill(image, colour)
@@ -38,7 +35,7 @@ def draw_tile(
     for uv in found:
         draw_detection(view, uv, reach)
     labels.reserve(found, reach)
-    _draw_tracks(view, labels, snapshot, uav, numbers, camera)
+    _draw_tracks(view, labels, snapshot, uav, camera)
     _name(image, uav, colour)
 
 
@@ -64,14 +61,12 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _draw_tracks(
-    view: Image, labels: Labels, snapshot: Snapshot, uav: int, numbers: Mapping[int, int], camera: Camera
-) -> None:
+def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
-    points = at_target_height(np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2))
+    points = at_target_height(beliefs_of(tracks).means[:, :2])
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
     inside = np.flatnonzero(camera.sees(pose, points))
-    shown = list(zip(rename_tracks((tracks[t] for t in inside.tolist()), numbers), pixels[inside], strict=True))
+    shown = [(tracks[t], pixels[t]) for t in inside.tolist()]
     for track, at in shown:
         draw_cross(view, at, track_colour(track.id))
     labels.reserve(pixels[inside], 6.0)
