@@ -42,9 +42,14 @@ def outline_ellipse(mean: Array, covariance: Array) -> Array:
 
     mean (..., 2) m, covariance (..., 2, 2) m².
     """
-    variances, axes = np.linalg.eigh(covariance)
-    half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
+    half, axes = find_half_axes(covariance)
     return np.asarray(mean[..., None, :] + (_CIRCLE * half[..., None, :]) @ np.swapaxes(axes, -1, -2))
+
+
+def find_half_axes(covariance: Array) -> tuple[Array, Array]:
+    """Half axes (..., 2) m of 95 % ellipses, ascending, and their directions, the columns of (..., 2, 2)."""
+    variances, axes = np.linalg.eigh(covariance)
+    return ELLIPSE * np.sqrt(np.maximum(variances, 0.0)), axes
 
 
 def measure_map(scenario: Scenario) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from sim.drawing.labels import name_track
 from sim.drawing.layout import GAP
 from sim.drawing.lettering import Image, TextGroup, TextStyle, lay_out_groups, write
-from sim.drawing.map_view import looks_down, outline_ellipse
+from sim.drawing.map_view import find_half_axes, looks_down
 from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import format_recording_title
@@ -144,9 +144,9 @@ def _draw_panel(sight: Sight, notes: list[str], whole: list[int] | None, shown: 
 
 def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> list[TextGroup]:
     tracks = [
-        f"track {name_track(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        f"track {name_track(track)}: ± {major:.2f} × {minor:.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
-        for ring in [np.hypot(*outline_ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
+        for minor, major in [find_half_axes(track.belief.covariance[:2, :2])[0].tolist()]
     ]
     return [
         TextGroup("mission", notes),

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from sim.drawing import palette
 from sim.drawing.layout import Parts
-from sim.drawing.map_view import MARGIN, TRAIL, find_footprint
-from sim.evaluation.score import ELLIPSE
+from sim.drawing.map_view import MARGIN, TRAIL, find_footprint, find_half_axes
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, assign_lanes
 from sim.replay.flight import Flight
@@ -107,8 +106,7 @@ def _list_tracks(recording: Recording) -> list[dict[str, Any]]:
     A row has the number of the track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is
     reported.
     """
-    variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
-    half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
+    half, axes = find_half_axes(recording.track_covariances[:, :2, :2])
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
     number = recording.numbers_of(recording.track_ids)
     columns = [number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]
