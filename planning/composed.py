@@ -11,7 +11,7 @@ import numpy as np
 from planning.coordination.decision import Coordination
 from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
-from planning.objective.cost_to_go import cost_to_go
+from planning.objective.cost_to_go import LATEST, cost_to_go
 from planning.objective.nbo import Measure, make_objective
 from planning.objective.objective import Term
 from planning.objective.terms import Connectivity, Search, Separation
@@ -169,18 +169,17 @@ class Composed:
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """As `planning.coordination.decision.Decision.decide`."""
-        # The MWTP and the learned cost-to-go count what is out of reach, and samples depend on the number of targets.
-        local = self.beta == 0.0 and self.cost_to_go == 0.0 and isinstance(self.propagator, Nominal)
-        scene, rows = (
-            find_surroundings(situation, uavs, self.horizon) if local else (situation, np.arange(len(controls)))
-        )
+        # The MWTP counts what is out of reach, and samples depend on the number of targets.
+        local = self.beta == 0.0 and isinstance(self.propagator, Nominal)
+        steps = self.horizon + (math.ceil(LATEST / situation.step) if self.cost_to_go else 0)
+        scene, rows = find_surroundings(situation, uavs, steps) if local else (situation, np.arange(len(controls)))
         belief = self.propagator.predict(scene, self.horizon, rng)
         samples = belief.points.shape[1] // len(scene.tracks) if scene.tracks else 1
         if self.existence:
             belief = belief._replace(weights=np.tile([t.existence for t in scene.tracks], samples).astype(float))
         starts = self._make_initial_plans(situation, controls, uavs)
         vehicles, step = situation.vehicles, situation.step
-        ahead = cost_to_go(vehicles, float(self.cost_to_go))
+        ahead = cost_to_go(scene.vehicles, float(self.cost_to_go))
         measure = Measure(self.uncertainty == "information", float(self.cutoff) or math.inf, ahead)
         own, fleet = response([vehicles[i] for i in uavs], step), response(vehicles, step)
         expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]

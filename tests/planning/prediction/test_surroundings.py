@@ -22,7 +22,7 @@ def far_and_wide(random_team, seed, spread=400.0):
     return replace(near, neighbours=near.neighbours + vehicles, tracks=near.tracks + far.tracks)
 
 
-@pytest.mark.parametrize("planner", ["sma-nbo-gospa(", "sma-nbo(", "greedy-mi("])
+@pytest.mark.parametrize("planner", ["sma-nbo-gospa(", "sma-nbo-gospa(cost_to_go=0.03, ", "sma-nbo(", "greedy-mi("])
 def test_decisions_equal_those_from_the_whole_situation(random_team, monkeypatch, planner):
     decision, equal, left_out = load_planner(f"{planner}evaluations=640)"), 0, 0
     for seed in range(12):
