@@ -56,7 +56,8 @@ class Tracker:
 
     Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. This tracker
     adds `negative_information`, re-acquisition (`reacquire_after`), and, as the paper's code, deletion at very
-    large covariance (`max_variance`). It always merges tracks of one person, and detection always depends on the view.
+    large covariance (`max_variance`). With "existence" it merges tracks of one person; with "m_of_n" only one of them
+    gets detections, so that the others end. Detection always depends on the view.
     """
 
     def __init__(

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -27,6 +28,7 @@ from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.plugins.registry import import_plugin
 
 _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
+_make_nonnegative = partial(Metric, least=0.0)  # `Metric` itself for one that can be negative
 
 
 def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
@@ -71,8 +73,8 @@ def _make_unmatched_metrics(what: str) -> dict[str, Metric]:
             found[span] |= track.alone & (times[span] - times[track.since] >= least_age)[:, None]
         return mean(found[on])
 
-    count = Metric(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
-    shown = Metric(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
+    count = _make_nonnegative(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
+    shown = _make_nonnegative(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
     old = replace(shown, label=f"{shown.label} older than 1 s", of=lambda o: share(o, _OLD), digits=3)
     return {f"tracks.{what}": count, f"tracks.{what}_share": shown, f"tracks.{what}_old_share": old}
 
@@ -88,7 +90,7 @@ def _make_nees(label: str, errors: Callable[[Score], Array]) -> Metric:
     def of(outcome: Outcome) -> float | None:
         return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
 
-    return Metric(label, of, better="neither")
+    return _make_nonnegative(label, of, better="neither")
 
 
 def _share_left_out(outcome: Outcome) -> float | None:
@@ -128,7 +130,7 @@ def _make_sent(
         found = sent(outcome.recording)
         return None if found is None else reduced(found).item()
 
-    return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
+    return _make_nonnegative(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
 
 
 def _count_plan_rounds(outcome: Outcome) -> float | None:
@@ -142,7 +144,7 @@ def _make_planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
         decisions = len(outcome.recording.plan_times)
         return spent(outcome) / decisions if decisions else None
 
-    return Metric(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, in_summary=False)
+    return _make_nonnegative(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, in_summary=False)
 
 
 def _compute_real_time_factor(outcome: Outcome) -> float | None:
@@ -153,62 +155,74 @@ def _compute_real_time_factor(outcome: Outcome) -> float | None:
 
 
 def _make_share(label: str, of: Of) -> Metric:
-    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0)
+    return _make_nonnegative(label, of, "%", "higher", 100.0, digits=1, most=1.0)
 
 
 def _make_time_metric(stage: str) -> Metric:
-    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
+    return _make_nonnegative(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
 
 
 # First parts of the names of metrics that compare nothing with the people.
 _OF_FLEET = {"network", "faults", "contacts", "planning_s_per_decision", "planning_cpu_s_per_decision"}
 _OF_FLEET |= {"real_time_factor", "wall_s", "seconds"}
-METRICS = {
-    name: replace(known, name=name, least=0.0, judges=name.split(".")[0] not in _OF_FLEET)  # none can be negative
-    for name, known in {
+
+
+def _name_metrics(metrics: dict[str, Metric]) -> dict[str, Metric]:
+    """The metrics with their names, and whether they compare with the people."""
+    return {n: replace(known, name=n, judges=n.split(".")[0] not in _OF_FLEET) for n, known in metrics.items()}
+
+
+METRICS = _name_metrics(
+    {
         "ospa.share_under_1m": _make_share("scans with OSPA under 1 m", _reduce_ospa(lambda d: np.mean(d < 1.0))),
-        "ospa.mean_m": Metric("OSPA mean", _reduce_ospa(np.mean), "m"),
-        "ospa.median_m": Metric("OSPA median", _reduce_ospa(np.median), "m"),
-        "gospa.mean_m": Metric("GOSPA mean", _average_gospa(0), "m"),
-        "gospa.localisation_m": Metric("GOSPA, localisation", _average_gospa(1), "m"),
-        "gospa.missed": Metric("people missed per scan", _average_gospa(2, counted=True)),
-        "gospa.false": Metric("false tracks per scan", _average_gospa(3, counted=True)),
+        "ospa.mean_m": _make_nonnegative("OSPA mean", _reduce_ospa(np.mean), "m"),
+        "ospa.median_m": _make_nonnegative("OSPA median", _reduce_ospa(np.median), "m"),
+        "gospa.mean_m": _make_nonnegative("GOSPA mean", _average_gospa(0), "m"),
+        "gospa.localisation_m": _make_nonnegative("GOSPA, localisation", _average_gospa(1), "m"),
+        "gospa.missed": _make_nonnegative("people missed per scan", _average_gospa(2, counted=True)),
+        "gospa.false": _make_nonnegative("false tracks per scan", _average_gospa(3, counted=True)),
         **{
-            f"gospa.squared_m2.{name}": Metric(f"GOSPA squared, {name.replace('_', ' ')}", _average_source(name), "m²")
+            f"gospa.squared_m2.{name}": _make_nonnegative(
+                f"GOSPA squared, {name.replace('_', ' ')}", _average_source(name), "m²"
+            )
             for name in SOURCES
         },
         **_make_unmatched_metrics("false"),
         **_make_unmatched_metrics("duplicate"),
-        "ospa2_m": Metric("OSPA(2)", _average_over_uavs(lambda s: s.ospa2), "m"),
-        "identity.switches": Metric("identity switches", _average_over_uavs(lambda s: s.switches)),
-        "identity.fragmentations": Metric("fragmentations", _average_over_uavs(lambda s: s.fragmentations)),
-        "handoffs": Metric("hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither"),
+        "ospa2_m": _make_nonnegative("OSPA(2)", _average_over_uavs(lambda s: s.ospa2), "m"),
+        "identity.switches": _make_nonnegative("identity switches", _average_over_uavs(lambda s: s.switches)),
+        "identity.fragmentations": _make_nonnegative("fragmentations", _average_over_uavs(lambda s: s.fragmentations)),
+        "handoffs": _make_nonnegative(
+            "hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither"
+        ),
         "share_held": _make_share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
-        "time_to_find_s": Metric(
+        "time_to_find_s": _make_nonnegative(
             "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"
         ),
         "nees.position.mean": _make_nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
         "nees.state.mean": _make_nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
-        "nees.left_out_share": Metric("tracks left out of NEES", _share_left_out, "%", scale=100.0, digits=1, most=1.0),
+        "nees.left_out_share": _make_nonnegative(
+            "tracks left out of NEES", _share_left_out, "%", scale=100.0, digits=1, most=1.0
+        ),
         "detection.recall": _make_share("detection recall", _compute_recall),
         "detection.precision": _make_share("detection precision", _compute_precision),
-        "network.disagreement_m": Metric("disagreement of UAVs", _average_disagreement, "m", digits=4),
+        "network.disagreement_m": _make_nonnegative("disagreement of UAVs", _average_disagreement, "m", digits=4),
         "network.bytes_per_scan_mean": _make_sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
         "network.bytes_per_scan_max": _make_sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
         "network.bytes_total": _make_sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
         "network.plans.bytes_total": _make_sent("plans sent by all UAVs", count_plan_bytes, np.sum, "kB"),
-        "network.plans.rounds": Metric("rounds of plans", _count_plan_rounds, digits=0),
-        "faults": Metric(
+        "network.plans.rounds": _make_nonnegative("rounds of plans", _count_plan_rounds, digits=0),
+        "faults": _make_nonnegative(
             "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
         ),
-        "contacts": Metric("contacts", lambda o: len(list_contacts(o.recording)), in_summary=False),
+        "contacts": _make_nonnegative("contacts", lambda o: len(list_contacts(o.recording)), in_summary=False),
         "planning_cpu_s_per_decision": _make_planning("processor", lambda o: o.planning_cpu_s),
         "planning_s_per_decision": _make_planning("wall", lambda o: o.seconds.get("planning", 0.0)),
-        "real_time_factor": Metric("real-time factor", _compute_real_time_factor, "", "higher", digits=1),
-        "wall_s": Metric("wall time per mission", lambda o: o.wall_s, "s"),
+        "real_time_factor": _make_nonnegative("real-time factor", _compute_real_time_factor, "", "higher", digits=1),
+        "wall_s": _make_nonnegative("wall time per mission", lambda o: o.wall_s, "s"),
         **{f"seconds.{stage}": _make_time_metric(stage) for stage in STAGES},
-    }.items()
-}
+    }
+)
 
 
 def find_metric(name: str) -> Metric:
