@@ -72,7 +72,7 @@ class Thompson:
         return Plan(limit_speed(controls, situation.own.max_speed))
 
     def goal(self, situation: Situation, world: DrawnWorld) -> Array:
-        """The best place (2,) m to look from; the UAV's own position if no place shows an error."""
+        """The place (2,) m with the most error in view per step of flight. The UAV stays if no place shows any."""
         own, forest = situation.own, situation.forest
         spots = points_shown(own, IMAGE_POINTS)
         start, reach = own.position.astype(float), own.max_speed * situation.step

@@ -135,7 +135,7 @@ def _make_whole_error(x: Array) -> WholeError:
 
 
 def sample_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
-    """Samples from `frames` frames over each of four forests."""
+    """Rendered people with their true places, from `frames` frames over each of four random forests."""
     out: list[Sample] = []
     for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
         trees = Trees(density=density, canopy_radius=radius)

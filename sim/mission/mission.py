@@ -73,7 +73,7 @@ class Mission:
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         try:
             self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
-            self._scan()
+            self._sense_and_track()
         except BaseException:
             self.close()
             raise
@@ -132,7 +132,7 @@ class Mission:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _scan(self) -> None:
+    def _sense_and_track(self) -> None:
         """Take the present scan: sense, communicate and track, and find out what each UAV knows if it has to decide."""
         k, time = self._k, self.time
         faults = self._break_down(time)
@@ -249,7 +249,7 @@ class Mission:
             with self.clock.measure("physics"):
                 steps = rates.physics // rates.sensing
                 self._world.advance(self._commands, steps, None if self._air is None else self._air.steps(steps))
-            self._scan()
+            self._sense_and_track()
         except BaseException:
             self.close()
             raise

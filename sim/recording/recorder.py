@@ -41,7 +41,7 @@ class Recorder:
         return len(self._dense["times"])
 
     def add(self, snapshot: Snapshot) -> None:
-        """Append one scan; ValueError, without appending it, unless each detection has its measurement."""
+        """Append one scan. ValueError if the counts of pixels and measurements differ; then nothing is appended."""
         rows = [_make_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
         self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
         for name, dtype in _BY_SCAN.items():

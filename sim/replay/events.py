@@ -206,7 +206,7 @@ def _describe_gap(history: History, loss: Loss) -> str:
 
 
 def _describe_causes(recording: Recording, history: History, loss: Loss) -> str:
-    """The best states of a lost person in the cameras, in order of time, each with its duration."""
+    """Why no camera helped: the best view of a lost person in any camera, in order of time, with durations."""
     scans: dict[tuple[str, tuple[int, ...]], int] = {}
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
     for k in range(loss.first, loss.last + 1):

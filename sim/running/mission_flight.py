@@ -72,6 +72,6 @@ def make_recording(mission: Mission, recorder: Recorder, planner: str) -> Record
 
 
 def is_built_in(trial: Trial) -> bool:
-    """True if no plug-in from outside flies in a mission; InputError if there is no planner of that name."""
+    """True if planner and all parts of a trial are built in. InputError if no planner has that name."""
     parts = all(name in registry.built_in for registry, name in trial.scenario.plugins)
     return find_planner_target(trial.planner).startswith("planning.") and parts

@@ -15,7 +15,7 @@ from tracking.settings import DAY, Expected, Speed
 WALKS = Registry(
     "people.walks",
     {
-        "levy": "sim.world.walks:Levy",
+        "levy": "sim.world.walks:Paths",
         "waypoints": "sim.world.walks:Waypoints",
         "stop-and-go": "sim.world.walks:StopAndGo",
         "groups": "sim.world.walks:Groups",

@@ -86,7 +86,10 @@ def parse_integer(given: object, field: str, *, least: int, most: int) -> int:
 
 
 def parse_seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
-    """Seed and repeat of a mission, as text only if they are options with `dashes`; InputError names what is wrong."""
+    """Seed and repeat of a mission. Text is accepted only with `dashes`, that is, of options of a command.
+
+    InputError names what is wrong.
+    """
     numbers = []
     for name, given, most in (("seed", seed, MOST_SEED), ("repeat", repeat, REPEATS - 1)):
         if isinstance(given, str) and not dashes:

@@ -1,4 +1,4 @@
-"""Scenarios: the one tree of settings, read strictly from TOML and validated once."""
+"""Scenarios: the one tree of settings, read from TOML. Keys, types and ranges are checked on loading."""
 
 import math
 from collections.abc import Iterator

@@ -152,7 +152,7 @@ def _locate_error(study: Study, cell: Cell, error: InputError) -> str:
 
 
 def _locate_in_head(study: Study, cell: Cell, error: InputError) -> str:
-    """The error of a cell's scenario or planner, with the key of the study's file that names it."""
+    """The error, with the key of the study file (`study.planners`, `score.floor`) that caused it."""
     try:
         load(cell.scenario)
     except InputError as wrong:

@@ -33,7 +33,7 @@ class Itinerary(NamedTuple):
     room: float = ROOM  # m, desired distance of the start beyond the least one from trunks and people
 
 
-class Levy:
+class Paths:
     """Walks along `people.paths`, shifted a little at random; people without a path wander."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
@@ -48,7 +48,7 @@ class Waypoints:
     """Walks to one random place in the area after another."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As `Levy.itineraries`."""
+        """As `Paths.itineraries`."""
         return [Itinerary(_draw_walk(rng.uniform(-half, half), pace, half, rng), pace) for pace in paces.T]
 
 
@@ -56,7 +56,7 @@ class StopAndGo:
     """Walks as in `Waypoints`, but with stops of some seconds every now and then."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As `Levy.itineraries`."""
+        """As `Paths.itineraries`."""
         slowed = [np.maximum(_STANDING, pace * _draw_stops(len(pace), rng)) for pace in paces.T]
         return Waypoints().itineraries(people, half, np.column_stack([paces[:, :0], *slowed]), rng)
 
@@ -65,7 +65,7 @@ class Groups:
     """Walks of groups of `people.group` people, side by side to one place after another, until the group parts."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
-        """As `Levy.itineraries`; all members of a group have the pace of the first."""
+        """As `Paths.itineraries`; all members of a group have the pace of the first."""
         found = []
         for first in range(0, paces.shape[1], people.group):
             size = min(people.group, paces.shape[1] - first)

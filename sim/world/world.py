@@ -117,7 +117,7 @@ class World:
         """Show bodies (B,) and no others, or with OpenGL all of them, because it cannot hide single bodies."""
         if self.opengl:
             return Shown(self.client, self._bodies.people_by_id)
-        self._shown_bodies.show(wanted, self._place)
+        self._shown_bodies.show(wanted, self._find_pose)
         return Shown(self._shown_bodies.client, self._shown_bodies.people_by_id)
 
     @cached_property
@@ -125,7 +125,7 @@ class World:
         moving, cameras = len(self._headings) + len(self.states), len(self.states)
         return ShownBodies(pybullet.connect(pybullet.DIRECT), self.looks, moving, cameras)
 
-    def _place(self, moving: int) -> Placed:
+    def _find_pose(self, moving: int) -> Placed:
         """Where a body that moves is, people first and then UAVs."""
         if (uav := moving - len(self._headings)) >= 0:
             state = self.states[uav].tolist()
@@ -196,7 +196,7 @@ class World:
             self.states = follow(self.states, commands, self._dt)
             self._put_uavs(bodies)
             self.engine.performCollisionDetection()
-            self._touch()
+            self._note_contacts()
             return
         self._put_uavs(bodies)
         targets, calm = self._make_targets(commands), wind is None
@@ -212,7 +212,7 @@ class World:
             # The bits of the engine's own attitude depend on the processor.
             state[_QUATERNION] = rotate(before, state[_SPIN], self._dt)
         self._put_uavs(bodies)
-        self._touch()
+        self._note_contacts()
 
     def take_contacts(self) -> tuple[Contact, ...]:
         """Contacts of UAVs since the last call, sorted; a contact of two UAVs is listed once, for the first."""
@@ -265,7 +265,7 @@ class World:
         """Velocities m/s east and north, and altitudes m (n, 3) that quadrotors are to reach."""
         return np.column_stack([commands, self._altitudes])
 
-    def _touch(self) -> None:
+    def _note_contacts(self) -> None:
         """Note the contacts that the engine found, which has a margin of 2 cm."""
         for _, a, b, *_ in self.engine.getContactPoints():
             pair = sorted((self._bodies.names[a], self._bodies.names[b]), key=lambda name: (name[0] != "uav", name[1]))
@@ -274,7 +274,7 @@ class World:
     def _put_people(self, bodies: Bodies) -> None:
         """Put people where they are; absent ones are away."""
         for m, body in enumerate(bodies.people):
-            bodies.engine.resetBasePositionAndOrientation(body.id, *self._place(m))
+            bodies.engine.resetBasePositionAndOrientation(body.id, *self._find_pose(m))
 
     def _put_uavs(self, bodies: Bodies) -> None:
         """Put UAVs into their `states`."""

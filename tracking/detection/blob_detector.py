@@ -98,7 +98,7 @@ def _find_near_pairs(centres: Array, reach: Array, k: int, stop: int) -> list[tu
 
 
 def _split(lens: Lens, blob: Array) -> list[Array]:
-    """Parts of a blob: one if one person can span it, else as many as people have the blob's area.
+    """Split a blob into people. It stays whole if one person can span it; otherwise its area gives their number.
 
     The parts are found by k-means from evenly spread starts.
     """

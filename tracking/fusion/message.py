@@ -149,7 +149,7 @@ def check_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - n
 
 @compiled
 def count_novel_numbers(novel: Array) -> int:
-    """Count of the numbers of novel information (T, ...): 14 for a track with any, and 2 for each UAV with a share."""
+    """Count the numbers of novel information (T, ...): 14 for each track that has any, and 2 for each UAV in it."""
     total = 0
     for t in range(len(novel)):
         shares = int(np.count_nonzero(novel[t, INFORMATION:]))

@@ -169,7 +169,7 @@ def _compute_reach(states: LatestTracks, pairs: Pairs, max_speed: float) -> tupl
 
 
 def _find_last_seen(messages: Sequence[Message], table: _Table, tracks: Indices) -> LatestTracks:
-    """Some of the tracks, each from the first of the messages with its last detection."""
+    """States of `tracks`, each from the message with the latest detection. Of equals, the first message counts."""
     count, source = len(tracks), table.source[tracks]
     states = LatestTracks(np.empty((count, 4)), np.empty((count, 4, 4)), np.empty((count, 3)))
     for k in np.unique(source).tolist():

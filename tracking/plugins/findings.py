@@ -96,7 +96,7 @@ def require_untouched(before: object, after: object, path: str) -> None:
 
 
 def _name_parts(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any value
-    """Parts of a value by what is written to get them; none of arrays and of what is no container."""
+    """Fields or items of a value by the code that reaches them (`.name`, `[0]`). Arrays and scalars have none."""
     if is_dataclass(value):
         return {f".{f.name}": getattr(value, f.name) for f in fields(value)}
     if isinstance(value, Mapping):

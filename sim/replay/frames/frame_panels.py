@@ -81,8 +81,8 @@ def find_scans(
 ) -> list[int]:
     """Scans from `start` to `end` s, or only the one nearest to `start`.
 
-    `name`: what error messages call the time. InputError if a time is not in the recording, or the UAV, if given, had
-    broken down at one of the scans.
+    `name`: the option that error messages name. InputError if a time is not in the recording, or the UAV, if given,
+    had broken down at one of the scans.
     """
     times, last = recording.times, float(recording.times[-1])
     for time in (start, *([] if end is None else [end])):

@@ -7,7 +7,7 @@ from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
 from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _draw_presence, walk
-from sim.world.walks import Groups, Itinerary, Levy, _draw_stops
+from sim.world.walks import Groups, Itinerary, Paths, _draw_stops
 from tracking.geometry.visibility import Forest
 
 AREA, RATE = Area(), 60
@@ -128,12 +128,12 @@ class Fewer(Straight):
         return super().itineraries(people, half, paces[:, 1:], rng)
 
 
-class Backwards(Levy):
+class Backwards(Paths):
     def itineraries(self, people, half, paces, rng):
         return [Itinerary(np.zeros((0, 2)), -pace) for pace in paces.T]
 
 
-class Roomless(Levy):
+class Roomless(Paths):
     room = "wide"
 
     def itineraries(self, people, half, paces, rng):
