@@ -149,7 +149,7 @@ def check_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - n
 
 @compiled
 def count_novel_numbers(novel: Array) -> int:
-    """Count the numbers of novel information (T, ...): 14 for each track that has any, and 2 for each UAV in it."""
+    """Count the numbers of novel information (T, ...): 14 for each track with any, 2 more for each UAV with a share."""
     total = 0
     for t in range(len(novel)):
         shares = int(np.count_nonzero(novel[t, INFORMATION:]))
