@@ -108,9 +108,11 @@ class Labels:
         boxes = _make_box(anchor, size, distances[:, None, None], sides).reshape(-1, 4)
         low, high = boxes.min(axis=0)[:2], boxes.max(axis=0)[2:]
         near = self._taken[((self._taken[:, :2] < high) & (self._taken[:, 2:] > low)).all(axis=1)]
-        if not len(near) and (low >= self._limits[:2]).all() and (high <= self._limits[2:]).all():
+        inside = (low >= self._limits[:2]).all() and (high <= self._limits[2:]).all()
+        if inside and not len(near):
             return False, 0.0, boxes[0]
-        covered = 3.0 * self._beyond(boxes) + _compute_overlap(boxes, near[:, None]).sum(axis=0)
+        covered = _compute_overlap(boxes, near[:, None]).sum(axis=0)
+        covered += 0.0 if inside else 3.0 * self._beyond(boxes)
         best = int((10.0 * covered.reshape(-1, len(sides)) + distances[:, None]).argmin())
         return best >= len(sides), float(covered[best]), boxes[best]
 

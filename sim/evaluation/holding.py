@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import ELLIPSE, FAR
-from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.mission.snapshot import Snapshot
 from tracking.metrics.clearmot import Matcher
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import length, squared_distance
@@ -40,17 +40,20 @@ class Holding:
 
     def step(self, snapshot: Snapshot) -> Indices:
         """States (M,) at the next scan, as indices into `HOLDS`."""
-        count, free = np.zeros(len(snapshot.people), dtype=np.int64), []
+        count, held = np.zeros(len(snapshot.people), dtype=np.int64), []
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
-            own = [columns.setdefault(track.id, len(columns)) for track in known if track.reported]
+            reported = [track for track in known if track.reported]
+            own = [columns.setdefault(track.id, len(columns)) for track in reported]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = find_reported_positions(known)
+            places[own] = np.array([track.belief.mean[:2] for track in reported]).reshape(-1, 2)
             matched = matcher.step(places, snapshot.people)
             count += matched >= 0
-            holding = set(matched.tolist())
-            free += [track for track in known if track.reported and columns[track.id] not in holding]
-        unheld, gaps, beliefs = self._found & (count == 0), np.full(len(count), NO_TRACK), beliefs_of(free)
-        gaps[unheld] = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
+            held.append((reported, own, set(matched.tolist())))
+        unheld, gaps = self._found & (count == 0), np.full(len(count), NO_TRACK)
+        if unheld.any():
+            free = [t for tracks, own, holding in held for t, at in zip(tracks, own, strict=True) if at not in holding]
+            beliefs = beliefs_of(free)
+            gaps[unheld] = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]), gaps)
 
