@@ -4,7 +4,6 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import most_pairs
-from tracking.numerics.distances import length
 
 
 def find_correspondence(tracks: Array, people: Array, within: float, *, over_gaps: bool = True) -> Indices:
@@ -38,7 +37,8 @@ class Matcher:
 
     def step(self, tracks: Array, people: Array) -> Indices:
         """The track of each person (M,) at the next scan; tracks (A, 2) m, those of earlier scans first."""
-        return self.match(length(tracks[:, None] - people))
+        x, y = tracks[:, :1] - people[:, 0], tracks[:, 1:] - people[:, 1]  # apart, which takes a third of the time
+        return self.match(np.sqrt(x * x + y * y))
 
     def match(self, gaps: Array) -> Indices:
         """The same from distances (A, M) of any kind, NaN where there are none."""
