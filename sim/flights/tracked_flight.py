@@ -9,7 +9,7 @@ from sim.evaluation.metric import Outcome
 from sim.evaluation.score import owners_of
 from sim.flights.flight_log import FlightLog
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
-from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.mission.snapshot import Snapshot, measure_errors
 from sim.mission.tracker_fleet import make_trackers, step_trackers
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.recording.recorder import Recorder
@@ -17,7 +17,6 @@ from sim.scenario.random_streams import stream
 from sim.scenario.scenario import encode_scenario
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import at_target_height, detectable_shares
-from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import squared_distance
 from tracking.track import Scan
@@ -48,10 +47,6 @@ def track_flight(
         links = RadioLinks(up, draw_lost_messages(network, len(uavs), radio))
         sent = step_trackers(setting, trackers, time, scans, links, working)
         tracks = [trackers[i].tracks if i in working else () for i in uavs]
-        present = people[k][~np.isnan(people[k][:, 0])]
-        errors = np.full((len(uavs), 3), np.nan)
-        for i in working:
-            errors[i] = ospa(find_reported_positions(tracks[i]), present) if log.people else 0.0
         views = [_find_people(log, cameras[i], scans.get(i), people[k]) for i in uavs]
         nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
         snapshot = Snapshot(
@@ -66,7 +61,8 @@ def track_flight(
             pixels=[log.observed[k, i][1] if i in scans else nothing[0] for i in uavs],
             tracks=tracks,
             plans=None,
-            ospa=errors,
+            # Where people are unknown, zeros; NaN of UAVs that do not work.
+            ospa=(1.0 if log.people else 0.0) * measure_errors(tracks, working, people[k]),
             visible=np.array([shown for shown, _ in views], dtype=np.int64),
             matched=np.array([found for _, found in views]),
             bytes_sent=sent,

@@ -12,7 +12,7 @@ from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
-from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.mission.snapshot import Snapshot, measure_errors
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.wind import Air
 from sim.mission.world_setup import draw_starts, make_forest_and_people
@@ -26,9 +26,7 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
-from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array
-from tracking.track import Track
 
 
 class Mission:
@@ -171,7 +169,7 @@ class Mission:
             pixels=[look.pixels for look in looks],
             tracks=tracks,
             plans=None,
-            ospa=self._measure_errors(tracks, people[~np.isnan(people[:, 0])]),
+            ospa=measure_errors(tracks, self._working, people),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
@@ -186,13 +184,6 @@ class Mission:
         failed = [i for i in self._working if not self.scenario.works(i, time)]
         self._working = [i for i in self._working if i not in failed]
         return [Fault(self.scenario.uavs[i].fails_at or 0.0, i, BREAKDOWN) for i in failed]
-
-    def _measure_errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
-        """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (P, 2) m; NaN after a breakdown."""
-        errors = np.full((len(tracks), 3), np.nan)
-        for i in self._working:
-            errors[i] = ospa(find_reported_positions(tracks[i]), present)
-        return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> Snapshot:
         """Take the decision that is due at the present scan, if any, and return the scan's complete snapshot.

@@ -1,7 +1,7 @@
 """The mission at one scan, with ground truth."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from planning.planner import Plan
 from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
+from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
 
@@ -52,3 +53,11 @@ class Snapshot:
 def find_reported_positions(tracks: Sequence[Track]) -> Array:
     """Positions (N, 2) m of the reported tracks, which metrics compare with the positions of people."""
     return np.array([track.belief.mean[:2] for track in tracks if track.reported], dtype=float).reshape(-1, 2)
+
+
+def measure_errors(tracks: Sequence[Sequence[Track]], working: Iterable[int], people: Array) -> Array:
+    """OSPA and its parts (n, 3) m of each UAV's reported tracks, given people (M, 2) m; NaN of UAVs not `working`."""
+    errors, present = np.full((len(tracks), 3), np.nan), people[~np.isnan(people[:, 0])]
+    for i in working:
+        errors[i] = ospa(find_reported_positions(tracks[i]), present)
+    return errors
