@@ -50,7 +50,9 @@ def cost_to_go(vehicles: Sequence[Vehicle], weight: float) -> CostToGo:
 
 
 @inlined
-def approach(seconds: Array, belief: PredictedBelief, ahead: CostToGo, target: int, uav: int, cameras: Array) -> None:
+def lower_times_to_view(
+    seconds: Array, belief: PredictedBelief, ahead: CostToGo, target: int, uav: int, cameras: Array
+) -> None:
     """Lower the times `seconds` (LANES,) until a target can be in view, where this UAV needs less time after its plan.
 
     cameras (2, LANES) m: positions of the UAV at the end of the horizon. It flies straight at full speed, until the
@@ -65,8 +67,8 @@ def approach(seconds: Array, belief: PredictedBelief, ahead: CostToGo, target: i
 
 
 @inlined
-def soonest(belief: PredictedBelief, ahead: CostToGo, target: int, uavs: Indices, boxes: Array) -> float:
-    """Least time [s] of `approach` until a target can be in view after any plan of UAVs, with boxes (C, k, H, 4) m."""
+def find_soonest(belief: PredictedBelief, ahead: CostToGo, target: int, uavs: Indices, boxes: Array) -> float:
+    """Least time [s] until a target can be in view after any plan of UAVs, with boxes (C, k, H, 4) m."""
     place, least = belief.points[-1, target, 0], np.inf
     for j in range(len(uavs)):
         x, y = place[0] - belief.views[uavs[j], 4, 0], place[1] - belief.views[uavs[j], 4, 1]
@@ -78,7 +80,7 @@ def soonest(belief: PredictedBelief, ahead: CostToGo, target: int, uavs: Indices
 
 
 @inlined
-def future_errors(seconds: Array, traces: Array, cutoff: float) -> None:
+def replace_by_future_errors(seconds: Array, traces: Array, cutoff: float) -> None:
     """Replace `seconds` (LANES,) until a target can be in view by its errors [m² s], from its `traces` (LANES,) [m²].
 
     `FUTURE` is interpolated linearly, and constant beyond its ends.

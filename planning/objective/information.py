@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planning.prediction.predicted_belief import LANES, belief_transition
+from planning.prediction.predicted_belief import LANES, advance_belief
 from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -10,8 +10,8 @@ from tracking.numerics.exponential import replace_by_logs
 
 
 @compiled
-def gain_transition(P: Array, transition: Transition, noise: Array, information: Array, costs: Array) -> None:
-    """Apply `belief_transition` to P, and set `costs` (LANES,) to minus the information gained instead of the traces.
+def advance_with_gains(P: Array, transition: Transition, noise: Array, information: Array, costs: Array) -> None:
+    """Apply `advance_belief` to P, and set `costs` (LANES,) to minus the information gained instead of the traces.
 
     The gain is the mutual information [nats] between a state one step later and its measurements, ½ log det(I + J P⁻)
     with the predicted position block P⁻ and the measurements' information J. By the chain rule, the sum over steps is
@@ -30,6 +30,6 @@ def gain_transition(P: Array, transition: Transition, noise: Array, information:
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
         gains[k] = a * d - b * c
     replace_by_logs(gains)
-    belief_transition(P, transition, noise, information, costs)
+    advance_belief(P, transition, noise, information, costs)
     for k in range(LANES):
         costs[k] = -0.5 * gains[k]

@@ -6,17 +6,24 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.objective.camera_lanes import camera_lanes
-from planning.objective.cost_to_go import LATEST, NO_COST_TO_GO, CostToGo, approach, future_errors, soonest
-from planning.objective.information import gain_transition
+from planning.objective.cost_to_go import (
+    LATEST,
+    NO_COST_TO_GO,
+    CostToGo,
+    find_soonest,
+    lower_times_to_view,
+    replace_by_future_errors,
+)
+from planning.objective.information import advance_with_gains
 from planning.objective.mwtp_lanes import Workspace, add_penalties, make_workspace, mark_in_view, mark_in_view_lanes
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
     LANES,
     PredictedBelief,
     add_information,
-    belief_transition,
-    last_traces,
+    advance_belief,
     possibly_visible,
+    set_last_traces,
 )
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -53,7 +60,7 @@ def make_objective(
     target has several equally probable trajectories, each has its own P, and the mean of their traces counts.
     The contribution of the others, velocities (n, H, 2) m/s, is the same for all candidates and computed once.
     Another `measure` replaces each trace by the expected squared error up to a cut-off (`squared_error.cut_off`), or by
-    minus the mutual information between targets' paths and all measurements (`information.gain_transition`). A learned
+    minus the mutual information between targets' paths and all measurements (`advance_with_gains`). A learned
     cost-to-go adds the errors to be expected after the horizon (`cost_to_go.FUTURE`).
 
     Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
@@ -77,7 +84,7 @@ class _Others(NamedTuple):
 
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
-    before: Array  # (H T K, 10): P before each step with this information alone, as one lane of `belief_transition`
+    before: Array  # (H T K, 10): P before each step with this information alone, as one lane of `advance_belief`
     costs: Array  # (H T K,) m² or nats: weighted `measure` of the position block of this P after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
@@ -165,7 +172,7 @@ def _sum(
             if row + each < len(near) or gains:
                 _advance(P, belief, information, gains, cutoff, trace)
             else:
-                last_traces(P, belief.transition, belief.noise, information, trace)
+                set_last_traces(P, belief.transition, belief.noise, information, trace)
                 _copy(trace, finals[index])
                 cut_off(trace, cutoff)
             _add(trace, weight, total)
@@ -174,11 +181,11 @@ def _sum(
 
 @inlined
 def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool, cutoff: float, costs: Array) -> None:
-    """`belief_transition` of P over a step, with `costs` (LANES,) by the measure."""
+    """`advance_belief` of P over a step, with `costs` (LANES,) by the measure."""
     if gains:
-        gain_transition(P, belief.transition, belief.noise, information, costs)
+        advance_with_gains(P, belief.transition, belief.noise, information, costs)
     else:
-        belief_transition(P, belief.transition, belief.noise, information, costs)
+        advance_belief(P, belief.transition, belief.noise, information, costs)
         cut_off(costs, cutoff)
 
 
@@ -251,12 +258,12 @@ def _targets_with_one_future(
     same, seconds, trace = np.zeros(len(in_reach), dtype=np.bool_), np.empty(LANES), np.empty(LANES)
     for t in range(len(in_reach) if ahead.weight > 0.0 else 0):
         latest = min(others.seconds[t], LATEST)
-        same[t] = not in_reach[t] and soonest(belief, ahead, t, others.uavs, boxes) >= latest
+        same[t] = not in_reach[t] and find_soonest(belief, ahead, t, others.uavs, boxes) >= latest
         if same[t]:
             seconds[:], trace[:] = others.seconds[t], 0.0
             for index in range(t * count, (t + 1) * count):
                 trace += others.finals[index] / count
-            future_errors(seconds, trace, others.measure.cutoff)
+            replace_by_future_errors(seconds, trace, others.measure.cutoff)
             total += belief.weights[t] * seconds[0]
     return same, total
 
@@ -275,11 +282,11 @@ def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Ar
             continue
         seconds[:] = others.seconds[t]
         for j in range(len(others.uavs)):
-            approach(seconds, belief, ahead, t, others.uavs[j], own[j])
+            lower_times_to_view(seconds, belief, ahead, t, others.uavs[j], own[j])
         trace[:] = 0.0
         for index in range(t * count, (t + 1) * count):
             _add(finals[index], 1.0 / count, trace)
-        future_errors(seconds, trace, others.measure.cutoff)
+        replace_by_future_errors(seconds, trace, others.measure.cutoff)
         _add(seconds, belief.weights[t], sums)
 
 
@@ -335,7 +342,7 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         for t in range(len(others.seconds) if others.measure.ahead.weight > 0.0 else 0):
             free[:] = others.seconds[t]
-            approach(free, belief, others.measure.ahead, t, i, cameras[-1])
+            lower_times_to_view(free, belief, others.measure.ahead, t, i, cameras[-1])
             others.seconds[t] = free[0]
         near = possibly_visible(belief, np.array([i]), flight.boxes[0], np.ones(len(others.seen), dtype=np.bool_))
         for row in range(len(near)):

@@ -203,7 +203,7 @@ def _find_visible_shares(
 
 @inlined
 def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[float, ...]:
-    """The ten elements of the covariance in lane k one step later, without information; P as in `belief_transition`."""
+    """The ten elements of the covariance in lane k one step later, without information; P as in `advance_belief`."""
     drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
     yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
@@ -227,8 +227,8 @@ def _compute_gain(xx: float, xy: float, yy: float, jxx: float, jxy: float, jyy: 
 
 
 @inlined
-def last_traces(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
-    """Set `traces` (LANES,) as `belief_transition` does, which is enough at the last step; P stays as it is."""
+def set_last_traces(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
+    """Set `traces` (LANES,) as `advance_belief` does, which is enough at the last step; P stays as it is."""
     for k in range(LANES):
         xx, xy, _, _, yy, _, _, _, _, _ = predicted(P, k, transition, noise)
         sxx, sxy, syy = _compute_gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
@@ -237,7 +237,7 @@ def last_traces(P: Array, transition: Transition, noise: Array, information: Arr
 
 
 @inlined
-def belief_transition(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
+def advance_belief(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds the upper triangle of the covariance, all lanes of one element after another: xx, xy, xu, xv,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.information import gain_transition
+from planning.objective.information import advance_with_gains
 from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information
 from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array, Indices
@@ -14,7 +14,7 @@ from tracking.numerics.compiled import compiled
 class Prior(NamedTuple):
     """Belief before any measurement: T K trajectories in blocks of LANES, side by side."""
 
-    P: Array  # (B, 10 LANES), as `belief_transition` takes it
+    P: Array  # (B, 10 LANES), as `advance_belief` takes it
     weights: Array  # (B, LANES): weight of each trajectory
     transition: Transition  # of velocities over a step
     noise: Array  # (3,): process noise of a step
@@ -60,7 +60,7 @@ def gain_of(prior: Prior, information: Array) -> float:
     for block in range(len(prior.P)):
         P = prior.P[block].copy()
         for step in range(len(information)):
-            gain_transition(P, prior.transition, prior.noise, information[step, block], costs)
+            advance_with_gains(P, prior.transition, prior.noise, information[step, block], costs)
             for lane in range(LANES):
                 total -= prior.weights[block, lane] * costs[lane]
     return total

@@ -15,7 +15,7 @@ import numpy as np
 from sim.evaluation.error_sources import SOURCES
 from sim.evaluation.fleet_facts import count_bytes_sent, count_plan_bytes, list_contacts, measure_disagreement
 from sim.evaluation.handoffs import find_handoffs
-from sim.evaluation.metric import Better, Metric, Of, Outcome, mean
+from sim.evaluation.metric import Better, Computation, Metric, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.evaluation.searching import measure_times_to_find
 from sim.evaluation.unmatched import Unmatched
@@ -31,7 +31,7 @@ _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
 _make_nonnegative = partial(Metric, least=0.0)  # `Metric` itself for one that can be negative
 
 
-def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
+def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Computation:
     """Statistic of the OSPA distances [m] of all scans and all UAVs that work at the scan."""
 
     def of(outcome: Outcome) -> float | None:
@@ -41,7 +41,7 @@ def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
     return of
 
 
-def _average_gospa(column: int, *, counted: bool = False) -> Of:
+def _average_gospa(column: int, *, counted: bool = False) -> Computation:
     """Mean of a part of GOSPA over all scans and working UAVs, in m; if counted, in people or tracks."""
 
     def of(outcome: Outcome) -> float | None:
@@ -51,7 +51,7 @@ def _average_gospa(column: int, *, counted: bool = False) -> Of:
     return of
 
 
-def _average_source(name: str) -> Of:
+def _average_source(name: str) -> Computation:
     """Mean of a source of squared GOSPA over all scans and working UAVs, in m²."""
     return lambda outcome: mean(outcome.error_sources[:, SOURCES.index(name)])
 
@@ -75,11 +75,11 @@ def _make_unmatched_metrics(what: str) -> dict[str, Metric]:
 
     count = _make_nonnegative(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
     shown = _make_nonnegative(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
-    old = replace(shown, label=f"{shown.label} older than 1 s", of=lambda o: share(o, _OLD), digits=3)
+    old = replace(shown, label=f"{shown.label} older than 1 s", compute=lambda o: share(o, _OLD), digits=3)
     return {f"tracks.{what}": count, f"tracks.{what}_share": shown, f"tracks.{what}_old_share": old}
 
 
-def _average_over_uavs(value: Callable[[Score], float]) -> Of:
+def _average_over_uavs(value: Callable[[Score], float]) -> Computation:
     """Mean over the UAVs; a UAV that breaks down counts until then."""
     return lambda outcome: mean([value(score) for score in outcome.flown])
 
@@ -154,8 +154,8 @@ def _compute_real_time_factor(outcome: Outcome) -> float | None:
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 
-def _make_share(label: str, of: Of) -> Metric:
-    return _make_nonnegative(label, of, "%", "higher", 100.0, digits=1, most=1.0)
+def _make_share(label: str, compute: Computation) -> Metric:
+    return _make_nonnegative(label, compute, "%", "higher", 100.0, digits=1, most=1.0)
 
 
 def _make_time_metric(stage: str) -> Metric:

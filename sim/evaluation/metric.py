@@ -53,7 +53,7 @@ class Outcome:
         return [score for score in self.scores if len(score.gospa)]
 
 
-Of = Callable[[Outcome], float | None]
+Computation = Callable[[Outcome], float | None]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Metric:
     """A number for a mission and its display; `scale` converts the value into the unit."""
 
     label: str
-    of: Of | None = None  # computes the value; returns None if there is nothing to count
+    compute: Computation | None = None  # computes the value; returns None if there is nothing to count
     unit: str = ""
     better: Better = "lower"
     scale: float = 1.0
@@ -75,7 +75,7 @@ class Metric:
     def __call__(self, outcome: Outcome) -> float | None:
         """The value of a mission; None if there is nothing to count, or to compare with."""
         known = outcome.recording.labelled or not self.judges
-        return self.of(outcome) if self.of and known else None
+        return self.compute(outcome) if self.compute and known else None
 
     @property
     def title(self) -> str:

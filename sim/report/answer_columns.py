@@ -20,7 +20,7 @@ class Entry(NamedTuple):
     head: str  # the terminal starts a new line at a newline; other formats show a space
     text: str
     fields: dict[str, Value]  # columns of table.csv, in SI units; None and NaN are left empty
-    of: Literal["answer", "cell", "difference"]  # "cell": empty over all cells; "difference": empty for the baseline
+    known_of: Literal["answer", "cell", "difference"]  # "cell": empty over all cells; "difference": for the baseline
     wide_only: bool = False  # True if a narrow terminal leaves the column out
     if_empty: str = ""  # text where the entry is empty
 
@@ -69,7 +69,7 @@ def make_entries(answer: Answer, baseline: str) -> list[Entry]:
         Entry("maps\nneeded", _format_maps_needed(gap), {"maps_needed": gap.needed}, "difference", wide_only=True),
     ]
     empty = {"cell": answer.cell is None, "difference": answer.difference is None, "answer": False}
-    return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.of] else e for e in entries]
+    return [e._replace(text=e.if_empty, fields=dict.fromkeys(e.fields)) if empty[e.known_of] else e for e in entries]
 
 
 def format_csv(found: Sequence[Answer], baseline: str) -> str:

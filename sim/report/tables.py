@@ -40,7 +40,7 @@ def make_answer_tables(found: Sequence[Answer], baseline: str, *, wide: bool = T
         heads: list[str] = []
         for answer in of_metric:
             entries = [entry for entry in make_entries(answer, baseline) if wide or not entry.wide_only]
-            shown = [entry for entry in entries if compared or entry.of != "difference"]
+            shown = [entry for entry in entries if compared or entry.known_of != "difference"]
             heads = [entry.head for entry in shown]
             rows.append(TableRow(answer.cell, [entry.text for entry in shown]))
         listed.append(Table(metric.title, heads, rows, metric))

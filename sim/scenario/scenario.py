@@ -187,24 +187,22 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 
 # Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
 _LATER = (
-    ("trees", ("per_hectare", "largest_radius", "height", "crown_ratio", "overlap", "file", "origin")),
-    ("trees", ("leaf_area_density",)),
-    ("people", ("walks", "group", "stay", *FILE_KEYS)),
+    *("trees.per_hectare", "trees.largest_radius", "trees.height", "trees.crown_ratio", "trees.overlap", "trees.file"),
+    *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
+    *(f"people.{key}" for key in FILE_KEYS),
+    *("uavs.start_radius", "loss_distance"),
 )
 
 
 def encode_scenario(scenario: Scenario) -> str:
-    """The scenario as JSON with all defaults, except those of `_LATER`, `loss_distance` and `uavs.N.start_radius`."""
+    """The scenario as JSON with all defaults, except those of `_LATER`."""
     written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
-    for table, keys in _LATER:
-        for key in keys:
-            if written[table][key] == default[table][key]:
-                del written[table][key]
-    if written["loss_distance"] == default["loss_distance"]:
-        del written["loss_distance"]
-    for uav in written["uavs"]:
-        if not uav["start_radius"]:
-            del uav["start_radius"]
+    for name in _LATER:
+        *table, key = name.split(".")
+        held, usual = (part[table[0]] if table else part for part in (written, default))
+        for entries in held if table == ["uavs"] else [held]:
+            if entries[key] == (usual[0] if table == ["uavs"] else usual)[key]:
+                del entries[key]
     return msgspec.json.encode(written).decode()
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from planning.objective.mwtp_lanes import add_penalties, make_workspace, mark_in_view_lanes
 from planning.prediction.field_of_view import view_quadrangle
-from planning.prediction.predicted_belief import LANES, belief_transition
+from planning.prediction.predicted_belief import LANES, advance_belief
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import ALL_ROUND, Camera
@@ -57,7 +57,7 @@ def stepped(P, model, J):
     lanes[:, : len(P)] = P[:, TRIANGLE[0], TRIANGLE[1]].T
     information[:, : len(P)] = J[:, [0, 0, 1], [0, 1, 1]].T
     flat = lanes.ravel()
-    belief_transition(flat, model.transition, noise, information.ravel(), traces)
+    advance_belief(flat, model.transition, noise, information.ravel(), traces)
     out = np.empty_like(P)
     out[:, TRIANGLE[0], TRIANGLE[1]] = flat.reshape(10, LANES)[:, : len(P)].T
     out[:, TRIANGLE[1], TRIANGLE[0]] = out[:, TRIANGLE[0], TRIANGLE[1]]

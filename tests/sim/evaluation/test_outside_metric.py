@@ -76,7 +76,7 @@ def test_the_metric_of_the_page_is_the_way_that_uavs_flew(tmp_path, monkeypatch)
     poses = np.zeros((3, 2, 7))
     poses[1:, 0, :3], poses[:, 1, 0] = (3.0, 0.0, 4.0), (0.0, 1.0, 0.0)  # 5 m and 2 m
     outcome = SimpleNamespace(recording=SimpleNamespace(poses=poses))
-    assert "--metric mymetrics:DISTANCE" in page and find_metric("mymetrics:DISTANCE").of(outcome) == 3.5
+    assert "--metric mymetrics:DISTANCE" in page and find_metric("mymetrics:DISTANCE").compute(outcome) == 3.5
 
 
 def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):
