@@ -138,18 +138,12 @@ def give_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
 
 def is_stateful(planner: object) -> bool:
     """True if a planner declares that it has a memory; InputError if it lacks `reset`."""
-    stateful = bool(getattr(planner, "stateful", False))
-    if stateful and not callable(getattr(planner, "reset", None)):
-        name = type(planner).__qualname__
-        raise PlannerError(f"planner: {name!r} is stateful, but has no method reset(seed)")
-    return stateful
+    return ANY_PLANNER.is_stateful(type(planner).__qualname__, planner)
 
 
 def reset_planner(planner: object, seed: int) -> None:
     """Reset a planner if it is stateful; InputError if that fails."""
-    if is_stateful(planner):
-        with ANY_PLANNER.errors(type(planner).__qualname__, "be reset"):
-            cast("Any", planner).reset(seed)
+    ANY_PLANNER.reset(type(planner).__qualname__, planner, seed)
 
 
 def _find_spec(name: str) -> PlannerSpec:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.flights.flight_tables import CameraFrames, CameraRow, Detection, LoggedFrame, Poses, interpolate, read_uav
 from sim.scenario.csv_tables import Row, read_csv
-from sim.scenario.sensing import DETECTORS
+from sim.scenario.sensing import DETECTORS, make_detectors
 from sim.scenario.text_files import read_bytes
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Frame
@@ -25,12 +25,12 @@ def detect_in_images(
 ) -> dict[int, CameraFrames]:
     """Frames of each UAV, from a CSV file with the columns time_s, uav and file, an image, by the detector `name`.
 
-    The detector gets the square in the middle of each image. InputError names a wrong row.
+    The detector gets the square in the middle of each image, in order of time. InputError names a wrong row.
     """
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
     sizes: dict[int, tuple[int, int]] = {}
-    detector = DETECTORS.make(name, forest)
-    for row in read_csv(path, "images", ("time_s", "file")):
+    detectors = make_detectors(name, forest, cameras, np.random.default_rng(0))
+    for row in sorted(read_csv(path, "images", ("time_s", "file")), key=lambda row: row.number("time_s")):
         uav, time = read_uav(row), row.number("time_s")
         if uav not in cameras or uav not in poses:
             raise row.error("uav", f"UAV {uav} has no camera, or no poses")
@@ -44,15 +44,14 @@ def detect_in_images(
         ((*place, x, y, z, w),) = interpolate(log, np.clip([time], *log.times[[0, -1]])).tolist()
         pose = Pose(np.array(place), np.array([x, y, z, w]))
         frame = Frame(uav, time, Camera(math.radians(camera.fov_deg), camera.pixels), pose, square)
-        with DETECTORS.errors(name, "detect people in an image", detector, "detect"):
-            told = check_detections(detector.detect(frame))
+        with DETECTORS.errors(name, "detect people in an image", detectors[uav], "detect"):
+            told = check_detections(detectors[uav].detect(frame))
         rows = zip((told.pixels + camera.corner).tolist(), told.ground.tolist(), told.covariances.tolist(), strict=True)
         detections = [Detection((x, y), (R[0][0], R[0][1], R[1][1]), (u, v)) for (u, v), (x, y), R in rows]
         found[uav].append(LoggedFrame(time, row.where, detections))
     if not found:
         raise InputError(f"images: {path}: lists no image")
-    ordered = {uav: sorted(frames, key=lambda frame: frame.time) for uav, frames in found.items()}
-    return {uav: CameraFrames(frames, size=sizes[uav]) for uav, frames in ordered.items()}
+    return {uav: CameraFrames(frames, size=sizes[uav]) for uav, frames in found.items()}
 
 
 def _read_image(path: Path, row: Row) -> NDArray[np.uint8]:

@@ -172,7 +172,7 @@ def _make_trackers() -> list[Member]:
 
 def _detect() -> None:
     """Detections in frames that are rendered for it."""
-    for staged in stage_frames().values():
+    for (staged,) in stage_frames().values():
         BlobDetector(FOREST).detect(staged.frame)
 
 

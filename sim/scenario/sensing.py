@@ -1,7 +1,9 @@
 """Settings of sensing."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from msgspec import Meta, Struct
 
 from tracking.plugins.registry import Registry
@@ -21,6 +23,20 @@ DETECTORS = Registry(
     ("detect(frame)",),
     bare=True,
 )
+
+
+def make_detectors(name: str, forest: object, uavs: Iterable[int], rng: np.random.Generator) -> dict[int, Any]:
+    """The detector of each UAV: one for all, or if it is stateful one each, reset with a seed that `rng` draws.
+
+    forest: for built-in detectors. InputError if a detector cannot be made or reset.
+    """
+    one, made = DETECTORS.make(name, forest), dict[int, Any]()
+    stateful = DETECTORS.is_stateful(name, one)
+    for uav in uavs:
+        made[uav] = DETECTORS.make(name, forest) if stateful and made else one
+        if stateful:
+            DETECTORS.reset(name, made[uav], int(rng.integers(2**63)))
+    return made
 
 
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):

@@ -2,6 +2,7 @@
 
 import math
 import timeit
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cache, partial
@@ -31,7 +32,30 @@ PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0
 _ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 _UAV = Uav(start=(74.0, 49.0))
 _ALTITUDE = 25.0  # m
+_SEED = 5  # with which stateful detectors are reset
+_WALK = 1.5  # m/s
+_BEFORE = tuple(k / 5 for k in range(-25, 0))  # s, times of the frames that a stateful detector gets first
 _ORDINARY, _TILTED, _EMPTY = "ordinary", "tilted camera", "no person in view"
+
+
+@dataclass(frozen=True)
+class _View:
+    """How a staged frame is taken, and where the people (M, 2) m are."""
+
+    pixels: int
+    pose: Pose
+    people: Array
+
+
+_LEVEL, _TURNED = Pose.level(0.0, 0.0, _ALTITUDE), Uav(start=(0.0, 0.0), tilt_deg=30.0)
+_VIEWS = {
+    _ORDINARY: _View(128, _LEVEL, PEOPLE),
+    "turned and moved": _View(128, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
+    "low UAV": _View(128, Pose.level(0.0, 0.0, 15.0), PEOPLE),
+    _TILTED: _View(128, camera_pose(_TURNED, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
+    "finer image": _View(256, _LEVEL, PEOPLE),
+    _EMPTY: _View(128, _LEVEL, PEOPLE + _ELSEWHERE),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +72,23 @@ class StagedFrame:
 
 
 @cache
-def stage_frames() -> dict[str, StagedFrame]:
-    """Staged frames by name, rendered once; all people are in plain view, or none."""
-    level, tilted = Pose.level(0.0, 0.0, _ALTITUDE), Uav(start=(0.0, 0.0), tilt_deg=30.0)
-    wanted = {
-        _ORDINARY: (128, level, PEOPLE),
-        "turned and moved": (128, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
-        "low UAV": (128, Pose.level(0.0, 0.0, 15.0), PEOPLE),
-        _TILTED: (128, camera_pose(tilted, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
-        "finer image": (256, level, PEOPLE),
-        _EMPTY: (128, level, PEOPLE + _ELSEWHERE),
-    }
+def stage_frames(times: Sequence[float] = (0.0,)) -> dict[str, list[StagedFrame]]:
+    """Staged frames by name, one for each of the times [s], rendered once.
+
+    At time 0 all people are in plain view, or none; they arrive there at a walk.
+    """
+    headings = np.linspace(0.0, 5.0, len(PEOPLE))
+    way = _WALK * np.column_stack([np.cos(headings), np.sin(headings)])
     with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
-        renderer = Renderer(world)
-        staged = {}
-        for name, (pixels, pose, people) in wanted.items():
-            world.place_people(people, np.linspace(0.0, 5.0, len(people)))
-            camera = Camera(math.radians(60), pixels)
-            rendered = renderer.render(camera, pose)
-            staged[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered.people, people)
+        renderer, staged = Renderer(world), dict[str, list[StagedFrame]]()
+        for name, view in _VIEWS.items():
+            camera, staged[name] = Camera(math.radians(60), view.pixels), []
+            for time in times:
+                people = view.people + time * way
+                world.place_people(people, headings)
+                rendered = renderer.render(camera, view.pose)
+                frame = Frame(0, time, camera, view.pose, rendered.image)
+                staged[name].append(StagedFrame(frame, rendered.people, people))
         return staged
 
 
@@ -88,17 +110,25 @@ class _Subject:
     found: dict[str, Detections] = field(default_factory=dict)
 
     def make(self) -> Any:  # noqa: ANN401 - a plug-in
-        """A new instance."""
-        return DETECTORS.make(self.name, FOREST)
+        """A new instance, reset if it is stateful."""
+        made = DETECTORS.make(self.name, FOREST)
+        DETECTORS.reset(self.name, made, _SEED)
+        return made
 
     def count_hits(self, frame: str) -> int:
         """Number of people that are found in a staged frame."""
-        return int(np.sum(stage_frames()[frame].match(self.found[frame]) >= 0))
+        return int(np.sum(stage_frames()[frame][0].match(self.found[frame]) >= 0))
+
+    def look(self, made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
+        """What an instance finds in the staged frame of that name, if it is stateful after the frames before."""
+        if DETECTORS.is_stateful(self.name, made):
+            for staged in stage_frames(_BEFORE)[name]:
+                _detect(made, staged)
+        return _detect(made, stage_frames()[name][0])
 
 
-def _detect(made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
-    """What a detector finds in the staged frame of that name; PluginError if that cannot be used."""
-    staged = stage_frames()[name]
+def _detect(made: Any, staged: StagedFrame) -> Detections:  # noqa: ANN401 - a plug-in
+    """What a detector finds in a staged frame; PluginError if that cannot be used."""
     with plugin_call(made, "detect"):
         frame = deepcopy(staged.frame)
         if isinstance(made, MaskDetector):
@@ -109,7 +139,7 @@ def _detect(made: Any, name: str) -> Detections:  # noqa: ANN401 - a plug-in
 def _check_detections(subject: _Subject) -> str:
     for name in stage_frames():
         try:
-            subject.found[name] = _detect(subject.make(), name)
+            subject.found[name] = subject.look(subject.make(), name)
         except PluginError as error:
             raise PluginError(f"{name}: {error}", error.trace) from error
     return f"usable in {len(subject.found)} frames"
@@ -137,7 +167,7 @@ def _check_empty(subject: _Subject) -> str:
 def _check_covariances(subject: _Subject) -> str:
     """Judge the mean NEES over all frames, as that of six people says little."""
     squares: list[float] = []
-    for name, staged in stage_frames().items():
+    for name, (staged,) in stage_frames().items():
         found, of_people = subject.found[name], staged.match(subject.found[name])
         hit = of_people >= 0
         errors = found.ground[of_people[hit]] - staged.people[hit]
@@ -147,16 +177,21 @@ def _check_covariances(subject: _Subject) -> str:
 
 def _check_repeatable(subject: _Subject) -> str:
     first, again = subject.found[_ORDINARY], subject.make()
-    differs = find_change(first, _detect(again, _ORDINARY), "")
+    differs = find_change(first, subject.look(again, _ORDINARY), "")
     require(not differs, "another instance finds otherwise in the same frame")
-    _detect(again, _TILTED)
-    differs = find_change(first, _detect(again, _ORDINARY), "")
-    require(not differs, "after another frame it finds otherwise in the first")
+    subject.look(again, _TILTED)
+    if DETECTORS.is_stateful(subject.name, again):
+        DETECTORS.reset(subject.name, again, _SEED)
+        differs = find_change(first, subject.look(again, _ORDINARY), "")
+        require(not differs, "after reset(seed) with the same seed it finds otherwise in the same frames")
+        return "stateful: equal bit for bit on another instance, and after reset(seed)"
+    differs = find_change(first, subject.look(again, _ORDINARY), "")
+    require(not differs, "without stateful = True, but after another frame it finds otherwise in the first")
     return "equal bit for bit, on another instance and after another frame"
 
 
 def _check_time(subject: _Subject) -> str:
-    seconds = timeit.repeat(partial(_detect, subject.make(), _ORDINARY), repeat=6, number=1)
+    seconds = timeit.repeat(partial(_detect, subject.make(), stage_frames()[_ORDINARY][0]), repeat=6, number=1)
     return describe_time(seconds[1:], "a frame of 128 x 128 pixels")  # the first may prepare something
 
 

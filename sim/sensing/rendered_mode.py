@@ -4,7 +4,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from sim.scenario.sensing import DETECTORS
+from sim.scenario.sensing import make_detectors
 from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, match_detections
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
@@ -29,7 +29,8 @@ class RenderedMode:
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
         self._calibrated = sensing.noise == "camera"
-        self._detector = DETECTORS.make(sensing.detector, Forest(setup.forest.trees))
+        forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
+        self._detectors = make_detectors(sensing.detector, forest, uavs, setup.rng)
 
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
         """As `SensorMode.sense`."""
@@ -52,12 +53,13 @@ class RenderedMode:
 
     def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
         """Detections and the faults of the detector; a frame with a fault has no detections."""
-        if isinstance(self._detector, MaskDetector):
-            return self._detector.detect(frame, rendered.people), ()
+        detector = self._detectors[frame.uav]
+        if isinstance(detector, MaskDetector):
+            return detector.detect(frame, rendered.people), ()
         try:
-            with plugin_call(self._detector, "detect"):
+            with plugin_call(detector, "detect"):
                 # A plug-in gets a copy, so that it cannot change scans, recordings and videos.
-                return check_detections(self._detector.detect(deepcopy(frame))), ()
+                return check_detections(detector.detect(deepcopy(frame))), ()
         except PluginError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
             return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)

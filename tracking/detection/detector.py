@@ -31,7 +31,13 @@ class Detections:
 
 
 class Detector(Protocol):
-    """Detector of people in frames; a scenario names it as "package.module:Class", which takes no arguments."""
+    """Detector of people in frames; a scenario names it as "package.module:Class", which takes no arguments.
+
+    One instance serves all cameras, and keeps no state between frames. A detector with a memory, such as a background,
+    declares `stateful = True` and has a method `reset(seed)` that clears it: then each UAV's camera has an instance of
+    its own, which gets that camera's frames in order of time. It is reset once, before the first frame; after a reset
+    with the same seed the same frames give the same detections.
+    """
 
     def detect(self, frame: Frame) -> Detections:
         """Detect the people in one frame, from the image's top to its bottom."""

@@ -1,5 +1,6 @@
 """Checks that a plug-in keeps its contract, and what they find."""
 
+import math
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,7 +11,8 @@ from tracking.errors import spell
 from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
 
 Subject = TypeVar("Subject")
-_NEES = 0.2, 20.0  # least and largest mean NEES of two-dimensional errors, for which 2 is consistent
+_NEES = 2.0, 2.0 * math.log(2.0)  # mean and median NEES of two-dimensional errors with consistent covariances
+_FAR, _OFF = 10.0, 4.0  # factors between NEES and a consistent one, from which on a check fails or remarks on it
 _MARKS = {True: "passed", False: "FAILED", None: "-"}
 
 
@@ -60,14 +62,22 @@ def try_checks(
 
 
 def check_nees(squares: Sequence[float]) -> str:
-    """The mean of the NEES of positions in words; raise `Unusable` if covariances are ten times too large or small."""
+    """Mean and median NEES of positions in words; raise `Unusable` if covariances are ten times too large or small.
+
+    The mean tells if they are too small. The median, too, tells if they are too large, because one gross error, which
+    raises the mean, does not change it.
+    """
     if not squares:
         raise Untried("it finds no person")
-    nees = mean(squares)
-    seen = f"mean NEES of positions {spell(nees, 3)}, consistent is 2"
-    require(nees >= _NEES[0], f"{seen}: covariances are far too large")
-    require(nees <= _NEES[1], f"{seen}: covariances are far too small")
-    return seen
+    mean_nees, median_nees = mean(squares), median(squares)
+    small = mean_nees / _NEES[0]
+    large = max(good / max(nees, 1e-12) for good, nees in zip(_NEES, (mean_nees, median_nees), strict=True))
+    told = f"mean NEES of positions {spell(mean_nees, 3)}, median {spell(median_nees, 3)}; consistent are 2 and 1.39"
+    require(large <= _FAR, f"{told}: covariances are far too large, {spell(large, 2)} times")
+    require(small <= _FAR, f"{told}: covariances are far too small, {spell(small, 2)} times")
+    if max(small, large) > _OFF:
+        told += f"; covariances are {spell(max(small, large), 2)} times too {'small' if small > large else 'large'}"
+    return told
 
 
 def describe_time(seconds: Sequence[float], each: str, limit: float = 0.2, step: str = "the time between scans") -> str:

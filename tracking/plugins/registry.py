@@ -61,6 +61,19 @@ class Registry:
             if lacking := _describe_lack(name, made, method):
                 raise InputError(f"{self.field}: {lacking}")
 
+    def is_stateful(self, name: str, made: object) -> bool:
+        """True if a plug-in declares that it has a memory, `stateful = True`; InputError if it lacks `reset`."""
+        stateful = bool(getattr(made, "stateful", False))
+        if stateful and not callable(getattr(made, "reset", None)):
+            raise self.raises(f"{self.field}: {name!r} is stateful, but has no method reset(seed)")
+        return stateful
+
+    def reset(self, name: str, made: Any, seed: int) -> None:  # noqa: ANN401 - a plug-in
+        """Clear a plug-in's memory if it is stateful; InputError if that fails."""
+        if self.is_stateful(name, made):
+            with self.errors(name, "be reset"):
+                made.reset(seed)
+
     @contextmanager
     def errors(
         self,

@@ -78,6 +78,33 @@ class Counting(Good):
         return replace(found, covariances=found.covariances * self.calls)
 
 
+class OneGross(Unsure):
+    """Far too unsure of all people but one, whose error makes the mean NEES about right."""
+
+    def detect(self, frame):
+        found = super().detect(frame)
+        found.ground[:1] += 0.5
+        return replace(found, covariances=2 * found.covariances)
+
+
+class Remembering(Counting):
+    """Doubts more from frame to frame, and says so."""
+
+    stateful = True
+
+    def reset(self, seed):
+        self.calls = 0
+
+    def detect(self, frame):
+        found = super().detect(frame)
+        return replace(found, covariances=found.covariances / 26)  # after 25 frames, as good as `Good`
+
+
+class Unforgetting(Remembering):
+    def reset(self, seed):
+        pass
+
+
 class Flat(Good):
     """Knows cameras of one size."""
 
@@ -97,7 +124,9 @@ BROKEN = {
     Sure: {"covariances": "far too small"},
     Unsure: {"covariances": "far too large"},
     Random: {"same frame, same result": "another instance"},
-    Counting: {"same frame, same result": "after another frame"},
+    Counting: {"same frame, same result": "without stateful = True, but after another frame"},
+    OneGross: {"covariances": "far too large"},
+    Unforgetting: {"same frame, same result": "after reset(seed) with the same seed"},
 }
 
 
@@ -105,7 +134,7 @@ def named(kind):
     return f"{__name__}:{kind.__name__}"
 
 
-@pytest.mark.parametrize("name", [*DETECTORS.built_in, named(Good)])
+@pytest.mark.parametrize("name", [*DETECTORS.built_in, named(Good), named(Remembering)])
 def test_good_detectors_conform(name):
     findings = check_detector(name)
     assert [str(f) for f in findings if not f.passed] == []
