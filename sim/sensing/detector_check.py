@@ -24,6 +24,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
+from tracking.numerics.trigonometry import cos_each, sin_each
 from tracking.plugins.findings import Finding, check_nees, describe_time, find_change, require, try_checks
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
@@ -78,7 +79,7 @@ def stage_frames(times: Sequence[float] = (0.0,)) -> dict[str, list[StagedFrame]
     At time 0 all people are in plain view, or none; they arrive there at a walk.
     """
     headings = np.linspace(0.0, 5.0, len(PEOPLE))
-    way = _WALK * np.column_stack([np.cos(headings), np.sin(headings)])
+    way = _WALK * np.column_stack([cos_each(headings), sin_each(headings)])
     with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
         renderer, staged = Renderer(world), dict[str, list[StagedFrame]]()
         for name, view in _VIEWS.items():

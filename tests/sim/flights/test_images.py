@@ -86,3 +86,21 @@ def test_an_image_that_cannot_be_is_named_in_one_line(flight, tmp_path, row, com
     with pytest.raises(InputError, match=re.escape(complaint)) as told:
         read_flight(folder)
     assert "images.csv, line 2" in str(told.value) and "\n" not in str(told.value)
+
+
+def test_a_detector_with_a_memory_gets_each_cameras_images_in_order_of_time(flight, tmp_path, monkeypatch):
+    _, folder = flight
+    (tmp_path / "heeding.py").write_text(
+        "from tracking.detection.blob_detector import BlobDetector\n"
+        "class Heeding:\n    stateful = True\n"
+        "    def reset(self, seed):\n        self.last = None\n"
+        "    def detect(self, frame):\n        assert self.last is None or self.last[0] == frame.uav\n"
+        "        assert self.last is None or self.last[1] < frame.time\n"
+        "        self.last = frame.uav, frame.time\n        return BlobDetector(None).detect(frame)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    copy = tmp_path / "flight"
+    shutil.copytree(folder, copy)
+    head, *rows = (copy / "images.csv").read_text().splitlines()
+    (copy / "images.csv").write_text("\n".join([head, *reversed(rows)]) + "\n")
+    read_flight(copy, FlightOptions(detector="heeding:Heeding"))
