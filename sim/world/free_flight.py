@@ -16,7 +16,9 @@ _REACH = 0.5
 
 
 @compiled
-def fly(states: Array, targets: Array, memories: Array, winds: Array, calm: bool, dt: float, top: float) -> int:
+def fly_while_clear(
+    states: Array, targets: Array, memories: Array, winds: Array, calm: bool, dt: float, top: float
+) -> int:
     """Fly quadrotors as long as all are clear, up to a step of dt s per wind; return the number of steps made.
 
     states (n, 13) as in `rotor_thrusts` and memories (n, 3) as in `steady_thrusts` are changed in place. targets (n, 3)
@@ -30,13 +32,13 @@ def fly(states: Array, targets: Array, memories: Array, winds: Array, calm: bool
 
 
 @compiled
-def glide(states: Array, commands: Array, dt: float, steps: int, top: float) -> int:
+def glide_while_clear(states: Array, commands: Array, dt: float, steps: int, top: float) -> int:
     """Move kinematic UAVs as long as all are clear after a step of dt s; return the number of steps made.
 
-    states (n, 13) as in `fly` are changed in place; commands (n, 2) m/s.
+    states (n, 13) as in `fly_while_clear` are changed in place; commands (n, 2) m/s.
     """
     for k in range(steps):
-        moved = follow(states, commands, dt)
+        moved = move_kinematic(states, commands, dt)
         if not _are_clear(moved, top):
             return k
         for i in range(len(states)):
@@ -46,7 +48,7 @@ def glide(states: Array, commands: Array, dt: float, steps: int, top: float) -> 
 
 
 @merged
-def follow(states: Array, commands: Array, dt: float) -> Array:
+def move_kinematic(states: Array, commands: Array, dt: float) -> Array:
     """States (n, 13) after a step of [Li22] eq. (5) for dt s; commands (n, 2) m/s.
 
     UAVs face the direction of flight and keep their heading at zero velocity. At each step the engine settles
@@ -66,7 +68,7 @@ def follow(states: Array, commands: Array, dt: float) -> Array:
 # Values are assigned one by one: to assign slices makes Numba compile the text of an error message, for seconds.
 @merged
 def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: bool, dt: float) -> Array:
-    """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors; arguments as in `fly`."""
+    """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors; as of `fly_while_clear`."""
     out, known, undisturbed = np.zeros((len(states), 6)), states.copy(), np.zeros(3)
     settled = settle(states[:, 3:7])
     for i in range(len(states)):

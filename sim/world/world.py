@@ -18,7 +18,7 @@ from sim.world.attitude import rotate, settle
 from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
-from sim.world.free_flight import fly, follow, glide, wrenches
+from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
 from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -176,10 +176,10 @@ class World:
         targets, done = self._make_targets(commands), 0
         while done < steps:
             if self._kinematic:
-                done += glide(self.states, commands, self._dt, steps - done, self._top)
+                done += glide_while_clear(self.states, commands, self._dt, steps - done, self._top)
             else:
                 calm = winds is None
-                done += fly(self.states, targets, self._memories, air[done:], calm, self._dt, self._top)
+                done += fly_while_clear(self.states, targets, self._memories, air[done:], calm, self._dt, self._top)
             if done < steps:
                 self.step(commands, None if winds is None else winds[done])
                 done += 1
@@ -193,7 +193,7 @@ class World:
         """
         bodies = self._bodies
         if self._kinematic:
-            self.states = follow(self.states, commands, self._dt)
+            self.states = move_kinematic(self.states, commands, self._dt)
             self._put_uavs(bodies)
             self.engine.performCollisionDetection()
             self._note_contacts()

@@ -159,7 +159,7 @@ def test_missions_without_an_engine_have_the_bytes_of_those_with_one(overrides, 
     mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
     assert any(snapshot.contacts for snapshot in snapshots) == met and mission._world._made == engine
     found = compute_digest(recording_of(mission, snapshots))
-    for move in ("fly", "glide"):
+    for move in ("fly_while_clear", "glide_while_clear"):
         monkeypatch.setattr(f"sim.world.world.{move}", lambda *_: 0)
     mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
     assert mission._world._made and compute_digest(recording_of(mission, snapshots)) == found
