@@ -22,7 +22,7 @@ COMMANDS = {
     "frames": ("sim.cli.recordings:frames", "Render frames of a recorded mission again, annotated."),
     "replay": ("sim.cli.recordings:replay", "Show a recorded mission again: film, page, 3-D window or Rerun viewer."),
     "explain": ("sim.cli.explain:explain", "Say when and why people were lost, or how a track came about."),
-    "export": ("sim.cli.recordings:export", "Write a recorded mission as text for other tools."),
+    "export": ("sim.cli.export:export", "Write missions for other tools, as tables or labelled images."),
     "planners": ("sim.cli.lists:planners", "List the planners with their meanings, packages and options."),
     "scenarios": ("sim.cli.lists:scenarios", "List the packaged scenarios."),
     "studies": ("sim.cli.lists:studies", "List the packaged studies."),

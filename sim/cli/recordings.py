@@ -1,4 +1,4 @@
-"""`understory replay`, `frames` and `export`: a recorded mission again, as film, images or text."""
+"""`understory replay` and `frames`: a recorded mission again, as film or images."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,8 +9,6 @@ from sim.drawing.film import AS_FLOWN
 from sim.recording.archive import find_recording
 from sim.recording.atomic_files import claim_place, make_part_path
 from sim.recording.recording import Recording
-from sim.replay.export import TARGETS
-from sim.replay.export import export as write_export
 from sim.replay.flight import Flight
 from sim.replay.frames.frame_panels import find_scans, write_frames
 from sim.replay.page.page import describe_omission, write_page
@@ -20,7 +18,7 @@ from sim.scenario.quantities import parse_integer, parse_interval, parse_number
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import show_counted_progress
-from tracking.errors import InputError, check_known
+from tracking.errors import InputError
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
@@ -98,19 +96,6 @@ def frames(
         show_counted_progress(len(scans), "frames") as progress,
     ):
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
-    show_files(folder)
-
-
-def export(
-    recorded: Recorded,
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup, mot, parquet: docs/how-to/tracking.md.")],
-    out: _Folder = None,
-) -> None:
-    """Write a recorded mission's scans, tracks and truth as text for other tools."""
-    check_known("--to", to, TARGETS)
-    recording = find_recording(recorded)
-    with claim_place(out, find_folder(recorded) / f"export-{to}") as folder:
-        write_export(recording, to, folder)
     show_files(folder)
 
 

@@ -102,9 +102,10 @@ def option(rng, name):
     """A value of an option, right or wrong."""
     right = {
         "--seed": "3", "--duration": "0.4", "--planner": rng.choice(PLANNERS), "--time": "0.2", "--uav": "0",
-        "--target": "1", "--size": "256", "--to": "csv", "--seeds": "0,1", "--maps": "2", "--workers": "1",
+        "--target": "1", "--size": "256", "--seeds": "0,1", "--maps": "2", "--workers": "1",
         "--timeout": "60", "--speed": "2", "--layout": "map", "--metric": "ospa.mean_m", "--baseline": "hover",
         "--sensing": "ideal", "--keep": "recordings", "--out": "out", "--set": "duration=0.4", "--rerun": "x.rrd",
+        "--to": rng.choice(["csv", "coco", "yolo"]), "--every": "0.2", "--val": "0", "--test": "1",
     }  # fmt: skip
     wrong = [long(rng.choice(NUMBERS)), rng.choice(WORDS), f"{long(rng.choice(NUMBERS))}h", "0-9999999999", "0-99999"]
     wrong += ["9-0", "1" * 5000, f"0:{long(rng.choice(NUMBERS))}", f"hover({nested(rng)})"]
@@ -122,7 +123,7 @@ TAKES = {
     "frames": ["--uav", "--time", "--size", "--out"],
     "replay": ["--layout", "--speed", "--time", "--out", "--rerun"],
     "explain": ["--time", "--target", "--out"],
-    "export": ["--to", "--out"],
+    "export": ["--to", "--out", "--every", "--val", "--test", "--seeds"],
 }
 
 

@@ -115,7 +115,7 @@ def _tell_view(w: PersonObservation, recording: Recording) -> list[str]:
         lines.append(f"{small} of its image")
     elif w.whole:
         share = 100 * sighting.pixels / w.whole
-        lines.append(f"shows {sighting.pixels} of {w.whole} pixels that it would show without trees, {share:.0f} %")
+        lines.append(f"shows {sighting.pixels} of {w.whole} pixels that it would show if nothing hid it, {share:.0f} %")
     return lines
 
 

@@ -37,7 +37,7 @@ class PersonObservation:
     works: bool
     sighting: Sighting
     away: float  # m, horizontal distance from the camera to the person; NaN if absent
-    whole: int | None  # number of pixels of the person in the frame without trees; None if it was not rendered
+    whole: int | None  # number of pixels of the person in the frame if nothing hid it; None if it was not rendered
     found: PersonMeasurement | None
     owners: Indices  # (N,), person of each measurement; -1 for a false alarm
     # of all tracks and measurements; None if the camera took no frame, or if the tracker cannot be run again
@@ -69,7 +69,7 @@ class Observer(ExitStack):
             works=bool(recording.working[k, uav]),
             sighting=sighting,
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
-            whole=int(self.again.count_whole(k, uav)[person]) if shown else None,
+            whole=self.again.count_whole(k, uav, person) if shown else None,
             found=self._found(k, uav, person, owners),
             owners=owners,
             association=self.replay.association(k, uav),

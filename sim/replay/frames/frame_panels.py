@@ -45,7 +45,8 @@ def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> I
     elif not recording.frames_taken[k, uav]:
         notes.append("the camera took no image at this scan")
     looked = scenario.sensing.renders and recording.frames_taken[k, uav]
-    whole = rerenderer.count_whole(k, uav).tolist() if looked else None
+    near = [sighting.person for sighting in sight.people if sighting.pixels] if looked else []
+    whole = {person: rerenderer.count_whole(k, uav, person) for person in near}
     distance, localisation, cardinality = recording.errors[k, uav]
     if recording.labelled:
         notes += [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
@@ -122,11 +123,11 @@ def _describe_view(camera: Camera, pose: Pose) -> list[str]:
     return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
 
 
-def _draw_panel(sight: Sight, notes: list[str], whole: list[int] | None, shown: set[str], *, height: int) -> Image:
+def _draw_panel(sight: Sight, notes: list[str], whole: dict[int, int], shown: set[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high.
 
-    notes: the beginning of its first section; whole: pixels of each person without trees, None if the camera took no
-    image; shown: the names of the marks in its legend.
+    notes: the beginning of its first section; whole: pixels of each person shown in an image, if nothing hid it;
+    shown: the names of the marks in its legend.
     """
     lines, bottom = lay_out_groups(_make_sections(sight, notes, whole), _WIDTH - 28, 44.0)
     marks = find_marks(shown)
@@ -142,7 +143,7 @@ def _draw_panel(sight: Sight, notes: list[str], whole: list[int] | None, shown: 
     return image
 
 
-def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> list[TextGroup]:
+def _make_sections(sight: Sight, notes: list[str], whole: dict[int, int]) -> list[TextGroup]:
     tracks = [
         f"track {name_track(track)}: ± {major:.2f} × {minor:.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
@@ -156,10 +157,10 @@ def _make_sections(sight: Sight, notes: list[str], whole: list[int] | None) -> l
     ]
 
 
-def _describe_people(sight: Sight, whole: list[int] | None) -> list[str]:
+def _describe_people(sight: Sight, whole: dict[int, int]) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
-    lines = _shorten([_describe_sighting(sighting, whole[sighting.person] if whole else None) for sighting in near])
+    lines = _shorten([_describe_sighting(sighting, whole.get(sighting.person)) for sighting in near])
     for status in ("outside the view", "absent"):
         others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
         lines += [f"{status}: {', '.join(others)}"] if others else []

@@ -11,8 +11,6 @@ import numpy as np
 from sim.drawing.lettering import Image
 from sim.recording.recording import Recording
 from sim.sensing.cameras import camera_of
-from sim.sensing.detection_truth import count_visible_pixels
-from tracking.numerics.arrays import Indices
 
 if TYPE_CHECKING:
     from sim.sensing.renderer import Rendered
@@ -49,9 +47,13 @@ class Rerenderer(ExitStack):
         camera = camera_of(r.setting.uavs[uav])
         return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
 
-    def count_whole(self, k: int, uav: int) -> Indices:
-        """Number of pixels (M,) of each person in the same image without trees."""
-        return count_visible_pixels(self._treeless.rendered(k, uav).people, self.recording.people.shape[1])
+    def count_whole(self, k: int, uav: int, person: int) -> int:
+        """Number of pixels of one person in the same image if nothing hid it."""
+        r, bare = self.recording, self._treeless
+        others = np.arange(r.people.shape[1]) != person
+        bare._world.place_people(np.where(others[:, None], np.nan, r.people[k]), r.headings[k])
+        bare._world.place_uavs([r.poses_at(k)[uav]] * r.poses.shape[1])  # before the near plane, where none shows
+        return int(np.sum(bare._renderer.find_people(camera_of(r.setting.uavs[uav]), r.camera_at(k, uav)) >= 0))
 
     @cached_property
     def _treeless(self) -> "Rerenderer":

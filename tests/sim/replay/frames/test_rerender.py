@@ -192,7 +192,7 @@ def test_views_of_anything_can_be_drawn():
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
-    assert view.shape == (256, 256, 3) and _draw_panel(seen, [], None, shown, height=100).shape[0] > 200
+    assert view.shape == (256, 256, 3) and _draw_panel(seen, [], {}, shown, height=100).shape[0] > 200
 
 
 def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypatch):
@@ -220,7 +220,7 @@ def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypa
         assert annotate(blank, sight, 512)[1] == expected
     listed = []
     monkeypatch.setattr(frame_panels, "write", lambda image, text, at, style, align=0.0: listed.append(text))
-    frame_panels._draw_panel(in_view, [], None, found | truth, height=100)
+    frame_panels._draw_panel(in_view, [], {}, found | truth, height=100)
     assert set(listed) & (found | truth | plain | hiding) == found | truth
 
 
