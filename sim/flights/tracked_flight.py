@@ -8,9 +8,9 @@ import numpy as np
 from sim.evaluation.metric import Outcome
 from sim.evaluation.score import owners_of
 from sim.flights.flight_log import FlightLog
-from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
+from sim.mission.radio import draw_links
 from sim.mission.snapshot import Snapshot, measure_errors
-from sim.mission.tracker_fleet import make_trackers, step_trackers
+from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.recording.recorder import Recorder
 from sim.scenario.random_streams import stream
@@ -37,15 +37,14 @@ def track_flight(
     truth = [log.people.at(time) if log.people else (np.zeros((0, 2)), np.zeros(0)) for time in setting.scan_times]
     people = [positions for positions, _ in truth]
     initial = make_initial_tracks(setting, people[0], people[min(1, len(people) - 1)])
-    trackers = make_trackers(setting, log.forest, initial)
+    trackers = TrackerFleet(setting, log.forest, initial)
     cameras, radio, recorder = log.cameras, stream(seed, "network"), Recorder()
     for k, time in enumerate(setting.scan_times):
         poses = [Pose(row[:3], row[3:]) for row in log.poses[k]]
         working = [i for i in uavs if setting.works(i, time)]
         scans = {i: log.observed[k, i][0] for i in working if log.frames[k, i]}
-        up = find_links(network, time, log.poses[k, :, :3])
-        links = RadioLinks(up, draw_lost_messages(network, len(uavs), radio))
-        sent = step_trackers(setting, trackers, time, scans, links, working)
+        links = draw_links(network, time, log.poses[k, :, :3], radio)
+        sent = trackers.step(time, scans, links, working)
         tracks = [trackers[i].tracks if i in working else () for i in uavs]
         views = [_find_people(log, cameras[i], scans.get(i), people[k]) for i in uavs]
         nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))

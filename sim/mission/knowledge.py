@@ -9,7 +9,7 @@ import numpy as np
 from planning.planner import Exchange, Situation
 from sim.mission.radio import RadioLinks
 from sim.mission.teammates import Teammates
-from sim.mission.tracker_fleet import make_trackers, step_trackers
+from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
@@ -46,7 +46,7 @@ class Knowledge:
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
         self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
-        self._trackers = make_trackers(scenario, forest, initial)
+        self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
@@ -60,8 +60,8 @@ class Knowledge:
     ) -> tuple[list[tuple[Track, ...]], Indices]:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         scans = {i: looks[i].scan for i in working if looks[i].taken}
-        sent = step_trackers(self._scenario, self._trackers, time, scans, links, working)
-        return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)], sent
+        sent = self.trackers.step(time, scans, links, working)
+        return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 
     def make_situations(
         self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
@@ -76,17 +76,17 @@ class Knowledge:
             looks = [
                 (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
             ]
-            self._undetected[i].step(time, looks, self._trackers[i].tracks, self._forest)
+            self._undetected[i].step(time, looks, self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(
                 Situation(
                     time=time,
                     own=fleet[i],
                     neighbours=(),
-                    tracks=self._trackers[i].tracks,
+                    tracks=self.trackers[i].tracks,
                     forest=self._known_forest,
                     area=self._area,
-                    motion=make_planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
+                    motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
                     undetected=self._undetected[i].belief,
                     radio_range=self._scenario.network.range,
                 )

@@ -11,7 +11,7 @@ from planning.planner import Plan, Planner, Situation
 from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
-from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
+from sim.mission.radio import draw_links
 from sim.mission.snapshot import Snapshot, measure_errors
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.wind import Air
@@ -146,7 +146,7 @@ class Mission:
         ]
         faults += [fault for look in looks for fault in look.faults]
         network, places = self.scenario.network, np.array([body.position for body in bodies])
-        links = RadioLinks(find_links(network, time, places), draw_lost_messages(network, len(bodies), self._radio))
+        links = draw_links(network, time, places, self._radio)
         with self.clock.measure("tracking"):
             tracks, sent = self._knowledge.track(time, looks, links, self._working)
         if self._working and self.scenario.decides(k):

@@ -1,7 +1,8 @@
-"""The radio: links between UAVs in one scan, and the messages that they lose."""
+"""The radio: links between UAVs in one scan, the messages that they lose, and those that take time."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import heapq
+from collections.abc import Iterator, Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -9,16 +10,21 @@ from sim.scenario.uavs import Network, UavPair
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import length
 
+Content = TypeVar("Content")
+_ROUNDING = 1e-9  # s; a message that is this much late is on time
+
 
 class RadioLinks(NamedTuple):
     """Links between UAVs in one scan."""
 
     up: Flags  # (n, n) True where the row's UAV receives from the column's, unless the message is lost
-    lost: Flags | None  # (L, n, n) lost messages of consensus per round; None if the network loses none
+    # (L, n, n) lost messages by round; L is 1 in a network that takes time. None if the network loses none
+    lost: Flags | None
+    jitter: Array | None = None  # (n, n) s, delays of the scan's messages beyond `network.delay`; None: zeros
 
     @property
     def contact(self) -> Flags:
-        """Pairs (n, n) with at least one received message of consensus in this scan."""
+        """Pairs (n, n) with at least one message of this scan that is received, at once or later."""
         if self.lost is None or len(self.lost) == 0:
             return self.up
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
@@ -27,6 +33,12 @@ class RadioLinks(NamedTuple):
         """Links between some of the UAVs."""
         lost = None if self.lost is None else self.lost[:, uavs][:, :, uavs]
         return RadioLinks(self.up[np.ix_(uavs, uavs)], lost)
+
+
+def draw_links(network: Network, time: float, positions: Array, rng: np.random.Generator) -> RadioLinks:
+    """Links between UAVs at positions (n, 3) m in a scan at `time` s, with losses and jitter by chance."""
+    up = find_links(network, time, positions)
+    return RadioLinks(up, draw_lost_messages(network, len(up), rng), draw_jitter(network, len(up), rng))
 
 
 def find_links(network: Network, time: float, positions: Array) -> Flags:
@@ -48,7 +60,49 @@ def draw_lost_messages(network: Network, uavs: int, rng: np.random.Generator) ->
     """
     if network.loss == 0.0:
         return None
-    return rng.random((network.rounds, uavs, uavs)) < network.loss
+    return rng.random((1 if network.takes_time else network.rounds, uavs, uavs)) < network.loss
+
+
+def draw_jitter(network: Network, uavs: int, rng: np.random.Generator) -> Array | None:
+    """Delays (n, n) s of messages beyond `network.delay`, by receiver and sender; None if there are none."""
+    return network.jitter * rng.random((uavs, uavs)) if network.jitter else None
+
+
+class Sender:
+    """A UAV's transmitter, which sends one message after the other at `network.rate`."""
+
+    def __init__(self, network: Network) -> None:
+        self._rate, self._patience = network.rate, network.holds
+        self._free = 0.0  # s, from when on nothing waits to be sent
+
+    def send(self, time: float, size: int) -> float | None:
+        """Send so many bytes, from `time` s on; return when they are sent [s].
+
+        A message that would have to wait for longer than `network.hold` is dropped: None.
+        """
+        begin = max(time, self._free)
+        if begin - time > self._patience:
+            return None
+        self._free = begin if self._rate is None else begin + size / self._rate
+        return self._free
+
+
+class Inbox(Generic[Content]):
+    """Messages on their way to one UAV."""
+
+    def __init__(self) -> None:
+        self._coming: list[tuple[float, int, Content]] = []  # arrival [s], and number, which no two messages share
+        self._count = 0
+
+    def put(self, arrival: float, content: Content) -> None:
+        """Put a message on its way, which arrives at a time [s]."""
+        heapq.heappush(self._coming, (arrival, self._count, content))
+        self._count += 1
+
+    def take(self, time: float) -> Iterator[Content]:
+        """Take out what has arrived by `time` s, in the order of arrival."""
+        while self._coming and self._coming[0][0] <= time + _ROUNDING:
+            yield heapq.heappop(self._coming)[2]
 
 
 def _make_adjacency(links: Sequence[UavPair], uavs: int) -> Flags:

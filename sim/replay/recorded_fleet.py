@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from planning.planner import Vehicle
-from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
+from sim.mission.radio import RadioLinks, draw_links
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import stream
 from sim.sensing.vehicles import vehicle_of
@@ -32,9 +32,9 @@ def make_vehicles(recording: Recording, k: int) -> list[Vehicle]:
 def find_recorded_links(recording: Recording) -> list[RadioLinks]:
     """The links of each scan, computed again from places, scenario, seed and repeat, which alone determine them."""
     network = recording.setting.network
-    rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
+    rng = stream(recording.seed, "network", repeat=recording.repeat)
     found = []
     for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
-        up = find_links(network, time, poses[:, :3]) & working[:, None] & working
-        found.append(RadioLinks(np.asarray(up), draw_lost_messages(network, uavs, rng)))
+        links = draw_links(network, time, poses[:, :3], rng)
+        found.append(links._replace(up=np.asarray(links.up & working[:, None] & working)))
     return found

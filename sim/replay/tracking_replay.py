@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sim.mission.tracker_fleet import make_trackers, step_trackers
+from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import find_recorded_links, make_known_forest
@@ -69,11 +69,13 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             return TrackingReplay(states, f"{name} is a plug-in, which is not run again: {_UNKNOWN}")
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
-        trackers = make_trackers(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
+        trackers = TrackerFleet(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
         for k, links in enumerate(find_recorded_links(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
-            step_trackers(scenario, trackers, time, scans, links, working)
+            trackers.step(time, scans, links, working)
+            for i in working:  # as plans that are sent keep scans waiting
+                trackers.senders[i].send(time, int(recording.plan_bytes[k, i]))
             if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")

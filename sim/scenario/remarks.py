@@ -35,6 +35,8 @@ def find_remarks(scenario: Scenario) -> list[str]:
     found += _remark_on_trees(scenario.trees)
     if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
         found.append("wind.gust_time: not used, as wind.gust is 0")
+    if scenario.network.hold is not None and not scenario.network.takes_time:
+        found.append("network.hold: not used, as messages take no time; set network.delay, jitter or rate")
     if scenario.trees.leaf_area_density is not None and scenario.sensing.occlusion == "disc":
         opaque = 'trackers and planners take crowns to be opaque with sensing.occlusion = "disc"'
         found.append(f"trees.leaf_area_density: {opaque}")

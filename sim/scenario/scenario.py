@@ -102,6 +102,14 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if self.dynamics == "quadrotor" and self.rates.physics < _STEADY:
             steady = f'allowed with dynamics "quadrotor" are {_STEADY} Hz or more'
             raise ValueError(f"rates.physics: at {self.rates.physics} Hz quadrotors cannot be controlled; {steady}")
+        latest = self.network.delay + self.network.jitter
+        if latest >= self.duration:
+            raise ValueError(
+                f"network.delay: {latest:g} s with network.jitter is not below the duration of {self.duration:g} s"
+            )
+        if self.network.takes_time and self.network.holds < max(latest, 1 / self.rates.sensing):
+            least = f"{latest:g} s that messages may take, nor than the {1 / self.rates.sensing:g} s between scans"
+            raise ValueError(f"network.hold: {self.network.holds:g} s must not be less than the {least}")
         _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
@@ -190,6 +198,7 @@ _LATER = (
     *("trees.per_hectare", "trees.largest_radius", "trees.height", "trees.crown_ratio", "trees.overlap", "trees.file"),
     *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
     *(f"people.{key}" for key in FILE_KEYS),
+    *("network.delay", "network.jitter", "network.rate", "network.hold"),
     *("uavs.start_radius", "loss_distance"),
 )
 

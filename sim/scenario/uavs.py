@@ -111,7 +111,8 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Radio network: links, rounds of consensus per scan, fusion rule and losses."""
 
-    rounds: Annotated[int, Meta(ge=0, le=1000)] = 5  # rounds of consensus per scan
+    # rounds of consensus per scan; in a network that takes time, number of links over which a scan is passed on
+    rounds: Annotated[int, Meta(ge=0, le=1000)] = 5
     # m, distance beyond which no message arrives, with or without a link
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
     # `"hcmci"`: hybrid consensus on measurements and information, which adds up the information of all UAVs, as
@@ -125,6 +126,24 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     # s, time from a decision until its plan is flown, a multiple of the time between scans; until then UAVs fly on as
     # before, or hover at the start
     plan_delay: Time = 0.0
+    # s, from the end of sending a message to its arrival. With `delay`, `jitter` or `rate` the network takes time: UAVs
+    # send scans rather than tracks
+    delay: Time = 0.0
+    jitter: Time = 0.0  # s, largest further delay, drawn evenly by seed and repeat for each message and receiver
+    # bytes/s, at which each UAV sends its messages, one after the other; by default at once
+    rate: Annotated[float, Meta(gt=0, le=1e12)] | None = None
+    # s, for which UAVs wait for scans, and messages for being sent; by default 1 s more than twice `delay` and `jitter`
+    hold: Annotated[float, Meta(gt=0, le=DAY)] | None = None
+
+    @property
+    def takes_time(self) -> bool:
+        """True if messages arrive later than they are sent."""
+        return self.delay > 0.0 or self.jitter > 0.0 or self.rate is not None
+
+    @property
+    def holds(self) -> float:
+        """Time for which UAVs wait for scans [s]."""
+        return 2.0 * (self.delay + self.jitter) + 1.0 if self.hold is None else self.hold
 
     def check(self, uavs: int) -> None:
         """ValueError if a link does not join two different UAVs of a fleet of this size, or is listed twice."""

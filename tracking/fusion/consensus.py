@@ -58,6 +58,15 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     return sent
 
 
+def pool(members: Sequence[Member]) -> None:
+    """Fuse the messages of trackers in one place, as `fuse` does in one round in which all hear each other."""
+    first, *others = messages = [member.message(len(members) - 1) for member in members]
+    _check(messages)
+    joint = combine(first, others, members[0].max_speed)
+    for member in members:
+        member.accept(joint)
+
+
 def combine(own: Message, received: Sequence[Message], max_speed: float) -> Message:
     """Message of a UAV in the next round, from its own message and those received in this round."""
     if not received:

@@ -15,6 +15,11 @@ from sim.replay.tracking_replay import replay_tracking
 from sim.scenario.scenario import encode_scenario
 
 CASES = {
+    "late scans, a queue, one that breaks down": (
+        *(*IDEAL, "network.delay=0.3", "network.jitter=0.5", "network.rate=2000", "network.loss=0.2"),
+        *("network.links=[[0, 1], [1, 2]]", "tracking.initial_tracks=none", "sensing.false_alarms=1"),
+        *("sensing.miss_probability=0.1", "uavs.1.fails_at=4"),
+    ),
     "images, m of n": ("trees.density=75", "tracking.management=m_of_n"),
     "unknown tracks": (
         *IDEAL,
@@ -46,7 +51,8 @@ def flown(options, duration=5):
     states = []
 
     def see(mission):
-        states.append([(told(tracker.account), tracker.motion) for tracker in mission._knowledge._trackers])
+        trackers = [mission._knowledge.trackers[i] for i in range(len(mission.scenario.uavs))]
+        states.append([(told(tracker.account), tracker.motion) for tracker in trackers])
 
     mission, snapshots = fly(*options, planner="greedy", seed=3, duration=duration, repeat=1, see=see)
     return recording_of(mission, snapshots, seed=3, repeat=1), states
