@@ -8,14 +8,14 @@ import numpy as np
 
 from planning.planner import Exchange, Situation
 from sim.mission.radio import RadioLinks
-from sim.mission.teammates import Teammates
+from sim.mission.teammates import make_teammates
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.sensors import Observation
 from sim.sensing.vehicles import vehicle_of
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
@@ -53,7 +53,9 @@ class Knowledge:
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
             for _ in self._cameras
         ]
-        self.teammates = Teammates(scenario.network, exchange, rng)
+        self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.senders)
+        # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
+        self._late_views: list[list[tuple[Camera, Pose]]] = [[] for _ in self._cameras]
 
     def track(
         self, time: float, looks: Sequence[Observation], links: RadioLinks, working: Sequence[int]
@@ -61,6 +63,8 @@ class Knowledge:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         scans = {i: looks[i].scan for i in working if looks[i].taken}
         sent = self.trackers.step(time, scans, links, working)
+        for views, received in zip(self._late_views, self.trackers.received, strict=True):
+            views += [(self._cameras[s.uav], s.pose) for n, _, s in received if self._scenario.decides(n)]
         return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 
     def make_situations(
@@ -69,13 +73,15 @@ class Knowledge:
         """One situation per working UAV at the decision of scan k; `bodies` has the state of each UAV."""
         time = k / self._scenario.rates.sensing
         fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
-        self.teammates.update(fleet, links, working, self._scenario.rates.plan_step)
-        contact, team = links.contact, [fleet[j] for j in working]
+        self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
+        # In a network that takes time, nobody knows yet what others see now.
+        contact, team = links.contact & (not self._scenario.network.takes_time), [fleet[j] for j in working]
         for i in working:
             known = [v for v in team if v.id == i or contact[i, v.id]]
             looks = [
                 (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
             ]
+            looks, self._late_views[i] = looks + self._late_views[i], []
             self._undetected[i].step(time, looks, self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(

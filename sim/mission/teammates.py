@@ -9,7 +9,7 @@ import numpy as np
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
 from planning.prediction.response import vehicle_after
-from sim.mission.radio import RadioLinks
+from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter
 from sim.scenario.uavs import Network
 from tracking.numerics.arrays import Flags, Indices
 
@@ -41,7 +41,9 @@ class Teammates:
         self._contact = self._up = np.zeros((0, 0), dtype=np.bool_)
         self._received: list[Flags] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
 
-    def update(self, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float) -> None:
+    def update(
+        self, time: float, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float
+    ) -> None:
         """Go on to the next decision, `step` s after the last: drop failed UAVs, and predict those out of contact."""
         works = np.isin(np.arange(len(fleet)), working)
         both = works[:, None] & works
@@ -102,3 +104,82 @@ class Teammates:
             if self._up[:, i].any():
                 sent[i] = self._exchange.rounds * plan.size
         return sent
+
+
+class _Report(NamedTuple):
+    """What a UAV tells the others at a decision."""
+
+    time: float  # s
+    vehicle: Vehicle
+    plan: Plan  # empty if the planner sends none
+
+
+class LateTeammates(Teammates):
+    """The same in a network that takes time.
+
+    At each decision each UAV sends one message with its position, velocity and plan, if the planner sends plans. Nobody
+    receives a plan of this instant. A UAV knows from each other one the latest message that has arrived. It predicts
+    the sender to the present by that plan, or without one at the velocity of then for `network.hold`.
+    Note: with `Exchange.centre` plans arrive at once; their bytes keep other messages waiting.
+    """
+
+    def __init__(
+        self, network: Network, exchange: Exchange, rng: np.random.Generator, senders: Sequence[Sender]
+    ) -> None:
+        super().__init__(network, exchange, rng)
+        self._network, self._senders = network, senders
+        self._inboxes = [Inbox[_Report]() for _ in senders]
+        self._heard: dict[tuple[int, int], _Report] = {}  # latest message, by receiver and sender
+        self._time = 0.0  # s
+
+    def update(
+        self, time: float, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float
+    ) -> None:
+        """As `Teammates.update`; takes in what has arrived."""
+        self._time, self._fleet = time, fleet
+        works = np.isin(np.arange(len(fleet)), working)
+        self._up = links.up & works[:, None] & works
+        self._contact = np.zeros_like(self._up)
+        self._received = [self._up if self._exchange.centre else self._contact] * self._exchange.rounds
+        self.own = {i: plan for i, plan in self.own.items() if works[i]}
+        for i in working:
+            for report in self._inboxes[i].take(time):
+                pair = i, report.vehicle.id
+                if pair not in self._heard or self._heard[pair].time < report.time:
+                    self._heard[pair] = report
+        expected, self._known = self._known, {}
+        for pair, report in self._heard.items():
+            steps, plan = round((time - report.time) / step), report.plan.controls
+            if works[list(pair)].all() and (steps <= len(plan) or time - report.time <= self._network.holds):
+                vehicle = report.vehicle
+                for n in range(steps):
+                    vehicle = vehicle_after(vehicle, plan[n] if n < len(plan) else vehicle.velocity, step)
+                told = expected[pair].plan if pair in expected and not len(plan) else Plan(plan[steps - 1 :])
+                self._known[pair] = _Teammate(vehicle, told)
+
+    def send(self, plans: Mapping[int, Plan]) -> Indices:
+        """As `Teammates.send`."""
+        self.own, (n, _), silent = dict(plans), self._up.shape, not self._exchange.rounds or self._exchange.centre
+        arrives = self._up & (self._rng.random((n, n)) >= self._network.loss) if self._network.loss else self._up
+        jitter = draw_jitter(self._network, n, self._rng)
+        sent = self._count_bytes(plans) if self._exchange.centre else np.zeros(n, dtype=np.int64)
+        for i, plan in plans.items():
+            for j in [j for j in plan.others if (i, j) in self._known]:
+                self._known[i, j] = self._known[i, j]._replace(plan=Plan(plan.others[j]))
+            report = _Report(self._time, self._fleet[i], _NO_PLAN if silent else Plan(plan.controls))
+            sent[i] += report.plan.size * bool(self._up[:, i].any())
+            done = self._senders[i].send(self._time, int(sent[i]))
+            if done is None:
+                sent[i] = 0
+                continue
+            for j in np.flatnonzero(arrives[:, i]).tolist():
+                late = 0.0 if jitter is None else float(jitter[j, i])
+                self._inboxes[j].put(done + self._network.delay + late, report)
+        return sent
+
+
+def make_teammates(
+    network: Network, exchange: Exchange, rng: np.random.Generator, senders: Sequence[Sender]
+) -> Teammates:
+    """What UAVs know about their teammates in a network; `senders` are the UAVs' transmitters."""
+    return LateTeammates(network, exchange, rng, senders) if network.takes_time else Teammates(network, exchange, rng)

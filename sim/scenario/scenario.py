@@ -107,9 +107,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(
                 f"network.delay: {latest:g} s with network.jitter is not below the duration of {self.duration:g} s"
             )
-        if self.network.takes_time and self.network.holds < max(latest, 1 / self.rates.sensing):
-            least = f"{latest:g} s that messages may take, nor than the {1 / self.rates.sensing:g} s between scans"
-            raise ValueError(f"network.hold: {self.network.holds:g} s must not be less than the {least}")
+        if self.network.takes_time:
+            for least, what in ((latest, "that messages may take"), (1 / self.rates.sensing, "between scans")):
+                if self.network.holds < least:
+                    raise ValueError(
+                        f"network.hold: {self.network.holds:g} s must not be less than the {least:g} s {what}"
+                    )
         _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 

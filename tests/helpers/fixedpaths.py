@@ -12,6 +12,7 @@ from sim.world.walkers import walk
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fleet import step
+from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.numerics.distances import squared_distance
@@ -40,6 +41,7 @@ class Case:
     detection: float = 0.99
     alarms: float = 1e-6  # per m²
     motion: NearlyConstantVelocity = MOTION  # that trackers assume
+    late: int = 0  # scans after which UAVs receive those of others; in place of consensus if above 0
 
 
 class Mission:
@@ -109,11 +111,17 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     parameters = TrackerParameters(c.motion, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
+    logs = [ScanLog(u, FleetState(fleet, [c.forest]), 2 * c.late) for u in range(len(fleet)) if c.late]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)
     elsewhere = np.zeros(out.shape[:3], dtype=bool)
     for k, scans in enumerate(mission.scans):
-        step(fleet, scans, c.adjacency, rounds=c.rounds)
-        for u, tracker in enumerate(fleet):
+        if not logs:
+            step(fleet, scans, c.adjacency, rounds=c.rounds)
+        for u, log in enumerate(logs):
+            for other in mission.scans[k - c.late] if k >= c.late else ():
+                log.add(k - c.late, other)
+            log.step(k * MOTION.dt, scans[u])
+        for u, tracker in enumerate([log.tracker for log in logs] or fleet):
             held = [track for track in tracker.tracks if track.id < c.people]
             if held:
                 ids = [track.id for track in held]

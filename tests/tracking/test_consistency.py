@@ -58,6 +58,11 @@ LONE = {
     "a lone person, in and out of view": Case(people=1, alarms=1e-9),
     "a lone person in the forest": Case(people=1, alarms=1e-9, forest=TREES),
 }
+LATE = {
+    "all in view, scans 1 s late": Case(altitudes=HIGH, late=5),
+    "in and out of view, false alarms and misses, scans 1 s late": Case(detection=0.9, alarms=1e-4, late=5),
+    "forest, scans 1 s late": Case(forest=TREES, late=5),
+}
 FEW_ROUNDS = {
     "all in view, line of 3, 5 rounds": Case(altitudes=HIGH, adjacency=graph("line", 3)),
     "all in view, line of 5, 2 rounds": Case(altitudes=FIVE, adjacency=graph("line", 5), rounds=2),
@@ -154,6 +159,14 @@ def test_beliefs_in_hidden_people_that_meet_are_consistent_for_the_same_person(n
     assert not outcomes["hcmci"].too_sure and not outcomes["hcmci"].too_doubtful
     assert not outcomes["kla"].too_sure
     assert all(outcome.elsewhere < 0.05 and np.all(outcome.beyond < 0.01) for outcome in outcomes.values())
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("name", [next(iter(LATE)), *(pytest.param(n, marks=pytest.mark.slow) for n in list(LATE)[1:])])
+def test_beliefs_from_late_scans_are_consistent(name, count):
+    hcmci = play(name, LATE[name], count)["hcmci"]
+    assert not hcmci.too_sure and np.all((hcmci.mean > 0.9) & (hcmci.mean < 1.15))
+    assert hcmci.elsewhere < 0.06 and np.all(hcmci.beyond < 0.01)
 
 
 @pytest.mark.slow

@@ -11,11 +11,12 @@ from helpers.scenes import track
 from helpers.studies import task_of
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
+from scipy.stats import kstest
 
 from planning.planner import Exchange
 from sim.evaluation.fleet_facts import measure_disagreement
 from sim.mission.knowledge import BodyState, Knowledge
-from sim.mission.radio import RadioLinks, draw_lost_messages, find_links
+from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter, draw_lost_messages, find_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.loading import load
@@ -48,6 +49,45 @@ def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
         assert not table.diagonal().any()
     with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
         load("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
+
+
+def test_a_sender_sends_one_message_after_the_other_and_drops_what_would_wait_for_too_long():
+    sender = Sender(Network(rate=100.0, hold=2.0))
+    assert [sender.send(0.0, 50), sender.send(0.2, 100), sender.send(1.0, 150)] == [0.5, 1.5, 3.0]
+    assert sender.send(0.9, 1) is None and sender.send(1.0, 1) == 3.01  # after a wait of 2 s
+    assert sender.send(9.0, 100) == 10.0
+    free = Sender(Network(delay=1.0))
+    assert [free.send(3.0, 10**9), free.send(3.0, 1)] == [3.0, 3.0]
+
+
+def test_messages_are_taken_in_the_order_of_arrival_and_once():
+    inbox = Inbox()
+    for arrival, name in ((0.9, "c"), (0.3, "a"), (0.3, "b"), (0.2 + 0.4, "d")):
+        inbox.put(arrival, name)
+    assert list(inbox.take(0.2)) == [] and list(inbox.take(0.3)) == ["a", "b"]
+    assert list(inbox.take(0.6)) == ["d"]  # although 0.2 + 0.4 is more than 0.6
+    assert list(inbox.take(5.0)) == ["c"] and list(inbox.take(9.0)) == []
+
+
+def test_jitter_is_even_and_without_it_no_chance_is_used():
+    rng, twin = np.random.default_rng(0), np.random.default_rng(0)
+    assert draw_jitter(Network(delay=1.0), 3, rng) is None and rng.bit_generator.state == twin.bit_generator.state
+    drawn = draw_jitter(Network(jitter=0.5), 300, rng)
+    assert kstest(drawn.ravel(), "uniform", (0, 0.5)).pvalue > 0.01
+
+
+def test_scans_are_passed_on_over_so_many_links_each_taking_its_time():
+    """On a line of four UAVs of which the first sees the only person, the tracks of the others say when they heard."""
+    line = [
+        *("network.links=[[0, 1], [1, 2], [2, 3]]", "network.delay=0.3", "network.rounds=2", "network.hold=3"),
+        *("people.paths=[[[-6, 0], [6, 0]]]", "tracking.initial_tracks=none", "trees.density=0"),
+        "uavs=[{start=[0,0]},{start=[40,0]},{start=[-40,0]},{start=[0,40]}]",
+    ]
+    _, snapshots = fly_ideal(*line, duration=4)
+    first = [min([k for k, s in enumerate(snapshots) if s.tracks[i]], default=None) for i in range(4)]
+    assert first == [first[0], first[0] + 2, first[0] + 4, None]
+    for s in snapshots[first[2] :]:
+        assert s.tracks[2][0].id == s.tracks[0][0].id
 
 
 def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():

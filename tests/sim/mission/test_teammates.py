@@ -256,7 +256,7 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     none = np.zeros((3, 3), dtype=bool)
     for rounds in (1, 3):
         teammates = Teammates(Network(loss=1.0), Exchange(rounds, centre=True), np.random.default_rng(0))
-        teammates.update(fleet, RadioLinks(none, none[None]), [0, 2], 1.0)
+        teammates.update(0.0, fleet, RadioLinks(none, none[None]), [0, 2], 1.0)
         sent = teammates.send({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
         assert sent.tolist() == [rounds * 8 * (7 + 6), 0, 0] and teammates.own[2].controls.shape == (3, 2)
 
@@ -266,11 +266,11 @@ def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
     before, commands, left = np.array([2.0, -1.0]), np.array([[-3.0, 1.0], [0.5, 4.0], [1.0, 1.0]]), np.exp(-0.5 / 0.65)
     fleet = [dataclasses.replace(s.own, lag=0.65, velocity=before) for s in random_team(0, uavs=2)]
     up, teammates = ~np.eye(2, dtype=bool), Teammates(Network(), Exchange(), np.random.default_rng(0))
-    teammates.update(fleet, RadioLinks(up, None), [0, 1], 0.5)
+    teammates.update(0.0, fleet, RadioLinks(up, None), [0, 1], 0.5)
     teammates.send({i: Plan(commands) for i in range(2)})
     place, velocity = fleet[1].position[:2], before
     for command in commands[:2]:
-        teammates.update(fleet, RadioLinks(np.zeros_like(up), None), [0, 1], 0.5)
+        teammates.update(0.0, fleet, RadioLinks(np.zeros_like(up), None), [0, 1], 0.5)
         (known,) = teammates.complete(random_team(0, uavs=2)[0]).neighbours
         place = place + 0.5 * command + 0.65 * (1.0 - left) * (velocity - command)
         velocity = command + left * (velocity - command)
@@ -294,3 +294,60 @@ def test_a_delayed_plan_is_flown_exactly_so_much_later(rate, delay):
 def test_a_uav_that_breaks_down_flies_no_delayed_plan():
     _, snapshots = fly_ideal("network.plan_delay=1.4", "uavs.1.fails_at=1.1", planner=Drawn(), duration=3)
     assert all(not np.any(s.commands[1]) for s in snapshots) and np.any(snapshots[-1].commands[0])
+
+
+@pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
+def test_over_a_slow_network_intents_and_places_are_those_of_the_latest_message(delay):
+    """Others expect a kinematic UAV where its plan of then leads; up to a second later that is where it is."""
+    planner = Drawn()
+    fly_ideal(f"network.delay={delay}", "uavs.2.fails_at=5.5", planner=planner, duration=7)
+    late = int(np.ceil(delay))  # decisions
+    for k, team in enumerate(planner.teams):
+        for situation in team:
+            assert situation.reception == ((),)
+            others = [j for j in range(3) if j != situation.own.id and k >= late and not (j == 2 and k > 5)]
+            assert [v.id for v in situation.neighbours] == others
+            assert sorted(situation.intents) == sorted([situation.own.id] * (k > 0) + others)
+            for vehicle in situation.neighbours:
+                np.testing.assert_array_equal(
+                    situation.intents[vehicle.id].controls, planner.made[k - late][vehicle.id][late - 1 :]
+                )
+                then = planner.teams[k - late][vehicle.id].own.position[:2]
+                there = then + planner.made[k - late][vehicle.id][:late].sum(axis=0)
+                np.testing.assert_allclose(vehicle.position[:2], there, atol=1e-9)
+                if late == 1:
+                    np.testing.assert_allclose(there, next(s.own for s in team if s.own.id == vehicle.id).position[:2])
+
+
+def test_a_slow_sender_drops_what_would_wait_for_too_long_and_counts_what_it_sends():
+    """At 200 bytes a second a report of 136 bytes and scans of 88 bytes and more wait in one queue."""
+    rate = ("network.rate=200", "network.hold=1")
+    _, snapshots = fly_ideal(*rate, planner=Drawn(), duration=8)
+    sent = np.sum([s.bytes_sent + s.plan_bytes for s in snapshots], axis=0)
+    assert np.all(sent <= 200 * (8 + 1) + 1000) and np.all(sent >= 200 * 7)
+    assert any(0 in s.bytes_sent for s in snapshots)
+    plans = np.array([s.plan_bytes for s in snapshots if s.plans is not None])
+    assert set(np.unique(plans)) <= {0, FIVE_STEPS} and plans.any()
+    _, free = fly_ideal("network.rate=1e9", planner=Drawn(), duration=8)
+    assert min(s.bytes_sent.min() for s in free) >= 8 * (2 + 9)
+    _, alone = fly_ideal("network.delay=1", "network.range=0.1", planner=Drawn(), duration=2)
+    assert not np.any([s.bytes_sent + s.plan_bytes for s in alone])
+
+
+def test_without_plans_a_silent_teammate_is_predicted_by_its_velocity_while_the_network_holds():
+    class Mute(Drawn):
+        exchange = Exchange(0)
+
+        def plan(self, team, rng):
+            self.teams.append(team)
+            return [Plan(np.full((1, 2), 1.0 + s.own.id)) for s in team]
+
+    planner = Mute()
+    fly_ideal("network.delay=0.5", "network.cuts=[{links=[[0, 1]], start=2.5}]", planner=planner, duration=8)
+    for k, team in enumerate(planner.teams):
+        known = {v.id: v for v in team[0].neighbours}
+        assert (1 in known) == (1 <= k <= 4) and (2 in known) == (k >= 1)  # sent at 2 s, held for 2 s
+        assert set(team[0].intents) == {0} - ({0} if k == 0 else set())
+        for j, vehicle in known.items():
+            if k > 2:
+                np.testing.assert_allclose(vehicle.position, team[j].own.position, atol=1e-9)

@@ -46,7 +46,7 @@ def told(value):
     return [told(part) for part in value] if isinstance(value, list | tuple) else value
 
 
-def flown(options, duration=5):
+def flown(options, duration=5, planner="greedy"):
     """A recording, and each tracker of its mission after each scan: its account in comparable form, and its motion."""
     states = []
 
@@ -54,7 +54,7 @@ def flown(options, duration=5):
         trackers = [mission._knowledge.trackers[i] for i in range(len(mission.scenario.uavs))]
         states.append([(told(tracker.account), tracker.motion) for tracker in trackers])
 
-    mission, snapshots = fly(*options, planner="greedy", seed=3, duration=duration, repeat=1, see=see)
+    mission, snapshots = fly(*options, planner=planner, seed=3, duration=duration, repeat=1, see=see)
     return recording_of(mission, snapshots, seed=3, repeat=1), states
 
 
@@ -72,6 +72,14 @@ def test_trackers_do_and_tell_again_what_they_did_in_flight(case):
     accounts = [account for k in range(len(recording.times)) for _, account in replay.accounts_at(k)]
     if "none" in " ".join(CASES[case]):
         assert sum(len(a.births) for a in accounts) > 5 and sum(len(a.deletions) for a in accounts) > 1
+
+
+def test_plans_that_keep_scans_waiting_do_so_again():
+    recording, states = flown((*IDEAL, "network.rate=1200"), planner="pma-nbo(horizon=3)")
+    replay = replay_tracking(recording)
+    assert replay.note == "" and recording.plan_bytes.any()
+    for k, i in np.ndindex(*recording.working.shape):
+        assert (told(replay.states[k][i].account), replay.states[k][i].motion) == states[k][i]
 
 
 def test_associations_are_what_they_say():

@@ -109,6 +109,11 @@ LINES = {
     "network.plan_delay=0.3": "network.plan_delay: 0.3 s is not a multiple of the 0.2 s between scans; "
     "the nearest are 0.2 and 0.4",
     "network.plan_delay=-1": "network.plan_delay: -1 is not allowed; expected `float` >= 0.0",
+    "network.rate=0": "network.rate: 0 is not allowed; expected `float` > 0.0",
+    "network.jitter=-1": "network.jitter: -1 is not allowed; expected `float` >= 0.0",
+    "network.delay=30 network.jitter=10": "network.delay: 40 s with network.jitter is not below the duration of 40 s",
+    "network.delay=1 network.hold=0.5": "network.hold: 0.5 s must not be less than the 1 s that messages may take",
+    "network.rate=1e4 network.hold=0.1": "network.hold: 0.1 s must not be less than the 0.2 s between scans",
     "uavs.1.fails_at=-1": "uavs.1.fails_at: -1 is not allowed; expected `float` >= 0.0",
     "uavs=[{start=[0,0],fails_at=0}]": "uavs: all have fails_at 0; at least one has to work at the start",
     "sensing.field_of_view=unlimited": 'sensing: field_of_view "unlimited" has no image; allowed with mode "ideal"',

@@ -1,11 +1,14 @@
 """Scans that arrive late, out of order or never: each UAV's tracks are those of a central filter with what it has."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 from helpers.information import information_form
 from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, H, track
 from helpers.scenes import scan as scan_of
 
+from tracking.fusion.consensus import fuse
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
@@ -93,3 +96,28 @@ def test_uavs_with_the_same_scans_have_the_same_bits_whatever_their_order():
     assert len(one) == 4
     for a, b in zip(one, two, strict=True):
         assert a.id == b.id and a.belief.mean.tobytes() == b.belief.mean.tobytes()
+
+
+def test_pooled_messages_are_those_of_a_round_in_which_all_hear_each_other():
+    """From nothing, with false alarms, so that tracks begin, join and end; pooling has one sum in place of four."""
+    rng = np.random.default_rng(3)
+    people, velocities = rng.uniform(-7, 7, (5, 2)), rng.normal(0, 0.7, (5, 2))
+    members = [Tracker(u, CAMERA, OPEN, TrackerParameters(MOTION, clutter_density=1e-3)) for u in range(4)]
+    state, begun = FleetState(deepcopy(members)), set()
+    for k in range(40):
+        places = people + 0.2 * k * velocities
+        scans = {}
+        for u in range(4):
+            seen = places[rng.random(5) < 0.8] + rng.normal(0, 0.2, (1, 2))
+            scans[u] = scan_of(k, *seen, *rng.uniform(-9, 9, (rng.poisson(0.5), 2)), uav=u)
+        for member in members:
+            member.step(scans[member.uav])
+        fuse(members, ~np.eye(4, dtype=bool), 1)
+        state = state.step(0.2 * k, scans)
+        for one, other in zip(members, state.trackers, strict=True):
+            assert [t.id for t in one.tracks] == [t.id for t in other.tracks]
+            for a, b in zip(one.tracks, other.tracks, strict=True):
+                np.testing.assert_allclose(a.belief.mean, b.belief.mean, rtol=0, atol=1e-9)
+                assert a.existence == pytest.approx(b.existence, abs=1e-9)
+            begun |= {t.id for t in one.tracks}
+    assert len(begun) >= 5 and len(state.trackers[0].tracks) >= 4
