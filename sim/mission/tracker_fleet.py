@@ -97,8 +97,9 @@ class TrackerFleet:
         hearing = [i for i in working if links.up[i, uav]]
         if not told or not hearing:
             return 0
-        numbers = sum(_OF_SCAN + _OF_MEASUREMENT * len(sent.scan.measurements) for sent in told)
-        size = 8 * (_OF_MESSAGE + numbers)
+        size = 8 * (_OF_MESSAGE + _OF_SCAN * len(told))
+        for sent in told:
+            size += 8 * _OF_MEASUREMENT * len(sent.scan.measurements)
         done, contact = self.senders[uav].send(time, size), links.contact
         if done is None:
             return 0
