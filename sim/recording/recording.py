@@ -47,13 +47,13 @@ class Recording:
     headings: Annotated[Array, "<f8", "K M"]  # rad
     poses: Annotated[Array, "<f8", "K n 7"]
     cameras: Annotated[Array, "<f8", "K n 7"]
-    commands: Annotated[Array, "<f8", "K n 2"]  # m/s
+    commands: Annotated[Array, "<f8", "K n 2"]  # in force, m/s
     measurement_offsets: Annotated[Indices, "<i8", "K*n+1"]
     measurements: Annotated[Array, "<f8", "D 2"]  # m
     measurement_covariances: Annotated[Array, "<f8", "D 2 2"]  # m²
     pixels: Annotated[Array, "<f8", "D 2"]  # NaN in ideal sensing
     track_offsets: Annotated[Indices, "<i8", "K*n+1"]
-    track_ids: Annotated[Indices, "<i8", "S"]
+    track_ids: Annotated[Indices, "<i8", "S"]  # pictures and tables show `track_numbers` in their place
     track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
     track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
     plan_times: Annotated[Array, "<f8", "E"]  # s

@@ -14,7 +14,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.sensing.detector_check import check_detector
 from sim.study.cells import list_cells
-from sim.study.study import STUDIES, adapt_study, read_study
+from sim.study.study import read_study
 from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
 from tracking.fusion.rule import LocalBeliefs
@@ -124,10 +124,7 @@ def test_the_python_on_studies_runs(tmp_path, monkeypatch, capsys):
     assert "breakdown" in capsys.readouterr().out
 
 
-def test_the_page_on_studies_counts_the_packaged_ones_and_names_metrics():
-    rows = re.findall(r"^\| `([\w-]+)` \| .* \| (\d+) \|$", STUDIES_PAGE, flags=re.M)
-    counts = {name: len(list_tasks(adapt_study(read_study(name), seeds="0-49"))) for name in STUDIES}
-    assert {name: int(count) for name, count in rows} == counts
+def test_the_page_on_studies_names_metrics():
     (task,) = short(["hover"], "0")
     for name in fly_trial(task).row.metrics:
         assert f"`{name}`" in STUDIES_PAGE or name.startswith("seconds.")

@@ -168,14 +168,18 @@ def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, fligh
     assert shown.type_printers[Figure](figure).startswith(b"\x89PNG")
 
 
-def test_its_page_lists_every_array_and_column_and_runs_block_by_block(flight, tmp_path, monkeypatch, capsys):
+def test_arrays_have_the_shapes_that_their_annotations_tell(flight):
     r = flight.recording
     sizes = {"K": 21, "n": 3, "M": 4, "T": len(r.trees), "D": len(r.measurements), "S": len(r.track_ids)}
-    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2], "C": len(r.contacts), "K*n+1": 21 * 3 + 1}
-    rows = re.findall(r"^\| `(\w+)` \| ([\w, *+]+) \| [^`]*\|$", TEXT, flags=re.M)
-    told = {name: tuple(int(sizes.get(s, s)) for s in shape.split(", ")) for name, shape in rows if shape[0] in sizes}
-    held = {name: getattr(r, name) for name, field in FIELDS.items() if field.shape} | {"frames": r.frames_taken}
-    assert told == {name: array.shape for name, array in held.items()}
+    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2], "C": len(r.contacts), "K*n+1": 21 * 3 + 1, "6|7": 6}
+    told = {name: field.shape.split() for name, field in FIELDS.items() if field.shape}
+    held = {name: getattr(r, name) for name in told} | {"frames": r.frames_taken}
+    assert {name: tuple(int(sizes.get(s, s)) for s in shape) for name, shape in told.items()} == {
+        name: array.shape for name, array in held.items()
+    }
+
+
+def test_its_page_lists_every_column_and_runs_block_by_block(flight, tmp_path, monkeypatch, capsys):
     tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
     columns = {name: list(flight.columns(name)) for name in TABLES}
     assert {name: re.findall(r"`(\w+)`", text) for name, text in tables.items()} == columns
