@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -17,7 +18,6 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import apply, product
-from tracking.numerics.trigonometry import tan
 
 _TEXELS = 10.0  # per m
 _SKY = (186, 208, 226)
@@ -26,7 +26,36 @@ _HAZE = 0.02  # slope of a downward ray below which it shows sky, not ground
 _GREEN, _BLUE, _COLOUR = np.uint64(21), np.uint64(42), np.uint64(255)
 _HALF = np.uint64(512 | 512 << 21 | 512 << 42)
 _NEXT = np.uint64(1)
+_FINER = 2  # pixels of the straight image along one of a bent image
 _FARTHEST = 1e9  # largest texture coordinate, which prevents overflow; such texels are too far away to matter
+
+
+class View(NamedTuple):
+    """A straight image, in which a bent one lies; a straight image lies in itself, and has no sources and places."""
+
+    straight: Camera
+    sources: NDArray[np.int64]  # (H, W): index of the pixel of the straight image that shows each pixel's centre
+    places: Array  # (H, W, 2): column and row of each pixel's centre in the straight image
+
+
+@lru_cache(64)
+def straighten(camera: Camera) -> View:
+    """The view through a lens: rendered without it, finer and so wide that it has all of the bent image.
+
+    A pixel is the sample at its centre, as in a rendered image, of colour and person alike.
+    """
+    if not camera.is_bent:
+        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 2)))
+    optics, (width, height) = camera.optics, camera.size
+    v, u = np.mgrid[0:height, 0:width] + 0.5
+    scale = _FINER * np.array([optics.fx, optics.fy])
+    low, high = (scale * find(camera.slopes(camera.outline), axis=0) for find in (np.min, np.max))
+    low, high = np.floor(low) - 2.0, np.ceil(high) + 2.0
+    columns, rows = (high - low).astype(int).tolist()
+    straight = Camera.calibrated(columns, rows, tuple(scale.tolist()), tuple((-low).tolist()))
+    places = scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low
+    j, i = places.astype(np.int64).T
+    return View(straight, (columns * i + j).reshape(height, width), (places - 0.5).reshape(height, width, 2))
 
 
 class Ground:
@@ -40,12 +69,14 @@ class Ground:
         self._texels = np.pad(red | green << _GREEN | blue << _BLUE, (0, 1), mode="wrap")
         self._place = place
 
-    def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], camera: Camera, pose: Pose) -> None:
-        """Draw ground and sky into an image (P, P, 3) where there is no body, that is where `bodies` (P, P) is < 0."""
-        n, focal, position = camera.pixels, camera.focal, pose.position
+    def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], view: View, pose: Pose) -> None:
+        """Draw ground and sky into an image (H, W, 3) where there is no body, that is where `bodies` (H, W) is < 0."""
+        optics, position = view.straight.optics, pose.position
         # The product of `rays` and (column, row, 1) is the ray through that pixel in world coordinates.
-        offset = 0.5 - n / 2
-        rays = product(pose.rotation, np.array([[1.0, 0.0, offset], [0.0, -1.0, -offset], [0.0, 0.0, -focal]])) / focal
+        fx, aspect = optics.fx, optics.fx / optics.fy
+        down = aspect * (0.5 - optics.cy)
+        pixels = np.array([[1.0, 0.0, 0.5 - optics.cx], [0.0, -aspect, -down], [0.0, 0.0, -fx]])
+        rays = product(pose.rotation, pixels) / fx
         plane = np.stack(
             [position[0] * rays[2] - position[2] * rays[0], position[1] * rays[2] - position[2] * rays[1], rays[2]]
         )
@@ -53,25 +84,32 @@ class Ground:
         # Shifted by whole tiles until the camera is above the first, so that most texels are found without a division.
         tile, over = len(self._texels) - 1, apply(self._place[:, :2], position[:2]) + self._place[:, 2]
         plane[:2] -= np.outer(tile * np.floor(over * _TEXELS / tile), plane[2])
-        _draw(image, bodies, self._texels, plane)
+        _draw(image, bodies, self._texels, plane, view.places)
 
 
 @compiled
-def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[np.uint64], plane: Array) -> None:
-    """Interpolate with integer bilinear weights out of 32 x 32; plane (3, 3) maps homogeneous pixels to texels."""
-    tile, width = len(texels) - 1, image.shape[1]
-    ys, xs = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32)
+def _draw(
+    image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[np.uint64], plane: Array, places: Array
+) -> None:
+    """Interpolate with integer bilinear weights out of 32 x 32; plane (3, 3) maps homogeneous pixels to texels.
+
+    places (H, W, 2): column and row of each pixel, if not its own, else (0, 0, 2).
+    """
+    tile, width, moved = len(texels) - 1, image.shape[1], len(places) > 0
+    ys, xs, slopes = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32), np.empty(width)
     for row in range(image.shape[0]):
         for column in range(width):  # a separate loop, which is vectorised; results are used only where ground shows
-            scale = 32.0 / (plane[2, 0] * column + plane[2, 1] * row + plane[2, 2])
-            right = (plane[0, 0] * column + plane[0, 1] * row + plane[0, 2]) * scale + 0.5
-            down = (plane[1, 0] * column + plane[1, 1] * row + plane[1, 2]) * scale + 0.5
+            u, v = (places[row, column, 0], places[row, column, 1]) if moved else (float(column), float(row))
+            slopes[column] = plane[2, 0] * u + plane[2, 1] * v + plane[2, 2]
+            scale = 32.0 / slopes[column]
+            right = (plane[0, 0] * u + plane[0, 1] * v + plane[0, 2]) * scale + 0.5
+            down = (plane[1, 0] * u + plane[1, 1] * v + plane[1, 2]) * scale + 0.5
             ys[column] = np.int32(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
             xs[column] = np.int32(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
         for column in range(width):
             if bodies[row, column] >= 0:
                 continue
-            if plane[2, 0] * column + plane[2, 1] * row + plane[2, 2] > -_HAZE:
+            if slopes[column] > -_HAZE:
                 image[row, column, 0], image[row, column, 1], image[row, column, 2] = _SKY
                 continue
             y, x = np.int64(ys[column]), np.int64(xs[column])
@@ -107,8 +145,8 @@ _LIGHT: dict[str, Any] = {
 class Rendered:
     """An image and its mask of people; the mask is ground truth, for recordings and tests only."""
 
-    image: NDArray[np.uint8]  # (P, P, 3) RGB
-    people: NDArray[np.int32]  # (P, P) index of the person at each pixel, -1 elsewhere
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
+    people: NDArray[np.int32]  # (H, W) index of the person at each pixel, -1 elsewhere
 
 
 class Renderer:
@@ -136,18 +174,23 @@ class Renderer:
     def render(self, camera: Camera, pose: Pose) -> Rendered:
         """The view of a camera at a pose, without blur, exposure and noise."""
         view, people = self._capture(camera, pose)
-        self._ground.draw(view.image, view.bodies, camera, pose)
+        self._ground.draw(view.image, view.bodies, straighten(camera), pose)
         return Rendered(view.image, people)
 
     def find_people(self, camera: Camera, pose: Pose) -> NDArray[np.int32]:
-        """The mask of people (P, P) of that view, in a fraction of the time."""
+        """The mask of people (H, W) of that view, in a fraction of the time."""
         return self._capture(camera, pose)[1]
 
     def _capture(self, camera: Camera, pose: Pose) -> tuple["Capture", NDArray[np.int32]]:
         """The view before the ground is drawn, and its mask of people."""
         shown = self._world.show(self.in_view(camera, pose))
-        view = capture(shown.client, camera, pose, light=self._light, opengl=self._world.opengl)
-        return view, np.take(shown.people_by_id, view.bodies, mode="wrap")
+        view = straighten(camera)
+        found = capture(shown.client, view.straight, pose, light=self._light, opengl=self._world.opengl)
+        if camera.is_bent:
+            image, depth, bodies = found
+            image = np.take(image.reshape(-1, 3), view.sources, axis=0)
+            found = Capture(image, np.take(depth, view.sources), np.take(bodies, view.sources))
+        return found, np.take(shown.people_by_id, found.bodies, mode="wrap")
 
     def in_view(self, camera: Camera, pose: Pose) -> Flags:
         """Mask (B,) of the world's bodies that may show in the image."""
@@ -167,9 +210,9 @@ class Capture(NamedTuple):
     A value b of the depth buffer means the depth far near / (far - (far - near) b) along the optical axis.
     """
 
-    image: NDArray[np.uint8]  # (P, P, 3) RGB
-    depth: NDArray[np.float32]  # (P, P)
-    bodies: NDArray[np.int32]  # (P, P) ids, -1 for the background
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
+    depth: NDArray[np.float32]  # (H, W)
+    bodies: NDArray[np.int32]  # (H, W) ids, -1 for the background
 
 
 def capture(
@@ -182,8 +225,7 @@ def capture(
     view[:3, 3] = -apply(rotation.T, position)
     projection = _make_projection(camera, 0.0 if opengl else 0.5, max(LEAST_FAR_PLANE, 10.0 * float(position[2])))
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
-        camera.pixels,
-        camera.pixels,
+        *camera.size,
         viewMatrix=view.ravel(order="F").tolist(),
         projectionMatrix=projection.ravel(order="F").tolist(),
         renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if opengl else pybullet.ER_TINY_RENDERER,
@@ -191,7 +233,7 @@ def capture(
         **light,
     )
     # If PyBullet was compiled without NumPy, these are flat tuples.
-    size = camera.pixels, camera.pixels
+    size = camera.size[::-1]
     colours = np.asarray(rgba, dtype=np.uint8).reshape(*size, 4)
     return Capture(
         np.asarray(cv2.cvtColor(colours, cv2.COLOR_RGBA2RGB), dtype=np.uint8),
@@ -205,10 +247,10 @@ def _make_projection(camera: Camera, shift: float, far: float) -> Array:
 
     shift: 0.5 pixels for TinyRenderer, which samples pixels at their corners.
     """
-    scale = 1.0 / tan(camera.fov / 2)
-    projection = np.zeros((4, 4))
-    projection[0, 0] = projection[1, 1] = scale
-    projection[0, 2] = projection[1, 2] = 2.0 * shift / camera.pixels
+    o, projection = camera.optics, np.zeros((4, 4))
+    projection[0, 0], projection[1, 1] = 2.0 * o.fx / o.width, 2.0 * o.fy / o.height
+    projection[0, 2] = 1.0 - 2.0 * o.cx / o.width + 2.0 * shift / o.width
+    projection[1, 2] = 2.0 * o.cy / o.height - 1.0 + 2.0 * shift / o.height
     projection[2, 2] = -(far + NEAR_PLANE) / (far - NEAR_PLANE)
     projection[2, 3] = -2 * far * NEAR_PLANE / (far - NEAR_PLANE)
     projection[3, 2] = -1.0

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.lens import Lens, ground_point
+from tracking.geometry.lens import Lens, ground_point, linear_pixel
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -38,6 +38,19 @@ def to_clearing_axes(clearing: Clearing, x: float, y: float) -> Pair:
 
 
 @compiled
+def _trace(body: Array, form: tuple[float, float, float], start: float, sign: float) -> Array:
+    """Linear function (3,) of (u, v, 1) on the plane: a coordinate of the image from `start` on, times the depth.
+
+    body (3, 3): right, up and back; form: the coordinate as of `linear_pixel`.
+    """
+    out = np.empty(3)
+    for j in range(3):
+        rise = form[0] * body[0, j] - form[1] * body[1, j]
+        out[j] = sign * (rise - (form[2] - start) * body[2, j])
+    return out
+
+
+@compiled
 def make_clearing(lens: Lens, pixel: Pair) -> Clearing:
     """Clearing around the place that a pixel shows, without shadows yet."""
     x, y = ground_point(lens, pixel, TARGET_HEIGHT)
@@ -47,14 +60,17 @@ def make_clearing(lens: Lens, pixel: Pair) -> Clearing:
     # Body coordinates right, up and back, each as a linear function of (u, v, 1).
     plane = np.array([[[away[0], -away[1], east], [away[1], away[0], north], [0.0, 0.0, TARGET_HEIGHT - lens.eye[2]]]])
     body = products(transpose(lens.rotation.reshape(1, 3, 3)), plane)[0]
-    edges = np.empty((4, 3))
-    half = lens.pixels / 2
-    for j in range(3):
-        right, up, depth = lens.focal * body[0, j], lens.focal * body[1, j], -half * body[2, j]
-        edges[0, j], edges[1, j], edges[2, j], edges[3, j] = depth + right, depth - right, depth - up, depth + up
-    depth = -body[2, 2]
-    columns, rows = pixel[0] / depth, pixel[1] / depth
-    a, b = (edges[0, 0] / depth + columns * body[2, 0]), (edges[0, 1] / depth + columns * body[2, 1])
-    c, d = (edges[2, 0] / depth + rows * body[2, 0]), (edges[2, 1] / depth + rows * body[2, 1])
+    optics, edges = lens.optics, np.empty((4, 3))
+    u, v = pixel
+    width, height = float(optics.width), float(optics.height)
+    # A lens bends the edges; near the place they are straight. So is all else within the size of a person.
+    edges[0] = _trace(body, linear_pixel(optics, 0.0, v)[0], 0.0, 1.0)
+    edges[1] = _trace(body, linear_pixel(optics, width, v)[0], width, -1.0)
+    edges[2] = _trace(body, linear_pixel(optics, u, 0.0)[1], 0.0, 1.0)
+    edges[3] = _trace(body, linear_pixel(optics, u, height)[1], height, -1.0)
+    columns, rows = linear_pixel(optics, u, v)
+    across, down, depth = _trace(body, columns, 0.0, 1.0), _trace(body, rows, 0.0, 1.0), -body[2, 2]
+    a, b = (across[0] / depth + u / depth * body[2, 0]), (across[1] / depth + u / depth * body[2, 1])
+    c, d = (down[0] / depth + v / depth * body[2, 0]), (down[1] / depth + v / depth * body[2, 1])
     footprint = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return Clearing((x, y), away, distance, edges, footprint, np.empty((0, 7)))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.lens import Lens
+from tracking.geometry.lens import Lens, focal_length, plane_slopes
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -153,6 +153,7 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
     An error of one pixel in each direction of the image has these standard deviations.
     """
     (axes, _), rotation, out = sight_axes(lens, ground), lens.rotation, np.empty((len(ground), 2))
+    focal = focal_length(lens.optics)
     for k in range(len(ground)):
         x, y, z = ground[k, 0] - lens.eye[0], ground[k, 1] - lens.eye[1], TARGET_HEIGHT - lens.eye[2]
         depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
@@ -160,12 +161,15 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
         radial = tangential = 0.0
         # The ray r through a pixel, of unit depth, meets the plane at p = eye + s r, with s = depth. As s r_z is
         # constant, dp = s (dr - r dr_z / r_z); and dr are the image's axes in the world, over the focal length.
-        for j in range(2):
-            east = rotation[0, j] - rotation[2, j] * x / z
-            north = rotation[1, j] - rotation[2, j] * y / z
+        right = (x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]) / depth
+        above = (x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]) / depth
+        xu, xv, yu, yv = plane_slopes(lens.optics, right, -above)
+        for a, b in ((xu, yu), (xv, yv)):
+            east = a * (rotation[0, 0] - rotation[2, 0] * x / z) - b * (rotation[0, 1] - rotation[2, 1] * x / z)
+            north = a * (rotation[1, 0] - rotation[2, 0] * y / z) - b * (rotation[1, 1] - rotation[2, 1] * y / z)
             along, across = cos * east + sin * north, cos * north - sin * east
             radial, tangential = radial + along * along, tangential + across * across
-        out[k, 0], out[k, 1] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
+        out[k, 0], out[k, 1] = depth / focal * math.sqrt(radial), depth / focal * math.sqrt(tangential)
     return out
 
 

@@ -59,10 +59,9 @@ def split_gaps(lens: Lens, pixels: Array, components: Indices) -> Array:
 def _find_centre(frame: Frame, blob: Array) -> Array:
     """Pixel (2,), in the image or outside of it, of the mid-height of the person that a blob is from."""
     seen = np.asarray(blob.mean(axis=0))
-    edge = float(frame.camera.pixels)
-    if blob.min() > 0.5 and blob.max() < edge - 0.5:
+    if blob.min() > 0.5 and np.all(blob.max(axis=0) < np.array(frame.camera.size) - 0.5):
         return seen
-    image = np.array([[0, 0], [edge, 0], [edge, edge], [0, edge]], dtype=np.float32)
+    image = frame.camera.corners[::-1].astype(np.float32)
     centre = seen
     # Find the place where the silhouette, cut by the image's edge, has the centroid of the blob.
     for _ in range(8):

@@ -1,4 +1,4 @@
-"""Pinhole camera: projection, rays, ground points and footprint."""
+"""Camera: projection, rays, ground points and footprint."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.geometry.lens import Lens, in_image
+from tracking.geometry.distortion import Distortion, find_reach
+from tracking.geometry.lens import Lens, Optics, focal_length, in_image, plane_pixel, plane_point
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import apply
-from tracking.numerics.trigonometry import tan
+from tracking.numerics.trigonometry import arctan2, tan
 
 ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directions; it has no image
+EDGE_POINTS = 16  # on each bent edge of an image
+_NOT_GIVEN = Optics(0.0, 0.0, 0.0, 0.0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +56,14 @@ def rotation(quaternion: Array) -> Array:
 
 @dataclass(frozen=True)
 class Camera:
-    """A square pinhole image without distortion.
+    """A camera: by default a square pinhole image; `calibrated` makes any other.
 
     Pixel coordinates (u, v) run right and down from the top left corner; the centre of the first pixel is (0.5, 0.5).
     """
 
-    fov: float  # full angle of view, rad
-    pixels: int  # along each edge
+    fov: float  # rad, full angle of view; if calibrated, of the least square about the optical axis that has the image
+    pixels: int  # along each edge; if calibrated, along the rows
+    optics: Optics = _NOT_GIVEN  # by default those of the square image
 
     def __post_init__(self) -> None:
         if math.isclose(self.fov, ALL_ROUND, rel_tol=1e-6):  # as 6.2831853
@@ -69,24 +73,71 @@ class Camera:
             raise ValueError(f"fov: {self.fov:g} is not allowed; {allowed}")
         if not self.pixels >= 1:
             raise ValueError(f"pixels: {self.pixels} is not allowed; expected 1 or more")
+        if self.optics is _NOT_GIVEN:
+            focal = 0.0 if self.fov >= ALL_ROUND else self.pixels / 2 / tan(self.fov / 2)
+            middle = self.pixels / 2
+            optics = Optics(focal, focal, middle, middle, self.pixels, self.pixels)
+            object.__setattr__(self, "optics", optics)
+
+    @staticmethod
+    def calibrated(
+        width: int,
+        height: int,
+        focal: tuple[float, float],
+        centre: tuple[float, float],
+        distortion: tuple[float, ...] = (),
+    ) -> Camera:
+        """A camera of focal lengths (fx, fy) and principal point (cx, cy) [pixel], and distortion k1, k2, p1, p2, k3.
+
+        Note: the principal point of a calibration by OpenCV lies at cx + 0.5, cy + 0.5 here.
+        """
+        bend = Distortion(*(float(k) for k in distortion))
+        optics = Optics(*map(float, (*focal, *centre)), int(width), int(height), bend)
+        for name, value in optics._asdict().items():
+            if name not in ("distortion", "reach") and not (math.isfinite(value) and (value > 0 or name in ("cx", "cy"))):
+                allowed = "a number" if name in ("cx", "cy") else "more than 0"
+                raise ValueError(f"{name}: {value:g} is not allowed; expected {allowed}")
+        if not all(math.isfinite(k) for k in bend):
+            raise ValueError(f"distortion: {list(bend)} is not allowed; expected finite numbers")
+        optics = optics._replace(reach=find_reach(bend))
+        slope = float(np.max(np.abs(_find_plane_points(optics, _outline(optics)))))
+        if not math.isfinite(slope):
+            raise ValueError(f"distortion: {list(bend)} folds the image over; expected coefficients that do not")
+        return Camera(2 * arctan2(slope, 1.0), optics.width, optics)
 
     @property
     def focal(self) -> float:
-        """Focal length [pixel]; 0 for a view all round."""
-        if self.fov >= ALL_ROUND:
-            return 0.0
-        return self.pixels / 2 / tan(self.fov / 2)
+        """Focal length [pixel], the geometric mean of both directions; 0 for a view all round."""
+        return focal_length(self.optics)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the image [pixel]."""
+        return self.optics.width, self.optics.height
+
+    @property
+    def is_bent(self) -> bool:
+        """True if the lens bends straight lines."""
+        return self.optics.reach > 0.0
+
+    @property
+    def corners(self) -> Array:
+        """Corners (4, 2) of the image, anticlockwise from the lower left one."""
+        width, height = map(float, self.size)
+        return np.array([[0.0, height], [width, height], [width, 0.0], [0.0, 0.0]])
 
     def project(self, pose: Pose, points: Array) -> tuple[Array, Array]:
         """Pixels (N, 2) and depths along the optical axis (N,) m of world points (N, 3) m.
 
-        A point behind the camera has a depth <= 0 and no meaningful pixel.
+        A point behind the camera has a depth <= 0 and no meaningful pixel, a point beyond the reach of a lens NaN.
         """
         body = apply(pose.rotation.T, np.atleast_2d(points) - pose.position)
         depth = -body[:, 2]
         safe = np.where(depth > 0, depth, np.nan)
-        uv = self.pixels / 2 + self.focal * np.column_stack([body[:, 0], -body[:, 1]]) / safe[:, None]
-        return uv, depth
+        o, right = self.optics, np.column_stack([body[:, 0], -body[:, 1]])
+        if self.is_bent:
+            return _find_plane_pixels(o, right / safe[:, None]), depth
+        return np.array([o.cx, o.cy]) + np.array([o.fx, o.fy]) * right / safe[:, None], depth
 
     def sees(self, pose: Pose, points: Array) -> Flags:
         """Flags (N,) of world points (N, 3) m that are inside the image, whether hidden or not."""
@@ -95,13 +146,20 @@ class Camera:
     def lens(self, pose: Pose) -> Lens:
         """This camera at a pose."""
         x, y, z = np.asarray(pose.position, dtype=float).tolist()
-        return Lens((x, y, z), pose.rotation, self.focal, self.pixels)
+        return Lens((x, y, z), pose.rotation, self.optics)
 
     def rays(self, pose: Pose, uv: Array) -> Array:
-        """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
-        offset = (np.atleast_2d(uv) - self.pixels / 2) / self.focal
+        """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2).
+
+        They are NaN for pixels that a lens cannot show.
+        """
+        offset = self.slopes(uv)
         body = np.column_stack([offset[:, 0], -offset[:, 1], -np.ones(len(offset))])
         return apply(pose.rotation, body)
+
+    def slopes(self, uv: Array) -> Array:
+        """Points (N, 2), to the right and down, of pixels (N, 2) on the image plane at distance 1."""
+        return _find_plane_points(self.optics, np.atleast_2d(np.asarray(uv, dtype=float)))
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
         """World points (N, 2) m where rays through pixels meet the horizontal plane at `height` m; else NaN."""
@@ -110,9 +168,40 @@ class Camera:
         return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
-        """Corners (4, 2) m of the image on the plane at `height` m, anticlockwise; NaN if above the horizon."""
-        n = float(self.pixels)
-        return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
+        """Outline (N, 2) m of the image on the plane at `height` m, anticlockwise; NaN if above the horizon.
+
+        Straight edges have their four corners alone, bent edges `EDGE_POINTS` points each.
+        """
+        return self.ground_points(pose, self.outline, height)
+
+    @property
+    def outline(self) -> Array:
+        """The image's outline (N, 2) as of `footprint`, beginning at the lower left corner."""
+        return _outline(self.optics) if self.is_bent else self.corners
+
+
+def _outline(optics: Optics) -> Array:
+    """Points (4 `EDGE_POINTS`, 2) along the edges of an image, anticlockwise from the lower left corner."""
+    along = np.arange(EDGE_POINTS) / EDGE_POINTS
+    zero, one = np.zeros(EDGE_POINTS), np.ones(EDGE_POINTS)
+    sides = [(along, one), (one, 1.0 - along), (1.0 - along, zero), (zero, along)]
+    return np.concatenate([np.column_stack(side) for side in sides]) * [optics.width, optics.height]
+
+
+@compiled
+def _find_plane_points(optics: Optics, uv: Array) -> Array:
+    out = np.empty((len(uv), 2))
+    for k in range(len(uv)):
+        out[k, 0], out[k, 1] = plane_point(optics, uv[k, 0], uv[k, 1])
+    return out
+
+
+@compiled
+def _find_plane_pixels(optics: Optics, points: Array) -> Array:
+    out = np.empty((len(points), 2))
+    for k in range(len(points)):
+        out[k, 0], out[k, 1] = plane_pixel(optics, points[k, 0], points[k, 1])
+    return out
 
 
 @compiled

@@ -3,8 +3,22 @@
 import math
 from typing import NamedTuple
 
+from tracking.geometry.distortion import Distortion, distort, distortion_slopes, undistort
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
+
+
+class Optics(NamedTuple):
+    """Calibration of a camera, in pixels. The centre of the first pixel is (0.5, 0.5); in OpenCV it is (0, 0)."""
+
+    fx: float  # focal length to the right; 0 for a view all round
+    fy: float  # focal length down
+    cx: float  # principal point
+    cy: float
+    width: int
+    height: int
+    distortion: Distortion = Distortion()
+    reach: float = 0.0  # as from `find_reach`
 
 
 class Lens(NamedTuple):
@@ -12,15 +26,68 @@ class Lens(NamedTuple):
 
     eye: tuple[float, float, float]  # m
     rotation: Array  # (3, 3) from body to world
-    focal: float  # pixels; 0 for a view all round
-    pixels: int  # along each edge
+    optics: Optics
+
+
+@compiled
+def plane_point(optics: Optics, u: float, v: float) -> tuple[float, float]:
+    """Point (x, y) to the right and down on the image plane at distance 1 of a pixel; NaN beyond a lens's reach."""
+    x, y = (u - optics.cx) / optics.fx, (v - optics.cy) / optics.fy
+    return undistort(optics.distortion, optics.reach, x, y) if optics.reach > 0.0 else (x, y)
+
+
+@compiled
+def plane_pixel(optics: Optics, x: float, y: float) -> tuple[float, float]:
+    """Pixel (u, v) of a point of the image plane at distance 1; NaN beyond a lens's reach."""
+    if optics.reach > 0.0:
+        x, y = distort(optics.distortion, x, y) if x * x + y * y <= optics.reach else (math.nan, math.nan)
+    return optics.cx + optics.fx * x, optics.cy + optics.fy * y
+
+
+@compiled
+def plane_slopes(optics: Optics, x: float, y: float) -> tuple[float, float, float, float]:
+    """Derivatives by u and v of x, then of y, at a point of the image plane at distance `focal_length`."""
+    focal = focal_length(optics)
+    if optics.reach == 0.0:
+        return focal / optics.fx, 0.0, 0.0, focal / optics.fy
+    xx, yy, xy = distortion_slopes(optics.distortion, x, y)
+    right, down = focal / (xx * yy - xy * xy) / optics.fx, focal / (xx * yy - xy * xy) / optics.fy
+    return yy * right, -xy * down, -xy * right, xx * down
+
+
+@compiled
+def focal_length(optics: Optics) -> float:
+    """Geometric mean of the focal lengths of both directions [pixel], exact if they are equal; 0 for all round."""
+    return math.sqrt(optics.fx * optics.fy)
+
+
+@compiled
+def magnification(optics: Optics, u: float, v: float) -> float:
+    """Pixels, in the mean of both directions, per unit of the image plane at distance 1 at a pixel."""
+    if optics.reach == 0.0:
+        return focal_length(optics)
+    x, y = plane_point(optics, u, v)
+    xx, yy, xy = distortion_slopes(optics.distortion, x, y)
+    return focal_length(optics) * math.sqrt(xx * yy - xy * xy)
+
+
+@compiled
+def linear_pixel(optics: Optics, u: float, v: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Pixel coordinates near a pixel as linear functions of (x, y, 1) on the image plane at distance 1."""
+    if optics.reach == 0.0:
+        return (optics.fx, 0.0, optics.cx), (0.0, optics.fy, optics.cy)
+    x, y = plane_point(optics, u, v)
+    xx, yy, xy = distortion_slopes(optics.distortion, x, y)
+    a, b, c, d = optics.fx * xx, optics.fx * xy, optics.fy * xy, optics.fy * yy
+    return (a, b, u - a * x - b * y), (c, d, v - c * x - d * y)
 
 
 @compiled
 def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
     """Point [m] where the line through a pixel (u, v) meets the plane at `height` m, perhaps behind the camera."""
     r = lens.rotation
-    x, y = (pixel[0] - lens.pixels / 2) / lens.focal, (lens.pixels / 2 - pixel[1]) / lens.focal
+    x, y = plane_point(lens.optics, pixel[0], pixel[1])
+    y = -y
     scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])
     east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
     return lens.eye[0] + scale * east, lens.eye[1] + scale * north
@@ -28,26 +95,36 @@ def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple
 
 @compiled
 def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Pixel (u, v) of a world point [m] and its depth along the optical axis [m]; NaN for a pixel behind the camera."""
-    r = lens.rotation
+    """Pixel (u, v) of a world point [m] and its depth along the optical axis [m].
+
+    The pixel is NaN behind the camera and beyond the reach of a lens.
+    """
+    r, optics = lens.rotation, lens.optics
     east, north, up = point[0] - lens.eye[0], point[1] - lens.eye[1], point[2] - lens.eye[2]
     depth = -(east * r[0, 2] + north * r[1, 2] + up * r[2, 2])
-    scale = lens.focal / depth if depth > 0.0 else math.nan
-    u = lens.pixels / 2 + scale * (east * r[0, 0] + north * r[1, 0] + up * r[2, 0])
-    v = lens.pixels / 2 - scale * (east * r[0, 1] + north * r[1, 1] + up * r[2, 1])
-    return u, v, depth
+    right, above = east * r[0, 0] + north * r[1, 0] + up * r[2, 0], east * r[0, 1] + north * r[1, 1] + up * r[2, 1]
+    if not depth > 0.0:
+        return math.nan, math.nan, depth
+    if optics.reach > 0.0:
+        u, v = plane_pixel(optics, right / depth, -above / depth)
+        return u, v, depth
+    return optics.cx + optics.fx / depth * right, optics.cy - optics.fy / depth * above, depth
 
 
 @inlined
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
     """Test if a world point (3,) m is inside the image of `Camera.project`, or seen by a view all round."""
-    if lens.focal == 0.0:
+    optics, position, rotation = lens.optics, lens.eye, lens.rotation
+    if optics.fx == 0.0:
         return True
-    position, rotation, focal, pixels = lens.eye, lens.rotation, lens.focal, lens.pixels
     dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
     depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])
     if not depth > 0.0:
         return False
-    u = pixels / 2 + focal * (dx * rotation[0, 0] + dy * rotation[1, 0] + dz * rotation[2, 0]) / depth
-    v = pixels / 2 - focal * (dx * rotation[0, 1] + dy * rotation[1, 1] + dz * rotation[2, 1]) / depth
-    return bool(0.0 <= u <= pixels and 0.0 <= v <= pixels)
+    right = dx * rotation[0, 0] + dy * rotation[1, 0] + dz * rotation[2, 0]
+    above = dx * rotation[0, 1] + dy * rotation[1, 1] + dz * rotation[2, 1]
+    if optics.reach > 0.0:
+        u, v = plane_pixel(optics, right / depth, -above / depth)
+    else:
+        u, v = optics.cx + optics.fx * right / depth, optics.cy - optics.fy * above / depth
+    return bool(0.0 <= u <= optics.width and 0.0 <= v <= optics.height)

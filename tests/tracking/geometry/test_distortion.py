@@ -1,0 +1,147 @@
+"""Cameras with distortion against OpenCV, and the limits within which they are cameras."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.lens import (
+    focal_length,
+    ground_point,
+    image_point,
+    in_image,
+    linear_pixel,
+    magnification,
+    plane_point,
+    plane_slopes,
+)
+
+# (width, height, focal lengths, principal point, k1, k2, p1, p2, k3), with the principal point as in OpenCV
+CALIBRATIONS = {
+    "barrel": (640, 512, (770.0, 768.0), (318.2, 259.1), (-0.37, 0.18, 0.0008, -0.0011, -0.03)),
+    "pincushion": (640, 360, (480.5, 481.2), (322.0, 178.3), (0.14, -0.27, -0.0004, 0.0009, 0.12)),
+    "tangential": (320, 240, (210.0, 215.0), (150.0, 124.0), (-0.05, 0.0, 0.01, -0.008, 0.0)),
+    "pinhole": (800, 300, (500.0, 510.0), (390.0, 160.0), (0.0, 0.0, 0.0, 0.0, 0.0)),
+}
+
+
+def calibrated(name: str) -> Camera:
+    width, height, focal, (cx, cy), distortion = CALIBRATIONS[name]
+    return Camera.calibrated(width, height, focal, (cx + 0.5, cy + 0.5), distortion)
+
+
+def posed(rng: np.random.Generator) -> Pose:
+    turn = Rotation.from_euler("zyx", [rng.uniform(-np.pi, np.pi), *rng.uniform(-0.4, 0.4, 2)])
+    return Pose(rng.uniform([-70, -50, 10], [70, 50, 30]), turn.as_quat())
+
+
+def opencv(name: str, pose: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rotation vector, translation, camera matrix and coefficients for OpenCV, whose axes are right, down, forward."""
+    _, _, (fx, fy), (cx, cy), distortion = CALIBRATIONS[name]
+    turn = np.diag([1.0, -1.0, -1.0]) @ pose.rotation.T
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    return cv2.Rodrigues(turn)[0], -turn @ pose.position, matrix, np.array(distortion)
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_pixels_of_1000_points_are_those_of_opencv(name):
+    camera, rng = calibrated(name), np.random.default_rng(1)
+    for _ in range(5):
+        pose = posed(rng)
+        uv = rng.uniform(0, camera.size, (1000, 2))
+        ground = camera.ground_points(pose, uv, 0.85)
+        points = np.column_stack([ground, np.full(1000, 0.85)])[np.isfinite(ground[:, 0])]
+        expected = cv2.projectPoints(points, *opencv(name, pose))[0][:, 0] + 0.5
+        found, depth = camera.project(pose, points)
+        np.testing.assert_allclose(found, expected, atol=1e-6)
+        np.testing.assert_allclose(found, uv[np.isfinite(ground[:, 0])], atol=1e-6)
+        assert np.all(depth > 0) and np.all(camera.sees(pose, points))
+        lens = camera.lens(pose)
+        assert all(in_image(tuple(p), lens) for p in points[:50].tolist())
+        singly = np.array([image_point(lens, tuple(p))[:2] for p in points[:50].tolist()])
+        np.testing.assert_allclose(singly, found[:50], atol=1e-9)
+        places = np.array([ground_point(lens, tuple(p), 0.85) for p in uv[:50].tolist()])
+        np.testing.assert_allclose(places, ground[:50], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_undistorted_points_are_those_of_opencv_everywhere_in_the_image(name):
+    camera = calibrated(name)
+    uv = np.random.default_rng(2).uniform(0, camera.size, (1000, 2))
+    _, _, matrix, coefficients = opencv(name, Pose.level(0, 0, 20))
+    exact = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-15)
+    straight = cv2.undistortImagePoints(uv[:, None] - 0.5, matrix, coefficients, None, exact)[:, 0]
+    expected = (straight - matrix[:2, 2]) / np.diag(matrix)[:2]
+    np.testing.assert_allclose(camera.slopes(uv), expected, atol=1e-6 / max(camera.size))
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_slopes_of_the_image_plane_are_those_of_differences(name):
+    optics, step = calibrated(name).optics, 1e-4
+    for u, v in np.random.default_rng(3).uniform(0, [optics.width, optics.height], (50, 2)).tolist():
+        right = np.subtract(plane_point(optics, u + step, v), plane_point(optics, u - step, v)) / (2 * step)
+        down = np.subtract(plane_point(optics, u, v + step), plane_point(optics, u, v - step)) / (2 * step)
+        found = plane_slopes(optics, *plane_point(optics, u, v))
+        expected = np.array([right[0], down[0], right[1], down[1]])
+        np.testing.assert_allclose(found, focal_length(optics) * expected, atol=1e-5)
+        assert magnification(optics, u, v) == pytest.approx(abs(np.linalg.det(expected.reshape(2, 2))) ** -0.5, rel=1e-5)
+        form = np.array(linear_pixel(optics, u, v))
+        np.testing.assert_allclose(form @ [*plane_point(optics, u, v), 1.0], [u, v], atol=1e-9)
+        np.testing.assert_allclose(form[:, :2] @ expected.reshape(2, 2), np.eye(2), atol=1e-5)
+
+
+def test_nothing_beyond_the_fold_of_the_distortion_is_seen():
+    # r (1 - 0.37 r^2) grows up to r = 0.949 and falls back to 0 at 1.644: points out there would be in the image.
+    camera = Camera.calibrated(640, 512, (770.0, 770.0), (320.0, 256.0), (-0.37,))
+    pose, radii = Pose.level(0.0, 0.0, 20.0), np.linspace(0.0, 3.0, 301)
+    points = np.column_stack([20 * radii, np.zeros((301, 2))])
+    pixels, _ = camera.project(pose, points)
+    half = camera.slopes(np.array([[640.0, 256.0]]))[0, 0]
+    np.testing.assert_array_equal(camera.sees(pose, points), radii <= half)
+    fold = 1 / math.sqrt(3 * 0.37)
+    np.testing.assert_array_equal(np.isfinite(pixels[:, 0]), radii <= fold)
+    assert np.all(np.diff(pixels[radii <= fold, 0]) > 0)
+
+
+def test_a_square_pinhole_camera_is_the_same_calibrated_or_not():
+    square = Camera(math.radians(60), 128)
+    same = Camera.calibrated(128, 128, (square.focal, square.focal), (64.0, 64.0))
+    pose = posed(np.random.default_rng(4))
+    uv = np.random.default_rng(5).uniform(0, 128, (100, 2))
+    assert same.optics == square.optics and same.fov == pytest.approx(square.fov, rel=1e-15)
+    np.testing.assert_array_equal(same.ground_points(pose, uv), square.ground_points(pose, uv))
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_a_bent_footprint_is_the_outline_of_what_is_seen(name):
+    camera, rng = calibrated(name), np.random.default_rng(6)
+    for _ in range(5):
+        pose = posed(rng)
+        outline = camera.footprint(pose, 0.85)
+        assert len(outline) == (4 if name == "pinhole" else 64)
+        points = outline.mean(axis=0) + rng.uniform(-40, 40, (2000, 2))
+        seen = camera.sees(pose, np.column_stack([points, np.full(2000, 0.85)]))
+        polygon = outline.astype(np.float32)[:, None]
+        far = np.array([cv2.pointPolygonTest(polygon, p, True) for p in points.tolist()])
+        clear = np.abs(far) > 0.02  # m: the chords of a bent edge are nearer to it
+        np.testing.assert_array_equal(seen[clear], far[clear] > 0)
+        assert 0 < seen.sum() < 2000
+
+
+@pytest.mark.parametrize(
+    ("values", "wrong"),
+    [
+        ((640, 480, (0.0, 600.0), (320.0, 240.0)), "fx: 0 is not allowed; expected more than 0"),
+        ((640, 480, (600.0, math.nan), (320.0, 240.0)), "fy: nan is not allowed; expected more than 0"),
+        ((640, 0, (600.0, 600.0), (320.0, 240.0)), "height: 0 is not allowed; expected more than 0"),
+        ((640, 480, (600.0, 600.0), (math.inf, 240.0)), "cx: inf is not allowed; expected a number"),
+        ((640, 480, (600.0, 600.0), (320.0, 240.0), (math.inf,)), "distortion: .* expected finite numbers"),
+        ((640, 480, (400.0, 400.0), (320.0, 240.0), (-0.5,)), "distortion: .* folds the image over; expected "),
+    ],
+)
+def test_what_is_no_calibration_is_refused(values, wrong):
+    with pytest.raises(ValueError, match=f"^{wrong}"):
+        Camera.calibrated(*values)
