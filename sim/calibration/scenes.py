@@ -157,7 +157,7 @@ def draw_pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Arr
 
 
 def _touch(people: NDArray[np.int32]) -> bool:
-    """True if two people form one component of a mask (P, P) that the image's edge does not cut."""
+    """True if two people form one component of a mask (H, W) that the image's edge does not cut."""
     shown = people >= 0
     edge = np.any(shown[[0, -1]]) or np.any(shown[:, [0, -1]])
     return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2

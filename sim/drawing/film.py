@@ -86,7 +86,7 @@ class Film:
         return tuple(self._layout.tiles)
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
-        """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (H, W, 3) RGB, if there are any."""
         snapshot = number_tracks(snapshot, self._numbers)
         holds = self._take(snapshot)
         image = self._empty.copy()
@@ -194,7 +194,7 @@ class Video(AbstractContextManager["Video"]):
         self._frames = 0
 
     def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
-        """Append one snapshot; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        """Append one snapshot; `frames` holds each camera's image (H, W, 3) RGB, if there are any."""
         image = self._film.draw(snapshot, frames)
         yuv = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
         planes = av.VideoFrame.from_ndarray(yuv, format="yuv420p")

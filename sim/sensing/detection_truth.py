@@ -16,14 +16,14 @@ GATE = 3.0  # pixels, largest distance from a detection to the nearest pixel of 
 
 
 def count_visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Number of pixels (M,) of each of `count` people in a mask (P, P)."""
+    """Number of pixels (M,) of each of `count` people in a mask (H, W)."""
     return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
 
 
 def match_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Index (M,) of the detection of each of `count` people among detections (N, 2) at pixels (u, v); -1 for none.
 
-    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, as of a person
+    people (H, W): index of the person at each pixel, -1 for none. A detection outside the image, as of a person
     that the edge cuts, is moved to the nearest place inside.
     """
     found = np.full(count, -1)
@@ -51,7 +51,7 @@ class MaskDetector:
     forest: Forest | None = None
 
     def detect(self, frame: Frame, people: NDArray[np.int32]) -> Detections:
-        """Detections of the people in a mask (P, P) with -1 elsewhere, ordered from the image's top to its bottom."""
+        """Detections of the people in a mask (H, W) with -1 elsewhere, ordered from the image's top to its bottom."""
         rows, columns = np.nonzero(people >= 0)
         owners = people[rows, columns]
         pixels = np.column_stack([columns + 0.5, rows + 0.5])

@@ -26,7 +26,9 @@ _HAZE = 0.02  # slope of a downward ray below which it shows sky, not ground
 _GREEN, _BLUE, _COLOUR = np.uint64(21), np.uint64(42), np.uint64(255)
 _HALF = np.uint64(512 | 512 << 21 | 512 << 42)
 _NEXT = np.uint64(1)
-_FINER = 2  # pixels of the straight image along one of a bent image
+# Pixels of the straight image along one of a bent image, whose sampling moves by up to half of one: more if there are
+# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2 and 1.65 with 1; in 640 x 480 of 0.92.
+_FINER, _FEW_FINER, _FEW = 2, 3, 100_000
 _FARTHEST = 1e9  # largest texture coordinate, which prevents overflow; such texels are too far away to matter
 
 
@@ -48,11 +50,12 @@ def straighten(camera: Camera) -> View:
         return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 2)))
     optics, (width, height) = camera.optics, camera.size
     v, u = np.mgrid[0:height, 0:width] + 0.5
-    scale = _FINER * np.array([optics.fx, optics.fy])
+    scale = (_FEW_FINER if width * height <= _FEW else _FINER) * np.array([optics.fx, optics.fy])
     low, high = (scale * find(camera.slopes(camera.outline), axis=0) for find in (np.min, np.max))
     low, high = np.floor(low) - 2.0, np.ceil(high) + 2.0
     columns, rows = (high - low).astype(int).tolist()
-    straight = Camera.calibrated(columns, rows, tuple(scale.tolist()), tuple((-low).tolist()))
+    focal, centre = (scale[0], scale[1]), (-low[0], -low[1])
+    straight = Camera.calibrated(columns, rows, focal, centre)
     places = scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low
     j, i = places.astype(np.int64).T
     return View(straight, (columns * i + j).reshape(height, width), (places - 0.5).reshape(height, width, 2))

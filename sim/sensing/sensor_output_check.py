@@ -89,8 +89,8 @@ def _check_present(name: str, found: Flags, people: Array) -> None:
 def _check_frame(frame: Frame) -> None:
     _check_kind("frame", frame, Frame)
     image = np.asarray(frame.image)
-    if image.shape != (*image.shape[:1], *image.shape[:1], 3) or image.dtype != np.uint8:
-        raise Unusable(f"frame's image of shape {image.shape} and type {image.dtype}, not (P, P, 3) and uint8")
+    if image.shape != (*image.shape[:2], 3) or image.dtype != np.uint8:
+        raise Unusable(f"frame's image of shape {image.shape} and type {image.dtype}, not (H, W, 3) and uint8")
 
 
 def _check_kind(name: str, given: object, kind: type) -> None:

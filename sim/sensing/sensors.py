@@ -50,7 +50,7 @@ class Clutter:
         count = draw_poisson(self._alarms, self._expected)
         if not count:
             return np.zeros((0, 2)), np.zeros((0, 2))
-        pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
+        pixels = self._alarms.uniform(0.0, camera.size, (count, 2))
         ground = camera.ground_points(pose, pixels, TARGET_HEIGHT)
         falls = ~np.isnan(ground[:, 0])
         return pixels[falls], ground[falls]
@@ -62,7 +62,7 @@ class Observation:
 
     scan: Scan
     pixels: Array  # (N, 2) positions of the measurements in the image; (0, 2) without an image
-    image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None without rendering
+    image: NDArray[np.uint8] | None  # (H, W, 3) RGB; None without rendering
     visible: Indices  # (M,) as `SensorOutput.visible`
     matched: Flags  # (M,) mask of detected people
     taken: bool = True  # False if the camera took no frame; the empty scan is then no negative information

@@ -55,7 +55,7 @@ class AppearanceSample:
     noise: float  # grey levels, standard deviation
 
     def develop(self, image: NDArray[np.uint8], uav: int, time: float) -> NDArray[np.uint8]:
-        """The image (P, P, 3) as a UAV's camera delivers it at a time [s]: with blur, exposure and noise.
+        """The image (H, W, 3) as a UAV's camera delivers it at a time [s]: with blur, exposure and noise.
 
         The noise depends only on seed, repeat, UAV and time, so that a frame can be made again from a recording.
         """

@@ -14,7 +14,7 @@ _FAINT, _SURE = 20, 40
 def find_components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2), row after row, of each 8-connected component in a person's colour.
 
-    The image (P, P, 3) is RGB. Components are in the order of a search from the top by cells of two by two pixels.
+    The image (H, W, 3) is RGB. Components are in the order of a search from the top by cells of two by two pixels.
     """
     pixels, ends = _find_components(np.ascontiguousarray(image))
     return [pixels[start:end] for start, end in zip([0, *ends], ends, strict=False)]
@@ -48,7 +48,7 @@ def _find_components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
 
 @compiled
 def _mark_colour(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """Mask of a person's colour (1, or 2 if sure) in an image (P, P, 3), with a border of 2 pixels; and its count."""
+    """Mask of a person's colour (1, or 2 if sure) in an image (H, W, 3), with a border of 2 pixels; and its count."""
     rows, columns, _ = image.shape
     mask = np.zeros((rows + 4, columns + 4), dtype=np.uint8)
     count = 0

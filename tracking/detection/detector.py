@@ -18,7 +18,7 @@ class Frame:
     time: float  # s
     camera: Camera
     pose: Pose  # of the camera
-    image: NDArray[np.uint8]  # (P, P, 3) RGB
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,9 +92,12 @@ class Camera:
         Note: the principal point of a calibration by OpenCV lies at cx + 0.5, cy + 0.5 here.
         """
         bend = Distortion(*(float(k) for k in distortion))
-        optics = Optics(*map(float, (*focal, *centre)), int(width), int(height), bend)
+        (fx, fy), (cx, cy) = focal, centre
+        optics = Optics(float(fx), float(fy), float(cx), float(cy), int(width), int(height), bend)
         for name, value in optics._asdict().items():
-            if name not in ("distortion", "reach") and not (math.isfinite(value) and (value > 0 or name in ("cx", "cy"))):
+            if name not in ("distortion", "reach") and not (
+                math.isfinite(value) and (value > 0 or name in ("cx", "cy"))
+            ):
                 allowed = "a number" if name in ("cx", "cy") else "more than 0"
                 raise ValueError(f"{name}: {value:g} is not allowed; expected {allowed}")
         if not all(math.isfinite(k) for k in bend):

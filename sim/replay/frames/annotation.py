@@ -23,7 +23,7 @@ _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colou
 
 
 def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
-    """The frame (P, P, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
+    """The frame (H, W, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
 
     Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square. It is
     `size` itself where that is much larger, or less than P.

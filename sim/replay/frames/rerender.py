@@ -36,7 +36,7 @@ class Rerenderer(ExitStack):
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
-        """The image (P, P, 3) RGB of the UAV's camera at scan k; in ideal sensing, the one that it would have taken."""
+        """The image (H, W, 3) RGB of the UAV's camera at scan k; in ideal sensing, the one that it would have taken."""
         return self.rendered(k, uav).image
 
     def rendered(self, k: int, uav: int) -> "Rendered":

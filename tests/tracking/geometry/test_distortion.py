@@ -87,7 +87,9 @@ def test_slopes_of_the_image_plane_are_those_of_differences(name):
         found = plane_slopes(optics, *plane_point(optics, u, v))
         expected = np.array([right[0], down[0], right[1], down[1]])
         np.testing.assert_allclose(found, focal_length(optics) * expected, atol=1e-5)
-        assert magnification(optics, u, v) == pytest.approx(abs(np.linalg.det(expected.reshape(2, 2))) ** -0.5, rel=1e-5)
+        assert magnification(optics, u, v) == pytest.approx(
+            abs(np.linalg.det(expected.reshape(2, 2))) ** -0.5, rel=1e-5
+        )
         form = np.array(linear_pixel(optics, u, v))
         np.testing.assert_allclose(form @ [*plane_point(optics, u, v), 1.0], [u, v], atol=1e-9)
         np.testing.assert_allclose(form[:, :2] @ expected.reshape(2, 2), np.eye(2), atol=1e-5)
