@@ -27,7 +27,7 @@ _GREEN, _BLUE, _COLOUR = np.uint64(21), np.uint64(42), np.uint64(255)
 _HALF = np.uint64(512 | 512 << 21 | 512 << 42)
 _NEXT = np.uint64(1)
 # Pixels of the straight image along one of a bent image, whose sampling moves by up to half of one: more if there are
-# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2 and 1.65 with 1; in 640 x 480 of 0.92.
+# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2, 1.65 with 1; in 640 x 480 of 0.92.
 _FINER, _FEW_FINER, _FEW = 2, 3, 100_000
 _FARTHEST = 1e9  # largest texture coordinate, which prevents overflow; such texels are too far away to matter
 
