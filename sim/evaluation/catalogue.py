@@ -19,6 +19,7 @@ from sim.evaluation.metric import Better, Computation, Metric, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.evaluation.searching import measure_times_to_find
 from sim.evaluation.unmatched import Unmatched
+from sim.recording.recorded_links import measure_ages
 from sim.recording.recording import Recording
 from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.stopwatch import STAGES
@@ -133,6 +134,11 @@ def _make_sent(
     return _make_nonnegative(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
 
 
+def _average_age(outcome: Outcome) -> float | None:
+    ages = measure_ages(outcome.recording)
+    return None if np.isnan(ages).all() else float(np.nanmean(ages))
+
+
 def _count_plan_rounds(outcome: Outcome) -> float | None:
     return None if count_plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
 
@@ -207,6 +213,7 @@ METRICS = _name_metrics(
         "detection.recall": _make_share("detection recall", _compute_recall),
         "detection.precision": _make_share("detection precision", _compute_precision),
         "network.disagreement_m": _make_nonnegative("disagreement of UAVs", _average_disagreement, "m", digits=4),
+        "network.age_s": _make_nonnegative("age of what UAVs know from others", _average_age, "s"),
         "network.bytes_per_scan_mean": _make_sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
         "network.bytes_per_scan_max": _make_sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
         "network.bytes_total": _make_sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),

@@ -182,6 +182,8 @@ def _list_unmatched_rows(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]
 def _list_sent_rows(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     if network["bytes_per_scan_mean"]:
         yield "sent by a UAV per scan", f"{network['bytes_per_scan_mean'] / 1000:.1f} kB"
+    if network["age_s"] is not None:
+        yield METRICS["network.age_s"].label, METRICS["network.age_s"].with_unit(network["age_s"])
     plans = network["plans"]
     if plans["bytes_total"] is not None:
         size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]

@@ -53,7 +53,7 @@ class Knowledge:
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
             for _ in self._cameras
         ]
-        self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.senders)
+        self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay.senders)
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
         self._late_views: list[list[tuple[Camera, Pose]]] = [[] for _ in self._cameras]
 
@@ -63,7 +63,7 @@ class Knowledge:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         scans = {i: looks[i].scan for i in working if looks[i].taken}
         sent = self.trackers.step(time, scans, links, working)
-        for views, received in zip(self._late_views, self.trackers.received, strict=True):
+        for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             views += [(self._cameras[s.uav], s.pose) for n, _, s in received if self._scenario.decides(n)]
         return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 

@@ -11,11 +11,11 @@ from sim.evaluation.fleet_facts import list_contacts
 from sim.evaluation.handoffs import find_handoffs
 from sim.evaluation.holding import find_episodes
 from sim.evaluation.unmatched import find_unmatched_tracks
+from sim.recording.recorded_links import find_recorded_links
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event, find_ends, make_lasting_event
 from sim.replay.fades import tell_fade
 from sim.replay.history import STATES, History, Loss, describe_view, group_views, name_fleet
-from sim.replay.recorded_fleet import find_recorded_links
 from sim.world.contacts import describe_body
 from tracking.numerics.arrays import Indices
 

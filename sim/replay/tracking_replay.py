@@ -7,8 +7,9 @@ import numpy as np
 
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
+from sim.recording.recorded_links import find_recorded_links
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import find_recorded_links, make_known_forest
+from sim.replay.recorded_fleet import make_known_forest
 from tracking.account import Association, ScanAccount
 from tracking.filter.motion import MOTION_MODELS, MotionModel
 from tracking.fusion.member import TRACKERS, Member
@@ -75,7 +76,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
             trackers.step(time, scans, links, working)
             for i in working:  # as plans that are sent keep scans waiting
-                trackers.senders[i].send(time, int(recording.plan_bytes[k, i]))
+                trackers.relay.senders[i].send(time, int(recording.plan_bytes[k, i]))
             if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")

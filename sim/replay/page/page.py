@@ -174,6 +174,8 @@ def _list_facts(recording: Recording) -> Iterable[tuple[str, str]]:
     tracker = scenario.tracking.tracker
     fusion = scenario.network.fusion
     yield ("fusion", fusion + loss) if tracker in TRACKERS.built_in else ("tracker", tracker + loss)
+    for name in ("network.bytes_per_scan_mean", "network.age_s") if scenario.network.takes_time else ():
+        yield METRICS[name].label, METRICS[name].with_unit(METRICS[name](outcome))
     yield "initial tracks", scenario.tracking.initial_tracks
     yield "page by", f"understory {version('understory')}"
 

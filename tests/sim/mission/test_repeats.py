@@ -8,7 +8,7 @@ from helpers.flights import mission_of, recorded
 
 from sim.mission.world_setup import make_forest_and_people
 from sim.recording.archive import load as load_recording
-from sim.replay.recorded_fleet import find_recorded_links
+from sim.recording.recorded_links import find_recorded_links
 from sim.scenario.loading import load
 from sim.study.study import adapt_study, read_study
 from sim.study.tasks import list_tasks

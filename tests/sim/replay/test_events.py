@@ -15,14 +15,14 @@ from sim.evaluation.catalogue import METRICS
 from sim.evaluation.holding import HOLDS, INSIDE, NO_TRACK, OUTSIDE, find_gaps
 from sim.evaluation.metric import Outcome
 from sim.mission import mission
-from sim.mission.radio import RadioLinks
+from sim.mission.radio import RadioLinks, draw_links
+from sim.recording.recorded_links import find_recorded_links
 from sim.replay import events
 from sim.replay.event import KINDS, UNHELD, format_times, sort_by_severity
 from sim.replay.events import find_events
 from sim.replay.explain.explanation import find_stretches
 from sim.replay.flight import Flight
 from sim.replay.history import History
-from sim.replay.recorded_fleet import find_recorded_links
 from sim.scenario.scenario import encode_scenario
 from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
@@ -299,7 +299,7 @@ def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatc
 
 def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     flown = []
-    monkeypatch.setattr(mission, "RadioLinks", lambda *parts: flown.append(RadioLinks(*parts)) or flown[-1])
+    monkeypatch.setattr(mission, "draw_links", lambda *given: flown.append(draw_links(*given)) or flown[-1])
     options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
     recording = recorded_flight(*options, seed=5, duration=4)
     again = find_recorded_links(recording)
