@@ -70,13 +70,15 @@ def _write_images(
         place.mkdir(parents=True, exist_ok=True)
         with Rerenderer(recording) as again:
             for k, uav in _choose_frames(recording, every):
-                image, people = (view := again.rendered(k, uav)).image, view.people
-                shown = [
-                    ShownPerson(m, mask := people == m, _find_box(mask), int(mask.sum()) / again.count_whole(k, uav, m))
-                    for m in np.unique(people[people >= 0]).tolist()
-                ]
-                labelled = LabelledImage(split, flight, recording, k, uav, (image.shape[1], image.shape[0]), shown)
-                (place / f"{labelled.name}.png").write_bytes(encode_png(image))
+                view, people = again.rendered(k, uav), []
+                for m in np.unique(view.people[view.people >= 0]).tolist():
+                    mask = view.people == m
+                    shown = int(mask.sum())
+                    whole = max(shown, again.count_whole(k, uav, m))  # OpenGL may show a pixel more
+                    people.append(ShownPerson(m, mask, _find_box(mask), shown / whole))
+                height, width = view.people.shape
+                labelled = LabelledImage(split, flight, recording, k, uav, (width, height), people)
+                (place / f"{labelled.name}.png").write_bytes(encode_png(view.image))
                 yield labelled
 
 

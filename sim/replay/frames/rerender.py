@@ -10,6 +10,8 @@ import numpy as np
 
 from sim.drawing.lettering import Image
 from sim.recording.recording import Recording
+from sim.scenario.loading import change_settings
+from sim.scenario.scenario import encode_scenario
 from sim.sensing.cameras import camera_of
 
 if TYPE_CHECKING:
@@ -57,8 +59,9 @@ class Rerenderer(ExitStack):
 
     @cached_property
     def _treeless(self) -> "Rerenderer":
-        """Renderer of the same world without trees."""
-        return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
+        """Renderer of the same world without trees, on the CPU, as OpenGL draws one world at a time."""
+        scenario = encode_scenario(change_settings(self.recording.setting, {"sensing.renderer": "tiny"}))
+        return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)), scenario=scenario)))
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
         """The images that the given UAVs took at scan k, by UAV of the mission; None for a UAV without one.

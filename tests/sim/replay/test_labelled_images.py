@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.flights import filmed, recorded
 
+from sim.flights.coco import read_coco
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.labelled_images import _choose_frames, write_labelled_images
 from sim.sensing.cameras import camera_of
@@ -146,6 +147,17 @@ def test_intrinsics_and_pose_project_people_into_their_boxes(flights, out):
             assert left - 1 <= u <= left + width + 1 and top - 1 <= v <= top + height + 1
             checked += 1
     assert checked > 5
+
+
+def test_the_labels_of_a_flight_are_read_as_detections(flights, out, tmp_path):
+    dataset = json.loads((out / "coco" / "annotations" / "instances_train.json").read_text())
+    (tmp_path / "images.json").write_text(json.dumps(dataset))
+    (tmp_path / "results.json").write_text(json.dumps(dataset["annotations"]))
+    read, (first, _) = read_coco(tmp_path), flights[0]
+    frames = {uav: camera.detections for uav, camera in read.items()}
+    assert {uav: len(found) for uav, found in frames.items()} == {i: len(first.times) for i in range(3)}
+    for uav, found in frames.items():
+        assert [len(frame.detections) for frame in found] == np.sum(first.visible[:, uav] > 0, axis=1).tolist()
 
 
 def test_each_file_lists_its_flights(flights, out):

@@ -1,5 +1,7 @@
 """PyBullet's OpenGL renderer: it shows what TinyRenderer shows, or is refused with one line."""
 
+import json
+
 import msgspec
 import numpy as np
 import pybullet
@@ -12,6 +14,7 @@ from helpers.views import CAMERA, SCENARIO
 
 from sim.recording.archive import save
 from sim.replay.frames.rerender import Rerenderer
+from sim.replay.labelled_images import write_labelled_images
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
 from sim.scenario.sensing import Sensing
@@ -78,6 +81,17 @@ def test_a_mission_flies_on_opengl_and_its_frames_come_out_again_byte_for_byte(s
     with Rerenderer(recording) as again:
         for k, row in enumerate(images):
             assert [again.image(k, i).tobytes() for i in range(3)] == [image.tobytes() for image in row]
+
+
+def test_the_whole_of_a_person_is_counted_beside_a_world_on_opengl(started, tmp_path):
+    recording, _ = filmed("sensing.renderer=egl", "trees.density=0", duration=0.4)
+    with Rerenderer(recording) as again:
+        for k, i, m in np.argwhere(recording.visible > 5).tolist():
+            assert again.count_whole(k, i, m) == pytest.approx(recording.visible[k, i, m], abs=2)
+    write_labelled_images([recording], "coco", tmp_path / "coco", splits={})
+    labels = json.loads((tmp_path / "coco" / "annotations" / "instances_train.json").read_text())
+    shares = [one["visible_share"] for one in labels["annotations"]]
+    assert len(shares) > 5 and min(shares) > 0.7 and max(shares) == 1.0
 
 
 def test_one_world_at_a_time_has_opengl(started):
