@@ -42,7 +42,7 @@ class Recording:
     seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
     interrupted: Annotated[bool, "|b1", ""]
     times: Annotated[Array, "<f8", "K"]  # s
-    trees: Annotated[Array, "<f8", "T 6|7"]  # as `Forest.table`
+    trees: Annotated[Array, "<f8", "T 6|7"]  # the fields of each `Tree`; the seventh if any is porous
     people: Annotated[Array, "<f8", "K M 2"]  # m
     headings: Annotated[Array, "<f8", "K M"]  # rad
     poses: Annotated[Array, "<f8", "K n 7"]
