@@ -15,6 +15,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames.frame_panels import encode_png
 from sim.replay.frames.rerender import Rerenderer
 from sim.sensing.cameras import camera_of
+from tracking.geometry.camera import Camera
 from tracking.numerics.arrays import Flags
 
 SPLITS = ("train", "val", "test")
@@ -25,7 +26,7 @@ class ShownPerson(NamedTuple):
     """A person of whom an image shows a pixel or more."""
 
     person: int
-    mask: Flags  # (P, P)
+    mask: Flags  # (H, W)
     box: tuple[int, int, int, int]  # left, top, width and height around the mask, in pixels from the top left corner
     visible_share: float  # pixels shown over those that the image would show if nothing hid the person
 
@@ -39,8 +40,12 @@ class LabelledImage:
     recording: Recording
     k: int  # scan
     uav: int
-    size: tuple[int, int]  # width and height in pixels
     people: list[ShownPerson]
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that took it."""
+        return camera_of(self.recording.setting.uavs[self.uav])
 
     @property
     def name(self) -> str:
@@ -76,8 +81,7 @@ def _write_images(
                     shown = int(mask.sum())
                     whole = max(shown, again.count_whole(k, uav, m))  # OpenGL may show a pixel more
                     people.append(ShownPerson(m, mask, _find_box(mask), shown / whole))
-                height, width = view.people.shape
-                labelled = LabelledImage(split, flight, recording, k, uav, (width, height), people)
+                labelled = LabelledImage(split, flight, recording, k, uav, people)
                 (place / f"{labelled.name}.png").write_bytes(encode_png(view.image))
                 yield labelled
 
@@ -137,8 +141,8 @@ def _describe_flight(number: int, recording: Recording) -> dict[str, Any]:
 
 
 def _describe_image(labelled: LabelledImage) -> dict[str, Any]:
-    recording, (width, height) = labelled.recording, labelled.size
-    camera, pose = camera_of(recording.setting.uavs[labelled.uav]), recording.camera_at(labelled.k, labelled.uav)
+    recording, (width, height) = labelled.recording, labelled.camera.size
+    optics, pose = labelled.camera.optics._asdict(), recording.camera_at(labelled.k, labelled.uav)
     return {
         "file_name": f"{labelled.name}.png",
         "width": width,
@@ -146,7 +150,7 @@ def _describe_image(labelled: LabelledImage) -> dict[str, Any]:
         "flight": labelled.flight,
         "uav": labelled.uav,
         "time_s": float(recording.times[labelled.k]),
-        "intrinsics": {"fx": camera.focal, "fy": camera.focal, "cx": camera.pixels / 2, "cy": camera.pixels / 2},
+        "intrinsics": {name: optics[name] for name in ("fx", "fy", "cx", "cy", "distortion")},
         "pose": {"position_m": pose.position.tolist(), "quaternion_xyzw": pose.quaternion.tolist()},
     }
 
@@ -173,7 +177,7 @@ def _write_yolo(images: Iterable[LabelledImage], folder: Path) -> None:
 def _list_yolo_lines(labelled: LabelledImage) -> Iterator[str]:
     """Class, centre, width and height of each box, in shares of the image."""
     for _, _, (left, top, width, height), _ in labelled.people:
-        box = np.array([left + width / 2, top + height / 2, width, height]) / (2 * labelled.size)
+        box = np.array([left + width / 2, top + height / 2, width, height]) / (2 * labelled.camera.size)
         yield " ".join(["0", *(f"{part:.6f}" for part in box)]) + "\n"
 
 
