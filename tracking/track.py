@@ -46,17 +46,16 @@ class Track:
 
     @property
     def reported(self) -> bool:
-        """True if reporting the track makes the expected GOSPA smaller, see `is_reported`.
+        """True if reporting the track makes the expected GOSPA smaller, see `are_reported`.
 
         Other tracks are still hypotheses: planners weight them, and a measurement may confirm them.
         """
-        P = self.belief.covariance
-        return is_reported(float(self.existence), float(P[0, 0] + P[1, 1]))
+        return bool(are_reported(np.array([self.existence], dtype=float), self.belief.covariance[None])[0])
 
 
 @compiled
-def is_reported(existence: float, trace: float) -> bool:
-    """True if reporting a track makes the expected GOSPA smaller, given the trace [m²] of its position's covariance.
+def are_reported(existence: Array, covariances: Array) -> Flags:
+    """Flags (T,) of the tracks that make the expected GOSPA smaller, of existence (T,) and covariances (T, 4, 4).
 
     With the existence probability r and the cut-off c, a track adds r E min(|e|², c²) + (1 - r) c² / 2 to squared GOSPA
     if it is reported, and r c² / 2 if it is left out. So a track is reported from r = 1/2 on if the error e of its
@@ -64,18 +63,13 @@ def is_reported(existence: float, trace: float) -> bool:
     Source: [GarciaFernandez18], the first of its estimators, with this threshold.
     Note: an existence of one, or NaN, is of a tracker that estimates none; it has decided itself what to report.
     """
-    error = np.full(1, trace)
-    cut_off(error, CUTOFF)
-    return not existence < 1.0 or existence * (CUTOFF * CUTOFF - error[0]) > CUTOFF * CUTOFF / 2.0
-
-
-@compiled
-def are_reported(existence: Array, covariances: Array) -> Flags:
-    """`is_reported` of tracks with existence (T,) and covariances (T, 4, 4), as flags (T,)."""
-    flags = np.empty(len(existence), dtype=np.bool_)
+    reported, error = np.empty(len(existence), dtype=np.bool_), np.empty(1)
     for t in range(len(existence)):
-        flags[t] = is_reported(existence[t], covariances[t, 0, 0] + covariances[t, 1, 1])
-    return flags
+        error[0] = covariances[t, 0, 0] + covariances[t, 1, 1]
+        cut_off(error, CUTOFF)
+        better = existence[t] * (CUTOFF * CUTOFF - error[0]) > CUTOFF * CUTOFF / 2.0
+        reported[t] = better or not existence[t] < 1.0
+    return reported
 
 
 def make_tracks(

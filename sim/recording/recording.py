@@ -171,7 +171,7 @@ class Recording:
         """Existence probability (N,) of each track of one UAV after scan k; NaN if the tracker has none."""
         return self.track_existence[self._rows(self.track_offsets, k, uav)]
 
-    @cached_property
+    @property
     def reported(self) -> Flags:
         """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`."""
         return are_reported(self.track_existence, self.track_covariances)

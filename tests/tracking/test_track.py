@@ -7,7 +7,7 @@ import pytest
 
 from tracking.filter.kalman import Gaussian
 from tracking.metrics.gospa import gospa
-from tracking.track import Track, are_reported
+from tracking.track import Track
 
 CUT_OFF = 10.0
 
@@ -50,26 +50,3 @@ def test_tracks_without_a_probability_are_reported_and_even_odds_are_not():
     belief = Gaussian(np.array([3.0, 4.0, 0.0, 0.0]), np.eye(4))
     anywhere = Gaussian(np.zeros(4), 1e4 * np.eye(4))
     assert Track(1, belief).reported and Track(1, anywhere).reported and not Track(2, belief, 0.5).reported
-
-
-@pytest.mark.parametrize("oblong", [1.0, 4.0, 100.0])
-def test_the_choice_for_an_oblong_belief_costs_at_most_a_tenth_of_the_cutoff_more(oblong):
-    """The expected error is that of a round belief with the same trace; drawn errors show what this costs."""
-    draws, worst = np.random.default_rng(0).standard_normal((50_000, 2)), 0.0
-    for trace in np.linspace(2.0, 120.0, 30):
-        variances = np.array([oblong, 1.0]) * trace / (oblong + 1.0)
-        there = np.minimum((draws**2 * variances).sum(axis=1), CUT_OFF**2).mean()
-        for r in np.linspace(0.05, 0.999, 60):
-            told, left_out = r * there + (1 - r) * CUT_OFF**2 / 2, r * CUT_OFF**2 / 2
-            chosen = told if Track(1, Gaussian(np.zeros(4), np.diag([*variances, 1.0, 1.0])), r).reported else left_out
-            worst = max(worst, chosen - min(told, left_out))
-    assert worst <= {1.0: 0.3, 4.0: 4.0, 100.0: 10.0}[oblong]
-
-
-def test_the_array_form_agrees_with_single_tracks_and_reports_tracks_without_existence():
-    rng = np.random.default_rng(1)
-    covariances = np.array([np.diag([v, 2 * v, 1.0, 1.0]) for v in rng.uniform(0.1, 20.0, 200)])
-    existence = np.r_[rng.random(198), 1.0, np.nan]
-    flags = are_reported(existence, covariances)
-    single = [Track(1, Gaussian(np.zeros(4), P), r).reported for r, P in zip(existence, covariances, strict=True)]
-    assert flags.tolist() == single and flags[-2:].all() and 20 < flags.sum() < 120
