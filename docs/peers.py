@@ -42,9 +42,9 @@ from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
+from tracking.track import UNLIKELY
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
-EVEN = 0.5  # existence probability above which a track counts; missions also ask that its place is known well enough
 EPOCH = datetime(2000, 1, 1)
 SCANS, DT, SIDE = 80, 0.5, 120.0  # number, s, and edge of the area [m]
 PEOPLE, BIRTHS, DEATH = 5, 0.1, 0.01  # people at the start; births and probability of a death per scan
@@ -149,7 +149,7 @@ def parameters(cell: Cell, births: float = 1.0, **thresholds: float) -> TrackerP
     return TrackerParameters(MOTION, **(models | thresholds))
 
 
-def ours(scene: Scene, settings: TrackerParameters, reported: float = EVEN) -> list[dict[Any, Array]]:
+def ours(scene: Scene, settings: TrackerParameters, reported: float = UNLIKELY) -> list[dict[Any, Array]]:
     """Positions of the tracks of a scan with more than `reported` probability of existence, by id."""
     tracker, pose, found = Tracker(0, Camera(ALL_ROUND, 1), Forest(()), settings), Pose.level(0, 0, 60), []
     for time, detections in zip(scene.times, scene.detections, strict=True):
@@ -283,7 +283,7 @@ def vary(cells: Sequence[Cell], seeds: Sequence[int], scans: int = SCANS) -> str
         scenes = [simulate(cell, seed, scans) for seed in seeds]
         for name, changes in VARIED.items():
             rest = dict(changes)
-            reported = rest.pop("reported", EVEN)
+            reported = rest.pop("reported", UNLIKELY)
             varied = parameters(cell, **rest)
             lines[name].append(summary([score(scene, ours(scene, varied, reported)) for scene in scenes]))
         peer = [score(scene, theirs(scene, cell, TUNED[cell])) for scene in scenes]

@@ -13,8 +13,8 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 # Rooms of each package from the ground up: what stands in one imports only from it and from those below it.
 LAYERS = {
     "tracking": (
-        *("errors", "settings", "numerics", "metrics", "plugins", "geometry", "filter", "detection", "parameters"),
-        *("track", "association", "measurement_update", "account", "management", "fusion", "tracker", "fleet"),
+        *("errors", "settings", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track"),
+        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
         "undetected",
     ),
     "planning": (

@@ -11,10 +11,11 @@ import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.metrics.squared_error import CUTOFF, cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
 
+# Existence probability up to which a track is not reported. With existence probability r, squared error e and cut-off
+# c, a reported track costs GOSPA r e + (1 - r) c² / 2, and one that is left out r c² / 2.
+UNLIKELY = 0.5
 # Columns of `times`: the fleet's last detection, the last scan that had the person in view, the last sure detection,
 # and the last earlier frame that showed a part of the belief.
 DETECTED_AT, EXPECTED_AT, SURE_AT, FRAME_AT = range(4)
@@ -46,30 +47,12 @@ class Track:
 
     @property
     def reported(self) -> bool:
-        """True if reporting the track makes the expected GOSPA smaller, see `are_reported`.
+        """True if the person more likely exists than not.
 
-        Other tracks are still hypotheses: planners weight them, and a measurement may confirm them.
+        Less likely tracks are still hypotheses: planners weight them, and a measurement may confirm them.
+        Source: [GarciaFernandez18], the first of its estimators, with the threshold of GOSPA for small errors.
         """
-        return bool(are_reported(np.array([self.existence], dtype=float), self.belief.covariance[None])[0])
-
-
-@compiled
-def are_reported(existence: Array, covariances: Array) -> Flags:
-    """Flags (T,) of the tracks that make the expected GOSPA smaller, of existence (T,) and covariances (T, 4, 4).
-
-    With the existence probability r and the cut-off c, a track adds r E min(|e|², c²) + (1 - r) c² / 2 to squared GOSPA
-    if it is reported, and r c² / 2 if it is left out. So a track is reported from r = 1/2 on if the error e of its
-    position is small, from a larger r if not, and never if the squared error is expected to be above c² / 2.
-    Source: [GarciaFernandez18], the first of its estimators, with this threshold.
-    Note: an existence of one, or NaN, is of a tracker that estimates none; it has decided itself what to report.
-    """
-    reported, error = np.empty(len(existence), dtype=np.bool_), np.empty(1)
-    for t in range(len(existence)):
-        error[0] = covariances[t, 0, 0] + covariances[t, 1, 1]
-        cut_off(error, CUTOFF)
-        better = existence[t] * (CUTOFF * CUTOFF - error[0]) > CUTOFF * CUTOFF / 2.0
-        reported[t] = better or not existence[t] < 1.0
-    return reported
+        return self.existence > UNLIKELY
 
 
 def make_tracks(

@@ -13,13 +13,13 @@ from sim.mission.mission import Mission
 from sim.scenario.loading import load
 from sim.terminal.commands import run_alone
 from sim.terminal.console import console
-from tracking.metrics.squared_error import CUTOFF
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.track import beliefs_of
 
 WORLDS, SEEDS = ("crowd", "scatter"), range(340, 362)
 PLANNER = "sma-nbo-gospa(cost_to_go=0)"
+CUTOFF = 10.0  # m
 FUTURE_SECONDS = 15
 
 

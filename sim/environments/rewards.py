@@ -12,7 +12,7 @@ from tracking.errors import check_known
 from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
-from tracking.track import are_reported, beliefs_of
+from tracking.track import beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # a function of a situation and the true positions (M, 2) m of people
 
@@ -26,11 +26,11 @@ def compute_expected_gospa(situation: Situation, people: Array) -> float:
     """
     _, covariances = beliefs_of(situation.tracks)
     errors = covariances[:, 0, 0] + covariances[:, 1, 1]
-    r = np.array([track.existence for track in situation.tracks])
-    reported = are_reported(r, covariances)
     cut_off(errors, FAR)
+    r = np.array([track.existence for track in situation.tracks])
     undetected = 0.0 if situation.undetected is None else float(situation.undetected.people.sum())
     missed = FAR * FAR / 2
+    reported = [track.reported for track in situation.tracks]
     costs = np.where(reported, r * errors + (1.0 - r) * missed, r * missed)
     return -math.sqrt(float(costs.sum()) + undetected * missed)
 

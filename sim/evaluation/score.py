@@ -11,12 +11,11 @@ from sim.recording.recording import Recording
 from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
-from tracking.metrics.squared_error import CUTOFF
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import most_pairs, pairs_within
 from tracking.numerics.distances import length, squared_distance
 
-FAR = CUTOFF  # m, distance beyond which a track belongs to no person
+FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
 ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 _TAKEN = 9.21  # largest squared distance of a track from a detection that it took: 99 % of chi-square, in its noise
 

@@ -19,7 +19,7 @@ from tracking.errors import InputError, one_line
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.track import Scan, Track, are_reported, make_tracks
+from tracking.track import UNLIKELY, Scan, Track, make_tracks
 
 VERSION = 1
 # Tables with a row for each scan, which have the same names in snapshots.
@@ -174,7 +174,7 @@ class Recording:
     @property
     def reported(self) -> Flags:
         """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`."""
-        return are_reported(self.track_existence, self.track_covariances)
+        return ~(self.track_existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k; None if there are none."""

@@ -1,6 +1,5 @@
 """Events of a recorded mission, computed once for the page, the timeline, `understory explain` and Rerun."""
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -238,9 +237,8 @@ def _describe_track(recording: Recording, history: History, loss: Loss) -> str:
     for track in (track for uav in uavs for track in recording.tracks_at(loss.first, uav)):
         if track.id == id_:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
-            expected = math.sqrt(np.trace(track.belief.covariance[:2, :2]))
-            doubt = f", but not reported (existence {track.existence:.2f}, expected error {expected:.1f} m)"
-            return f"; track {number} is {gap:.1f} m off at first{'' if track.reported else doubt}"
+            doubt = "" if track.reported else f", but not reported (existence {track.existence:.2f})"
+            return f"; track {number} is {gap:.1f} m off at first{doubt}"
     return f"; track {number} is gone"
 
 

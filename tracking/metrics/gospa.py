@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm, plain_costs
-from tracking.metrics.squared_error import CUTOFF
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import power
@@ -23,7 +22,7 @@ class Gospa(NamedTuple):
     false: float
 
 
-def gospa(estimates: Array, truths: Array, c: float = CUTOFF, p: float = 2.0) -> Gospa:
+def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
     """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
 
     c > 0 is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed

@@ -4,7 +4,6 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 
-CUTOFF = 10.0  # m, the usual cut-off of GOSPA
 _NEGLIGIBLE = 37.0  # exp(-37) is less than the spacing of floating-point numbers below one
 
 

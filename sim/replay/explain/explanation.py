@@ -20,6 +20,7 @@ from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
+from tracking.track import UNLIKELY
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 _LEAST = 0.005  # least probability of a measurement that gets a line
@@ -165,7 +166,7 @@ def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     lines.append(f"error {math.hypot(*off):.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
-        unreported = "" if holder.reported else ", so it is not reported"
+        unreported = "" if holder.existence > UNLIKELY else ", so it is not reported"
         lines.append(f"existence {holder.existence:.4f}{unreported}")
     return lines
 

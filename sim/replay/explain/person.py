@@ -13,7 +13,6 @@ from sim.replay.explain.planned_visibility import PlannedVisibility, find_planne
 from sim.replay.flight import Flight
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
-from tracking.track import Track
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +26,6 @@ class HoldingTrack:
     belief: Gaussian | None  # None if no UAV has the track any more
     existence: float  # existence probability; NaN if it is not estimated
     until: float  # s, time of the last scan at which it stood for the person
-
-    @property
-    def reported(self) -> bool:
-        """As `tracking.track.Track.reported`; False if no UAV has the track any more."""
-        return self.belief is not None and Track(0, self.belief, self.existence).reported
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,8 +199,7 @@ def _tell_kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
     if len(without):
         first, last = find_ends(times, *without[[0, -1]])
-        span = f"{len(without)} scans, {first:.1f} to {last:.1f} s"
-        yield f"not reported in {span}: too unlikely, or its place too uncertain"
+        yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.detections:
         detection, _ = facts.detections[-1]
         source = f", {name_source(detection.person)}" * facts.recording.labelled

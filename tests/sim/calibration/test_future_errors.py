@@ -7,11 +7,10 @@ import pytest
 
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
 from planning.planner_loading import load_planner
-from sim.calibration.future_errors import FUTURE_SECONDS, collect_states, fit, fly_and_fit
+from sim.calibration.future_errors import CUTOFF, FUTURE_SECONDS, collect_states, fit, fly_and_fit
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.metrics.squared_error import CUTOFF
 
 
 def test_the_fit_finds_a_table_again():

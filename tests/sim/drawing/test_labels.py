@@ -93,4 +93,4 @@ def test_the_name_of_a_view_at_the_edge_stands_inside_the_image(up):
 
 def test_names_of_tracks_that_are_not_reported_have_a_question_mark():
     belief = Gaussian(np.zeros(4), np.eye(4))
-    assert [name_track(Track(3, belief, r)) for r in (1.0, 0.52, 0.5, 0.01)] == ["3", "3", "3?", "3?"]
+    assert [name_track(Track(3, belief, r)) for r in (1.0, 0.51, 0.5, 0.01)] == ["3", "3", "3?", "3?"]
