@@ -34,9 +34,10 @@ _Recorded = Annotated[
     typer.Argument(metavar="DIR...", help="A run's folder or mission.npz; for coco and yolo several, or scenarios."),
 ]
 _To = Annotated[
-    str, typer.Option(metavar="FORMAT", help="csv, stonesoup, mot, parquet; or images with labels: coco, yolo.")
+    str, typer.Option(metavar="FORMAT", help="csv, stonesoup, mot, parquet, rosbag; or images with labels: coco, yolo.")
 ]
 _Out = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR, or under runs/.")]
+_Truth = Annotated[bool, typer.Option("--truth/--no-truth", help="People, errors and events in a bag, or not.")]
 _Every = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="Least time between labelled images of a camera. Default: all."),
@@ -56,6 +57,7 @@ def export(
     recorded: _Recorded,
     to: _To,
     out: _Out = None,
+    truth: _Truth = True,
     every: _Every = None,
     val: _Val = None,
     test: _Test = None,
@@ -66,11 +68,13 @@ def export(
 ) -> None:
     """Write a recorded mission for other tools, or labelled images of missions, also straight from scenarios."""
     check_known("--to", to, [*TARGETS, *LABELS])
+    if not truth and to != "rosbag":
+        raise InputError(f"--no-truth: not allowed together with --to {to}; it belongs to --to rosbag")
     flying = {"--planner": planner, "--duration": duration, "--set": overrides}
     if to not in LABELS:
         labelling = {"--every": every, "--val": val, "--test": test, "--seeds": seeds, **flying}
         _check_unused(labelling, f"not allowed together with --to {to}; it belongs to --to coco and yolo")
-        _export_recording(recorded, to, out)
+        _export_recording(recorded, to, out, truth=truth)
         return
     apart = 0.0 if every is None else parse_duration(every, "--every", DAY)
     flights: Sequence[Recording | Trial]
@@ -102,13 +106,13 @@ def _check_unused(options: Mapping[str, object], why: str) -> None:
             raise InputError(f"{name}: {why}")
 
 
-def _export_recording(recorded: Sequence[str], to: str, out: Path | None) -> None:
+def _export_recording(recorded: Sequence[str], to: str, out: Path | None, *, truth: bool) -> None:
     if len(recorded) > 1:
         raise InputError(f"DIR: {recorded[1]!r} is one too many; --to {to} takes one recording")
     path = Path(recorded[0])
     recording = find_recording(path)
     with claim_place(out, find_folder(path) / f"export-{to}") as folder:
-        write_export(recording, to, folder)
+        write_export(recording, to, folder, truth=truth)
     show_files(folder)
 
 

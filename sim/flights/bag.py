@@ -14,12 +14,12 @@ from tracking.errors import InputError, one_line
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
 
-_ODOMETRY = "nav_msgs/msg/Odometry"
-_CAMERA = "sensor_msgs/msg/CameraInfo"
-_TRANSFORMS = "tf2_msgs/msg/TFMessage"
-_ON_GROUND, _IN_IMAGE = "vision_msgs/msg/Detection3DArray", "vision_msgs/msg/Detection2DArray"
-_OF_UAVS = (_ODOMETRY, _CAMERA, _ON_GROUND, _IN_IMAGE)
-_OPTICAL = np.array([1.0, 0.0, 0.0, 0.0])  # turn from the axes of `Pose` to a camera's optical ones: y down, z ahead
+ODOMETRY = "nav_msgs/msg/Odometry"
+CAMERA = "sensor_msgs/msg/CameraInfo"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+ON_GROUND, IN_IMAGE = "vision_msgs/msg/Detection3DArray", "vision_msgs/msg/Detection2DArray"
+_OF_UAVS = (ODOMETRY, CAMERA, ON_GROUND, IN_IMAGE)
+OPTICAL = np.array([1.0, 0.0, 0.0, 0.0])  # turn from the axes of `Pose` to a camera's optical ones: y down, z ahead
 
 
 class BagFlight(NamedTuple):
@@ -58,13 +58,13 @@ def read_bag(path: Path) -> BagFlight:
     poses, cameras, fleet, roots = dict[int, Poses](), dict[int, CameraRow](), Fleet(), dict[str, str]()
     for i, name in enumerate(names):
         own = {topic: found for topic, found in topics.items() if _name_uav(topic) == name}
-        info = _choose(path, name, own, _CAMERA)[0]
+        info = _choose(path, name, own, CAMERA)[0]
         cameras[i] = _read_camera(info, f"bag: {path}: {name}")
         poses[i], roots[name] = _trace(links, info.header.frame_id, f"bag: {path}: {name}")
-        kind = _ON_GROUND if any(found[0] == _ON_GROUND for found in own.values()) else _IN_IMAGE
+        kind = ON_GROUND if any(found[0] == ON_GROUND for found in own.values()) else IN_IMAGE
         messages = _choose(path, name, own, kind)
         frames = {message.header.frame_id for message in messages}
-        if kind == _ON_GROUND and frames - {roots[name]}:
+        if kind == ON_GROUND and frames - {roots[name]}:
             other = f"detections of {name} are in the frame {min(frames)!r}, but tf ends at {roots[name]!r}"
             raise InputError(f"bag: {path}: {other}; expected them there")
         fleet[i] = [_read_frame(message, f"bag: {path}: {name}") for message in messages]
@@ -79,11 +79,11 @@ def _read_topics(path: Path) -> dict[str, tuple[str, list[Any]]]:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise InputError(f"bag: {path}: needs rosbags: pip install 'rosbags>=0.10'") from error
+        raise InputError(f"bag: {path}: needs rosbags: pip install 'rosbags>=0.11'") from error
     found: dict[str, tuple[str, list[Any]]] = {}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            known = [c for c in reader.connections if c.msgtype in (*_OF_UAVS, _TRANSFORMS)]
+            known = [c for c in reader.connections if c.msgtype in (*_OF_UAVS, TRANSFORMS)]
             for connection, _, raw in reader.messages(known):
                 message = reader.deserialize(raw, connection.msgtype)
                 found.setdefault(connection.topic, (connection.msgtype, []))[1].append(message)
@@ -135,7 +135,7 @@ def _link_frames(topics: dict[str, tuple[str, list[Any]]]) -> dict[str, _Link]:
 def _list_transforms(topics: dict[str, tuple[str, list[Any]]]) -> Iterator[tuple[str, str, float, list[float]]]:
     """Child, parent, time and pose of each transform."""
     for kind, messages in topics.values():
-        for message in messages if kind == _TRANSFORMS else ():
+        for message in messages if kind == TRANSFORMS else ():
             for link in message.transforms:
                 row = _make_row(link.transform.translation, link.transform.rotation)
                 yield *_name_frames(link), _read_time(link.header.stamp), row
@@ -145,7 +145,7 @@ def _list_odometry(topics: dict[str, tuple[str, list[Any]]]) -> Iterator[tuple[s
     """Child, parent, time and pose of each odometry, that of the truth last."""
     for topic in sorted(topics, key=lambda topic: ("true" in topic or "truth" in topic, topic)):
         kind, messages = topics[topic]
-        for message in messages if kind == _ODOMETRY else ():
+        for message in messages if kind == ODOMETRY else ():
             row = _make_row(message.pose.pose.position, message.pose.pose.orientation)
             yield *_name_frames(message), _read_time(message.header.stamp), row
 
@@ -171,15 +171,15 @@ def _trace(links: dict[str, _Link], frame: str, where: str) -> tuple[Poses, str]
     if not chain:
         raise InputError(f"{where}: has neither nav_msgs/Odometry nor tf of the frame {frame!r}, which is its camera's")
     times = max((link.poses.times for link in chain), key=len)
-    position, quaternion = np.zeros((len(times), 3)), np.tile(_OPTICAL, (len(times), 1))
+    position, quaternion = np.zeros((len(times), 3)), np.tile(OPTICAL, (len(times), 1))
     for link in chain:
         row = interpolate(link.poses, np.clip(times, *link.poses.times[[0, -1]]))
         turned = np.array([rotation(q) @ p for q, p in zip(row[:, 3:], position, strict=True)]).reshape(-1, 3)
-        position, quaternion = row[:, :3] + turned, _multiply(row[:, 3:], quaternion)
+        position, quaternion = row[:, :3] + turned, multiply_quaternions(row[:, 3:], quaternion)
     return Poses(times, np.hstack([position, quaternion])), name
 
 
-def _multiply(p: Array, q: Array) -> Array:
+def multiply_quaternions(p: Array, q: Array) -> Array:
     """Products (N, 4) of quaternions xyzw (N, 4)."""
     (a, b, c, d), (x, y, z, w) = p.T, q.T
     return np.column_stack(

@@ -17,6 +17,7 @@ from sim.recording.dataframes import write_parquet
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight
+from sim.replay.ros_mission import write_bag
 from sim.scenario.settings_text import format_toml
 from tracking.errors import check_known
 from tracking.numerics.arrays import Flags, Indices
@@ -33,14 +34,26 @@ _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in
 _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
 
 
-def export(recording: Recording, target: str, out: Path) -> None:
+def export(recording: Recording, target: str, out: Path, *, truth: bool = True) -> None:
     """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: `csv`, `stonesoup`, `mot` or `parquet`; docs/how-to/tracking.md describes files and columns.
+    target: one of `TARGETS`, whose files docs/how-to/tracking.md describes. truth: False to leave out what UAVs do not
+    know, of a bag.
     """
     check_known("--to", target, TARGETS)
     with make_new_folder(out) as folder:
-        TARGETS[target](recording, folder)
+        if truth:
+            TARGETS[target](recording, folder)
+        else:
+            _write_rosbag(recording, folder, truth=False)
+
+
+def _write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> None:
+    """A bag, a layout of Foxglove for it, and what `understory track` needs besides: trees, settings and truth."""
+    write_bag(recording, folder / "bag", truth=truth)
+    _write_map_and_settings(recording, folder)
+    if truth:
+        _write_truth(recording, folder)
 
 
 def _write_csv(recording: Recording, folder: Path) -> None:
@@ -50,13 +63,20 @@ def _write_csv(recording: Recording, folder: Path) -> None:
     poses = ([time, i, *pose] for time, fleet in rows for i, pose in enumerate(fleet))
     _write_table(folder / "poses.csv", POSE_COLUMNS, poses)
     _write_table(folder / "detections.csv", DETECTION_COLUMNS, _list_detection_rows(recording))
-    tracks, truth = _list_tracks(recording), _list_truth(recording)
     header = [name + _UNITS.get(name, "") for name in _TRACK]
-    _write_table(folder / "tracks.csv", header, sorted(_list_rows(tracks, _TRACK)))
-    names = ("time", "person", "x", "y")
-    _write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), _list_rows(truth, names))
+    _write_table(folder / "tracks.csv", header, sorted(_list_rows(_list_tracks(recording), _TRACK)))
     _write_table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, u.fov_deg, u.pixels] for i, u in enumerate(setting.uavs)))
-    flown = json.loads(recording.scenario) | {"duration": times[-1] or setting.duration}
+    _write_truth(recording, folder)
+    _write_map_and_settings(recording, folder)
+
+
+def _write_truth(recording: Recording, folder: Path) -> None:
+    rows = _list_rows(_list_truth(recording), ("time", "person", "x", "y"))
+    _write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
+
+
+def _write_map_and_settings(recording: Recording, folder: Path) -> None:
+    flown = json.loads(recording.scenario) | {"duration": float(recording.times[-1]) or recording.setting.duration}
     (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
     _write_table(folder / "trees.csv", (*TREE_COLUMNS, TREE_LEAVES)[: recording.trees.shape[1]], trees)
@@ -110,6 +130,7 @@ TARGETS: dict[str, Callable[[Recording, Path], None]] = {
     "stonesoup": _write_stonesoup,
     "mot": _write_mot,
     "parquet": _write_parquet,
+    "rosbag": _write_rosbag,
 }
 
 

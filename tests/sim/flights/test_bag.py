@@ -2,43 +2,62 @@
 
 import math
 import re
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 pytest.importorskip("rosbags")
-from helpers.bags import OPTICAL, Bag
-
+from sim.flights.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, TRANSFORMS
 from sim.flights.flight_log import read_flight
+from sim.replay.ros_bag import RosBag
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 
 FOCAL = 540 / math.tan(math.radians(20))  # pixels, of 1080 over 40 degrees
 TIMES = np.arange(0, 2, 0.2).tolist()
+DOWN = (1.0, 0.0, 0.0, 0.0)  # attitude of the optical frame of a camera that looks straight down, north up
+
+
+def stamped(time, frame):
+    return divmod(round(time * 1e9), 10**9), frame
+
+
+def transform(time, row, child, parent):
+    return ([(stamped(time, parent), child, (row[:3], row[3:]))],)
+
+
+def odometry(time, row, child, parent="map"):
+    return {"header": stamped(time, parent), "child_frame_id": child, "pose": {"pose": (row[:3], row[3:])}}
+
+
+def camera_info(frame, width, height, distortion=()):
+    k = np.array([FOCAL, 0, width / 2, 0, FOCAL, height / 2, 0, 0, 1.0])
+    return {"header": stamped(0.0, frame), "width": width, "height": height, "k": k, "d": np.array(distortion)}
 
 
 def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path):
     turned, mounted = Rotation.from_euler("zyx", [0.7, 0.1, -0.2]), Rotation.from_euler("xyz", [0.3, -0.5, 0.2])
-    optical = mounted * Rotation.from_quat(OPTICAL[3:])
-    with Bag(tmp_path / "bag") as bag:
-        bag.write_camera("/drone/camera_info", "drone/optical", FOCAL, 1920, 1080)
+    optical = mounted * Rotation.from_quat(DOWN)
+    with RosBag(tmp_path / "bag") as bag:
+        bag.write("/drone/camera_info", CAMERA, 0.0, camera_info("drone/optical", 1920, 1080))
+        link = transform(0.0, [0.2, 0.0, -0.1, *optical.as_quat().tolist()], "drone/optical", "drone/base_link")
+        bag.write("/tf_static", TRANSFORMS, 0.0, link, latched=True)
         for time in TIMES:
-            bag.write_transform("/tf", time, [100.0, 50.0, 0.0, 0.0, 0.0, 0.0, 1.0], "odom", "map")
+            bag.write("/tf", TRANSFORMS, time, transform(time, [100.0, 50.0, 0.0, 0.0, 0.0, 0.0, 1.0], "odom", "map"))
             row = [3.0 * time, -time, 30.0, *turned.as_quat().tolist()]
-            bag.write_odometry("/drone/odom", time, row, "drone/base_link", "odom")
-        bag.write_transform(
-            "/tf_static", 0.0, [0.2, 0.0, -0.1, *optical.as_quat().tolist()], "drone/optical", "drone/base_link"
-        )
+            bag.write("/drone/odom", ODOMETRY, time, odometry(time, row, "drone/base_link", "odom"))
         eye = np.array([100.0, 50.0, 30.0]) + turned.apply([0.2, 0.0, -0.1])
         camera = Camera(math.radians(40), 1080)
         pose = Pose(eye, (turned * mounted).as_quat())
         places = camera.ground_points(pose, np.array([[500.0, 600.0], [300.0, 200.0]]), TARGET_HEIGHT)
         for k, time in enumerate(TIMES):
-            bag.write_pixels(
-                "/drone/detections", time, np.array([[920.0, 600.0], [720.0, 200.0]])[: 2 * (k == 0)], "drone/optical"
-            )
+            pixels = [(920.0, 600.0), (720.0, 200.0)] if k == 0 else []
+            head = stamped(time, "drone/optical")
+            boxes = [{"header": head, "bbox": ((pixel, 0.0), 9.0, 9.0)} for pixel in pixels]
+            bag.write("/drone/detections", IN_IMAGE, time, (head, boxes))
     log = read_flight(tmp_path)
     np.testing.assert_allclose(rotation(log.poses[0, 0, 3:]), rotation(pose.quaternion), atol=1e-9)
     np.testing.assert_allclose(log.poses[0, 0, :3], eye, atol=1e-9)
@@ -48,18 +67,22 @@ def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path):
 
 
 def fly(path, *, uavs=("/uav0",), lacking="", frame="map", distortion=(), more=()):
-    with Bag(path) as bag:
-        for name in uavs:
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = np.eye(2)
+    with RosBag(path) as bag:
+        for name in uavs if lacking != "camera" else ():
+            info = camera_info(f"{name.strip('/')}/optical", 1080, 1080, distortion)
+            bag.write(f"{name}/camera_info", CAMERA, 0.0, info)
+        for time, name in product(TIMES, uavs):
             own = name.strip("/")
-            if lacking != "camera":
-                bag.write_camera(f"{name}/camera_info", f"{own}/optical", FOCAL, 1080, 1080, distortion)
-            for time in TIMES:
-                for kind in ("odometry", *more):
-                    x = 99.0 if "true" in kind else float(own.removeprefix("uav"))
-                    if lacking != "odometry":
-                        bag.write_odometry(f"{name}/{kind}", time, [x, 0.0, 30.0, *OPTICAL[3:]], f"{own}/optical")
-                if lacking != "detections":
-                    bag.write_places(f"{name}/detections", time, np.array([[1.0, 2.0]]), np.array([np.eye(2)]), frame)
+            for kind in ("odometry", *more) if lacking != "odometry" else ():
+                x = 99.0 if "true" in kind else float(own.removeprefix("uav"))
+                told = odometry(time, [x, 0.0, 30.0, *DOWN], f"{own}/optical")
+                bag.write(f"{name}/{kind}", ODOMETRY, time, told)
+            if lacking != "detections":
+                pose = ((1.0, 2.0, 0.0), DOWN)
+                found = {"results": [(("person", 1.0), (pose, covariance.ravel()))], "bbox": {"center": pose}}
+                bag.write(f"{name}/detections", ON_GROUND, time, (stamped(time, frame), [found]))
 
 
 def test_uavs_are_in_the_order_of_their_numbers_and_true_odometry_is_left_out(tmp_path):

@@ -1,0 +1,178 @@
+"""A recorded mission as a bag of ROS 2."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sim.drawing.labels import number_snapshot
+from sim.drawing.lettering import Image
+from sim.evaluation.holding import HOLDS
+from sim.evaluation.score import FAR
+from sim.flights.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, OPTICAL, TRANSFORMS, multiply_quaternions
+from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.recording.recording import Recording
+from sim.replay.event import Event
+from sim.replay.flight import Flight
+from sim.replay.frames.rerender import Rerenderer
+from sim.replay.frames.sightings import PERSON_RADIUS, outline_cylinder
+from sim.replay.ros_bag import Message, RosBag
+from sim.replay.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
+from sim.sensing.cameras import camera_of
+from tracking.geometry.camera import Camera, Pose, rotation
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.metrics.gospa import gospa
+from tracking.numerics.arrays import Array
+
+_MARKERS, _IMAGE = "visualization_msgs/msg/MarkerArray", "sensor_msgs/msg/CompressedImage"
+_COMMAND, _NUMBER, _LOG = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64", "rcl_interfaces/msg/Log"
+_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 90]
+_INFO = 20  # level of messages of a log
+
+
+def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
+    """Write the bag of a mission into a new folder; docs/how-to/tracking.md describes its topics.
+
+    truth: False to leave out what UAVs do not know: people, true odometry, errors and events.
+    """
+    flight, scene = Flight(recording), UavScene(recording)
+    events = list(flight.events) if truth else []
+    with RosBag(folder) as bag, ExitStack() as stack:
+        # A flight from elsewhere has images of its own, which a recording does not contain.
+        again = stack.enter_context(Rerenderer(recording)) if recording.frames is None else None
+        bag.write("/forest", _MARKERS, 0.0, draw_forest(recording), latched=True)
+        for k, time in enumerate(recording.times.tolist()):
+            while events and events[0].time <= time:
+                _write_event(bag, events.pop(0))
+            snapshot = number_snapshot(recording, k)
+            _write_poses(bag, recording, k, truth=truth)
+            for i, markers in enumerate(scene.draw(snapshot)):
+                _write_camera(bag, snapshot, i, camera_of(recording.setting.uavs[i]), first=k == 0)
+                if again and snapshot.frames[i]:
+                    _write_image(bag, time, i, again.image(k, i))
+                _write_tracks(bag, snapshot, i)
+                bag.write(f"/uav{i}/markers", _MARKERS, time, markers)
+            if truth and recording.labelled:
+                holds = [HOLDS[hold] for hold in flight.history.hold_states[k]]
+                bag.write("/people", _MARKERS, time, draw_people(snapshot, holds))
+                _write_errors(bag, snapshot)
+        for event in events:
+            _write_event(bag, event)
+
+
+def _write_poses(bag: RosBag, recording: Recording, k: int, *, truth: bool) -> None:
+    """Transforms of bodies and cameras, odometry and commands.
+
+    A camera's frame is one of the world, not of its body, as one on a gimbal keeps its attitude.
+    """
+    time, poses, cameras = float(recording.times[k]), recording.poses[k], recording.cameras[k]
+    header, links = head(time), list[Message]()
+    optical = np.tile(-OPTICAL, (len(cameras), 1))  # the opposite turn
+    turned = np.hstack([cameras[:, :3], multiply_quaternions(cameras[:, 3:], optical)])
+    before = max(k - 1, 0)
+    moved = (poses - recording.poses[before])[:, :3] * recording.setting.rates.sensing
+    for i, (body, camera, velocity) in enumerate(zip(poses, turned, moved, strict=True)):
+        for frame, row in ((f"uav{i}/base_link", body), (_name_camera(i), camera)):
+            links.append((header, frame, (row[:3].tolist(), row[3:].tolist())))
+        odometry: Message = {
+            "header": header,
+            "child_frame_id": f"uav{i}/base_link",
+            "pose": {"pose": (body[:3].tolist(), body[3:].tolist())},
+            "twist": {"twist": {"linear": (rotation(body[3:]).T @ velocity).tolist()}},
+        }
+        for name in ("odometry", "odometry_true") if truth else ("odometry",):
+            bag.write(f"/uav{i}/{name}", ODOMETRY, time, odometry)
+        command: Message = (header, {"linear": (*recording.commands[k, i].tolist(), 0.0)})
+        bag.write(f"/uav{i}/command", _COMMAND, time, command)
+    bag.write("/tf", TRANSFORMS, time, (links,))
+
+
+def _write_camera(bag: RosBag, snapshot: Snapshot, uav: int, camera: Camera, *, first: bool) -> None:
+    """A frame's CameraInfo and detections; CameraInfo also if it is the first scan."""
+    time, header = snapshot.time, head(snapshot.time, _name_camera(uav))
+    o = camera.optics
+    # As OpenCV has it, by which the centre of the first pixel is (0, 0).
+    matrix = np.array([[o.fx, 0.0, o.cx - 0.5], [0.0, o.fy, o.cy - 0.5], [0.0, 0.0, 1.0]])
+    info = {
+        "header": header,
+        "height": o.height,
+        "width": o.width,
+        "distortion_model": "plumb_bob",
+        "d": np.array(o.distortion),
+        "k": matrix.ravel(),
+        "r": np.eye(3).ravel(),
+        "p": np.hstack([matrix, np.zeros((3, 1))]).ravel(),
+    }
+    if first or snapshot.frames[uav]:
+        bag.write(f"/uav{uav}/camera/camera_info", CAMERA, time, info, latched=True)
+    if snapshot.frames[uav]:
+        scan, pixels = snapshot.scans[uav], snapshot.pixels[uav]
+        places = [_place(time, *pair) for pair in zip(scan.measurements, scan.covariances, strict=True)]
+        bag.write(f"/uav{uav}/detections", ON_GROUND, time, (head(time), places))
+        boxes = [
+            {"header": header, "bbox": (((u, v), 0.0), *_measure_person(camera, scan.pose, place))}
+            for (u, v), place in zip(pixels.tolist(), scan.measurements if len(pixels) else (), strict=True)
+        ]
+        bag.write(f"/uav{uav}/camera/detections", IN_IMAGE, time, (header, boxes))
+
+
+def _measure_person(camera: Camera, pose: Pose, place: Array) -> tuple[float, float]:
+    """Width and height [pixel] in the image of a person at a place (2,) m."""
+    outline = outline_cylinder(camera, pose, np.array([*place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT]))
+    width, height = np.ptp(outline, axis=0).tolist() if len(outline) else (0.0, 0.0)
+    return width, height
+
+
+def _write_image(bag: RosBag, time: float, uav: int, image: Image) -> None:
+    made, content = cv2.imencode(".jpg", image[..., ::-1], _QUALITY)
+    assert made
+    message = (head(time, _name_camera(uav)), "jpeg", content)
+    bag.write(f"/uav{uav}/camera/image/compressed", _IMAGE, time, message)
+
+
+def _write_tracks(bag: RosBag, snapshot: Snapshot, uav: int) -> None:
+    """A working UAV's tracks, with their existence as scores, and the bytes that it sent."""
+    if uav in snapshot.working:
+        held, time = snapshot.tracks[uav], snapshot.time
+        tracks = [
+            _place(time, t.belief.mean[:2], t.belief.covariance[:2, :2], score=t.existence, name=str(t.id))
+            for t in held
+        ]
+        bag.write(f"/uav{uav}/tracks", ON_GROUND, time, (head(time), tracks))
+        bag.write(f"/uav{uav}/bytes_sent", _NUMBER, time, (float(snapshot.bytes_sent[uav]),))
+
+
+def _write_errors(bag: RosBag, snapshot: Snapshot) -> None:
+    """OSPA and GOSPA [m] of each UAV that works, and their means."""
+    people = snapshot.people[~np.isnan(snapshot.people[:, 0])]
+    parts = {i: gospa(find_reported_positions(snapshot.tracks[i]), people, FAR) for i in snapshot.working}
+    errors = {"ospa": {i: float(snapshot.ospa[i, 0]) for i in parts}, "gospa": {i: parts[i].distance for i in parts}}
+    for name, own in errors.items():
+        for i, error in own.items():
+            bag.write(f"/uav{i}/{name}", _NUMBER, snapshot.time, (error,))
+        if own:
+            bag.write(f"/{name}", _NUMBER, snapshot.time, (sum(own.values()) / len(own),))
+
+
+def _write_event(bag: RosBag, event: Event) -> None:
+    log = {"stamp": stamp(event.time), "level": _INFO, "name": event.kind, "msg": event.sentence}
+    bag.write("/events", _LOG, event.time, log)
+
+
+def _place(time: float, mean: Array, covariance: Array, *, score: float = 1.0, name: str = "") -> Message:
+    """A person on the ground, at a place (2,) m with a covariance (2, 2) m²."""
+    entries, pose = np.zeros((6, 6)), ((*mean.tolist(), TARGET_HEIGHT), LEVEL)
+    entries[:2, :2] = covariance
+    size = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)
+    return {
+        "header": head(time),
+        "results": [(("person", score), (pose, entries.ravel()))],
+        "bbox": (pose, size),
+        "id": name,
+    }
+
+
+def _name_camera(uav: int) -> str:
+    """The frame of a UAV's camera: x to the right, y down, z ahead."""
+    return f"uav{uav}/camera_optical_frame"
