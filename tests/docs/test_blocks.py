@@ -1,5 +1,6 @@
 """Blocks of README and pages run, and say what stands below them; `pytest -m docs` runs those that take long."""
 
+import csv
 import importlib
 import importlib.util
 import re
@@ -12,7 +13,8 @@ from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 from sim.recording.archive import load
 from sim.study.study import read_study
 
-TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in ("lost-person", "learning")]
+APART = ("lost-person", "learning", "trained-detector")
+TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in APART]
 REFERENCE = ("api", "metrics", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
@@ -47,6 +49,16 @@ def test_every_block_of_the_readme_runs(shell, tmp_path):
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorials_notebook_runs(page, shell):
     shell.execute(page.read_text(encoding="utf-8"), page.name)
+
+
+@pytest.mark.docs
+def test_the_trained_detector_stands_the_noise_that_the_default_one_does_not(shell, tmp_path):
+    few = {"compare": ["--duration", "4", "--seeds", "100,101"]}
+    shell.execute(text_of("tutorials/trained-detector.md"), "trained-detector.md", few)
+    with (tmp_path / "runs" / "detectors" / "table.csv").open(newline="") as file:
+        means = {(row["detector"], row["metric"]): float(row["mean"]) for row in csv.DictReader(file)}
+    assert means["learned", "detection.precision"] > 0.95 > 0.5 > means["blob", "detection.precision"]
+    assert means["learned", "detection.recall"] > 0.8 and means["blob", "ospa.mean_m"] > 10
 
 
 @pytest.mark.docs

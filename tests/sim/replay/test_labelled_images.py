@@ -160,6 +160,14 @@ def test_the_labels_of_a_flight_are_read_as_detections(flights, out, tmp_path):
         assert [len(frame.detections) for frame in found] == np.sum(first.visible[:, uav] > 0, axis=1).tolist()
 
 
+def test_equal_flights_give_equal_bytes(flights, out, tmp_path):
+    write_labelled_images(flights[0][1:], "coco", tmp_path / "one", splits={5: "val"}, every=0.5)
+    write_labelled_images(flights[0][1:], "coco", tmp_path / "two", splits={5: "val"}, every=0.5)
+    files = [path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")]
+    assert len(files) == 1 + 4 + 3
+    assert all((tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes() for file in files)
+
+
 def test_each_file_lists_its_flights(flights, out):
     for n, (flight, split) in enumerate(zip(flights[0], ("train", "test"), strict=True)):
         dataset = json.loads((out / "coco" / "annotations" / f"instances_{split}.json").read_text())
