@@ -18,7 +18,7 @@ from sim.sensing.vehicles import vehicle_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
-from tracking.track import Track
+from tracking.track import Scan, Track
 from tracking.undetected import UndetectedIntensity
 
 
@@ -64,7 +64,9 @@ class Knowledge:
         scans = {i: looks[i].scan for i in working if looks[i].taken}
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
-            views += [(self._cameras[s.uav], s.pose) for n, _, s in received if self._scenario.decides(n)]
+            for item in received:
+                if isinstance(item.content, Scan) and self._scenario.decides(item.k):
+                    views.append((self._cameras[item.uav], item.content.pose))
         return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 
     def make_situations(

@@ -1,61 +1,83 @@
-"""Scans on their way through a fleet whose network takes time, each with the time it refers to."""
+"""Scans and reports on tracks on their way through a fleet whose network takes time, each with its own time."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from sim.mission.radio import Inbox, RadioLinks, Sender
 from sim.scenario.uavs import Network
+from tracking.fusion.message import Message
 from tracking.track import Scan
 
-# Numbers of a message of scans, eight bytes each: sender and time; of each scan UAV, time and the camera's pose; of
-# each measurement place and covariance.
+# Numbers of a message, eight bytes each: sender and time; of each scan UAV, time and the camera's pose; of each
+# measurement place and covariance.
 _OF_MESSAGE, _OF_SCAN, _OF_MEASUREMENT = 2, 9, 5
 
 
-class SentScan(NamedTuple):
-    """A scan on its way."""
+class Sent(NamedTuple):
+    """A scan, or a UAV's report on its tracks after a scan, on its way."""
 
     k: int  # number of the scan
-    links: int  # over which it was passed on
-    scan: Scan
+    uav: int
+    content: Scan | Message
+    links: int = 0  # over which it was passed on
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        if isinstance(self.content, Message):
+            return self.content.size
+        return 8 * (_OF_SCAN + _OF_MEASUREMENT * len(self.content.measurements))
 
 
 class ScanRelay:
-    """What each UAV sends and receives: at each scan its own one, and those that were new to it.
+    """What each UAV sends and receives: at each scan its own one, and what was new to it since the last.
 
-    Each scan passes over at most `network.rounds` links, and is dropped when it is older than `network.hold`.
+    All passes over at most `network.rounds` links. Scans are dropped when they are older than `network.hold`, and
+    reports, which are sent at that age, when they are twice as old.
     """
 
     def __init__(self, network: Network, uavs: int) -> None:
         self._network = network
         self.senders = [Sender(network) for _ in range(uavs)]
-        self._inboxes = [Inbox[list[SentScan]]() for _ in range(uavs)]
-        self._known: list[set[tuple[int, int]]] = [set() for _ in range(uavs)]  # numbers and UAVs of scans
-        self.received: list[list[SentScan]] = [[] for _ in range(uavs)]  # new to each UAV at the last scan
+        self._inboxes = [Inbox[list[Sent]]() for _ in range(uavs)]
+        self._known: list[set[tuple[int, int, type]]] = [set() for _ in range(uavs)]
+        self.received: list[list[Sent]] = [[] for _ in range(uavs)]  # new to each UAV at the last scan
 
-    def receive(self, uav: int, time: float) -> list[SentScan]:
-        """What has arrived at a UAV by `time` s, without scans that it knows or that are too old."""
+    def receive(self, uav: int, time: float) -> list[Sent]:
+        """What has arrived at a UAV by `time` s, without what it knows and what is too old."""
         self.received[uav], known = [], self._known[uav]
         for message in self._inboxes[uav].take(time):
             for sent in message:
-                name = sent.k, sent.scan.uav
-                if name not in known and time - sent.scan.time <= self._network.holds:
+                name = sent.k, sent.uav, type(sent.content)
+                holds = self._network.holds * (2 if isinstance(sent.content, Message) else 1)
+                if name not in known and time - sent.content.time <= holds:
                     known.add(name)
                     self.received[uav].append(sent)
         return self.received[uav]
 
-    def send(self, uav: int, k: int, time: float, own: Scan | None, links: RadioLinks, working: Sequence[int]) -> int:
-        """Send a UAV's scan k and what it has just received; return the bytes, 0 if no working UAV can hear it."""
-        known = [*([SentScan(k, 0, own)] if own else []), *self.received[uav]]
-        if own:
-            self._known[uav].add((k, uav))
+    def send(
+        self,
+        uav: int,
+        time: float,
+        own: Sequence[Sent],
+        links: RadioLinks,
+        working: Sequence[int],
+        size: int | None = None,
+    ) -> int:
+        """Send what is a UAV's own and what it has just received; return the bytes, 0 if no working UAV can hear it.
+
+        size: bytes, if these are known already.
+        """
+        self._known[uav].update((sent.k, sent.uav, type(sent.content)) for sent in own)
+        known = [*own, *self.received[uav]]
         told = [sent._replace(links=sent.links + 1) for sent in known if sent.links < self._network.rounds]
         hearing = [i for i in working if links.up[i, uav]]
         if not told or not hearing:
             return 0
-        size = 8 * (_OF_MESSAGE + _OF_SCAN * len(told))
-        for sent in told:
-            size += 8 * _OF_MEASUREMENT * len(sent.scan.measurements)
+        if size is None:
+            size = 8 * _OF_MESSAGE
+            for sent in told:
+                size += sent.size
         done, contact = self.senders[uav].send(time, size), links.contact
         if done is None:
             return 0

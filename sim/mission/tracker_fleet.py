@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 
 from sim.mission.radio import RadioLinks
-from sim.mission.scan_relay import ScanRelay
+from sim.mission.scan_relay import ScanRelay, Sent
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
@@ -52,10 +52,16 @@ class TrackerFleet:
         if self._logs:
             for i in working:
                 for received in self.relay.receive(i, time):
-                    self._logs[i].add(received.k, received.scan)
+                    if isinstance(received.content, Scan):
+                        self._logs[i].add(received.k, received.content)
+                    else:
+                        self._logs[i].add_report(received.k, received.uav, received.content)
                 self._logs[i].step(time, scans.get(i))
             for i in working:
-                sent[i] = self.relay.send(i, self._k, time, scans.get(i), links, working)
+                own, report = [Sent(self._k, i, scans[i])] if i in scans else [], self._logs[i].report
+                if report:
+                    own.append(Sent(report[0], i, report[1]))
+                sent[i] = self.relay.send(i, time, own, links, working)
         elif working:
             between = links.among(working)
             sent[working] = step(

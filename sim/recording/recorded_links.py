@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.mission.radio import RadioLinks, draw_links
-from sim.mission.scan_relay import ScanRelay
+from sim.mission.scan_relay import ScanRelay, Sent
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import stream
 from tracking.numerics.arrays import Array
@@ -33,10 +33,10 @@ def measure_ages(recording: Recording) -> Array:
         time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
         for i in working:
             for sent in relay.receive(i, time):
-                newest[i, sent.scan.uav] = np.fmax(newest[i, sent.scan.uav], sent.scan.time)
+                newest[i, sent.uav] = np.fmax(newest[i, sent.uav], sent.content.time)
         for i in working:
-            own = recording.scan_at(k, i) if recording.frames_taken[k, i] else None
-            relay.send(i, k, time, own, links, working)
+            own = [Sent(k, i, recording.scan_at(k, i))] if recording.frames_taken[k, i] else []
+            relay.send(i, time, own, links, working, size=int(recording.bytes_sent[k, i]))
             relay.senders[i].send(time, int(recording.plan_bytes[k, i]))  # plans keep scans waiting
         both = np.ix_(working, working)
         ages[k][both] = time - newest[both]

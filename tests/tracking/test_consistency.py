@@ -164,7 +164,8 @@ def test_beliefs_in_hidden_people_that_meet_are_consistent_for_the_same_person(n
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", [next(iter(LATE)), *(pytest.param(n, marks=pytest.mark.slow) for n in list(LATE)[1:])])
 def test_beliefs_from_late_scans_are_consistent(name, count):
-    hcmci = play(name, LATE[name], count)["hcmci"]
+    hcmci = Outcome([Mission(LATE[name], seed) for seed in range(count)], "hcmci")
+    hcmci.report(name, "hcmci")
     assert not hcmci.too_sure and np.all((hcmci.mean > 0.9) & (hcmci.mean < 1.15))
     assert hcmci.elsewhere < 0.06 and np.all(hcmci.beyond < 0.01)
 

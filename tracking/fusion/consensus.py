@@ -58,13 +58,11 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     return sent
 
 
-def pool(members: Sequence[Member]) -> None:
-    """Fuse the messages of trackers in one place, as `fuse` does in one round in which all hear each other."""
+def pool(members: Sequence[Member]) -> Message:
+    """The message for trackers in one place to accept, as after a round of `fuse` in which all hear each other."""
     first, *others = messages = [member.message(len(members) - 1) for member in members]
     _check(messages)
-    joint = combine(first, others, members[0].max_speed)
-    for member in members:
-        member.accept(joint)
+    return combine(first, others, members[0].max_speed)
 
 
 def combine(own: Message, received: Sequence[Message], max_speed: float) -> Message:

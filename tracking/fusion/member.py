@@ -17,6 +17,7 @@ TRACKERS = Registry(
 class Member(Protocol):
     """Tracker of one UAV in a fleet; at each scan `step` or `coast` is called, then `message`, then `accept`.
 
+    In a network that takes time trackers are copied, and copies take scans again.
     A tracker from outside needs only the four methods and `tracks`, as any sequence. `CheckedTracker` wraps it and adds
     the rest. `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
     """

@@ -50,13 +50,16 @@ def flown(folder, *overrides, planner="greedy"):
     return load(folder / "mission.npz"), summary
 
 
+@pytest.mark.parametrize(
+    ("late", "farthest"), [((), 1.5), (("network.delay=0.2", "network.hold=0.6", "network.loss=0.3"), 2.5)]
+)
 @pytest.mark.parametrize("name", ["mytracker:Nearest", "soup:SoupJPDA"])
-def test_a_tracker_from_outside_keeps_all_people_of_an_open_scene(tmp_path, monkeypatch, module, name):
+def test_a_tracker_from_outside_keeps_all_people_of_an_open_scene(tmp_path, monkeypatch, module, name, late, farthest):
     module("mytracker", NEAREST)
     monkeypatch.syspath_prepend(str(SOUP))
-    recording, summary = flown(tmp_path / "out", *OPEN, f"tracking.tracker={name}")
+    recording, summary = flown(tmp_path / "out", *OPEN, *late, f"tracking.tracker={name}")
     assert summary["faults"] == [] and f'"tracker":"{name}"' in recording.scenario
-    assert set(recording.track_ids.tolist()) == {0, 1, 2, 3} and recording.ospa[..., 0].max() < 1.5
+    assert set(recording.track_ids.tolist()) == {0, 1, 2, 3} and recording.ospa[..., 0].max() < farthest
     assert np.ptp(recording.track_sightings[:, 2]) > 1.0  # as `TrackExchange` tells them
 
 

@@ -287,3 +287,15 @@ def test_a_fleet_that_heals_agrees_at_once_without_duplicates(split, seed):
 def test_a_fleet_that_heals_agrees_at_once_without_duplicates_on_any_seed(seed, sensing):
     split = list(SPLITS)[seed % len(SPLITS)]
     assert check(split, seed, *sensing) >= 1
+
+
+def test_after_a_cut_of_a_slow_network_the_fleet_agrees_on_ids_again():
+    """UAV 2 is cut off for 8 s, ten times as long as the network holds; a fifth of all messages is lost."""
+    cut = "network.cuts=[{links=[[0, 2], [1, 2]], start=1, end=9}]"
+    slow = ("network.delay=0.2", "network.hold=0.8", "network.loss=0.2", cut)
+    mission, snapshots = fly_ideal(*slow, "tracking.initial_tracks=none", planner="sma-nbo-gospa", duration=16)
+    reported = [[{t.id for t in tracks if t.reported} for tracks in s.tracks] for s in snapshots]
+    assert any(ids[0] != ids[2] for ids in reported[:50])
+    agree = [ids[0] == ids[1] == ids[2] for ids in reported]
+    assert np.mean(agree[65:]) > 0.8 and len(reported[-1][0]) >= 3
+    assert mission.faults == []

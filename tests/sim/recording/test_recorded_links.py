@@ -6,6 +6,7 @@ from helpers.flights import IDEAL, fly, recording_of
 from helpers.summaries import summary
 
 from sim.recording.recorded_links import measure_ages
+from tracking.track import Scan
 
 LINE = "network.links=[[0, 1], [1, 2]]"
 
@@ -18,7 +19,8 @@ def flown(*options, planner="greedy", duration=5):
         last = newest[-1].copy() if newest else np.full((3, 3), np.nan)
         for i, received in enumerate(mission._knowledge.trackers.relay.received):
             for sent in received:
-                last[i, sent.scan.uav] = np.fmax(last[i, sent.scan.uav], sent.scan.time)
+                if isinstance(sent.content, Scan):
+                    last[i, sent.uav] = np.fmax(last[i, sent.uav], sent.content.time)
         newest.append(last)
 
     mission, snapshots = fly(*IDEAL, *options, planner=planner, duration=duration, see=see)

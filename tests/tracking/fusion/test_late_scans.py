@@ -9,7 +9,7 @@ from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, H, track
 from helpers.scenes import scan as scan_of
 
 from tracking.fusion.consensus import fuse
-from tracking.fusion.late_scans import FleetState, ScanLog
+from tracking.fusion.late_scans import FleetState, ScanLog, average_reports
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 SURE = {"detection_probability": 1 - 1e-12, "gate_probability": 1 - 1e-12, "clutter_density": 1e-15}
@@ -121,3 +121,57 @@ def test_pooled_messages_are_those_of_a_round_in_which_all_hear_each_other():
                 assert a.existence == pytest.approx(b.existence, abs=1e-9)
             begun |= {t.id for t in one.tracks}
     assert len(begun) >= 5 and len(state.trackers[0].tracks) >= 4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_uavs_that_lacked_scans_for_longer_than_the_hold_agree_on_tracks_and_ids_again(seed):
+    """Two pairs of UAVs find the same and other people during 6 s apart; six holds later no track is double."""
+    rng, hold, heard = np.random.default_rng(seed), 4, {}
+    logs = [ScanLog(u, fleet(4), hold) for u in range(4)]
+    people, velocities = rng.uniform(-7, 7, (6, 2)), rng.normal(0, 0.5, (6, 2))
+    people[:3] = [[-6, -6], [0, 6], [6, -2]]  # apart from one another
+    apart = np.kron(np.eye(2), np.ones((2, 2))).astype(bool)
+    scans = {}
+    for k in range(30 + 6 * hold):
+        places = people + 0.2 * (k - 40) * velocities
+        for u, log in enumerate(logs):
+            # During the time apart the first pair sees people 0 to 3, the other one 2 to 5; then all see all.
+            seen = places[:4] if u < 2 else places[2:]
+            seen = seen if k < 30 else places
+            scans[k, u] = scan_of(k, *(seen + rng.normal(0, 0.2, seen.shape)), uav=u)
+            for j in range(4):
+                if k >= 2 and j != u and (k - 2 >= 30 or apart[u, j]):
+                    log.add(k - 2, scans[k - 2, j])
+                for n, report in heard.get((k - 2, j), ()):
+                    if j != u and (k - 2 >= 30 or apart[u, j]):
+                        log.add_report(n, j, report)
+        for u, log in enumerate(logs):
+            log.step(0.2 * k, scans[k, u])
+            if log.report:
+                heard[k, u] = [log.report]
+    ids = [sorted(t.id for t in log.tracker.tracks if t.reported) for log in logs]
+    assert ids[0] == ids[1] == ids[2] == ids[3] and len(ids[0]) == 6
+    for log in logs:
+        found = np.array([t.belief.mean[:2] for t in log.tracker.tracks if t.reported])
+        gaps = np.linalg.norm(found[:, None] - places, axis=2)
+        assert sorted(gaps.argmin(axis=1)) == list(range(6)) and gaps.min(axis=1).max() < 1.0
+
+
+def test_agreement_counts_no_information_twice_and_equal_reports_change_nothing():
+    """Two histories share a past and one scan, and each has one of its own: the central filter is never less sure."""
+    common, used, rng = fleet(3, START, **SURE), {}, np.random.default_rng(1)
+    for k in range(6):
+        used[k, 0] = scan_of(k, rng.normal(0, 0.2, 2), uav=0)
+        common = common.step(0.2 * k, {0: used[k, 0]})
+    last = {u: scan_of(6, rng.normal(0, 0.2, 2), uav=u) for u in range(3)}
+    known = [{0: last[0], 1: last[1]}, {0: last[0], 2: last[2]}]
+    ones = [common.step(0.2 * 6, scans) for scans in known]
+    agreed = average_reports({u: state.pooled for u, state in enumerate(ones)}, 3.0)
+    _, best = filter_centrally(used | {(6, u): scan for u, scan in last.items()}, 6)
+    _, without = filter_centrally(used | {(6, 0): last[0]}, 6)
+    for scans in known:
+        for tracker in common.step(0.2 * 6, scans, agreed).trackers:
+            (held,) = tracker.tracks
+            assert np.linalg.eigvalsh(held.belief.covariance - best).min() > -1e-12
+            assert np.linalg.eigvalsh(without - held.belief.covariance)[-2:].min() > 1e-3  # what each has alone counts
+    assert average_reports({u: common.pooled for u in range(2)}, 3.0) is None
