@@ -25,12 +25,17 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value
 from sim.scenario.uavs import Cut, Uav
 from sim.world.appearance import FULL
+from tracking.navigation import Navigation
 from tracking.plugins.registry import import_plugin
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
-_ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
+_ROWS = {
+    "uavs": ("uavs.0", Uav),
+    "uavs.0.navigation": ("uavs.0.navigation", Navigation),
+    "network.cuts": ("network.cuts", Cut),
+}
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
 
 

@@ -13,7 +13,18 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 # Rooms of each package from the ground up: what stands in one imports only from it and from those below it.
 LAYERS = {
     "tracking": (
-        *("errors", "settings", "numerics", "plugins", "geometry", "filter", "detection", "parameters", "track"),
+        *(
+            "errors",
+            "settings",
+            "numerics",
+            "navigation",
+            "plugins",
+            "geometry",
+            "filter",
+            "detection",
+            "parameters",
+            "track",
+        ),
         *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
         "undetected",
     ),

@@ -57,7 +57,9 @@ def _type_of_part(whole: inspect.Type, part: str) -> inspect.Type:
     """The type of a field, or of an item at an index, given the type of the struct or tuple that contains it."""
     if isinstance(whole, inspect.StructType):
         found = next(field.type for field in whole.fields if field.encode_name == part)
-        return found.types[0] if isinstance(found, inspect.UnionType) else found  # all unions are with None
+        if not isinstance(found, inspect.UnionType):
+            return found
+        return next((one for one in found.types if isinstance(one, inspect.StructType)), found.types[0])
     if isinstance(whole, inspect.TupleType):
         return whole.item_types[int(part)]
     return whole.item_type if isinstance(whole, inspect.VarTupleType) else inspect.AnyType()

@@ -78,7 +78,8 @@ class Film:
         legend = self._empty[-_LEGEND:, GAP:-GAP]
         owner = first if self._layout.map else None
         tiles = bool(self._layout.tiles)
-        draw_legend(legend, owner=owner, tiles=tiles, scale=self._map.scale, forest=forest, labelled=labelled)
+        shown = {"tiles": tiles, "labelled": labelled, "believed": scenario.navigation_errs}
+        draw_legend(legend, owner=owner, scale=self._map.scale, forest=forest, **shown)
 
     @property
     def cameras(self) -> tuple[int, ...]:

@@ -8,12 +8,24 @@ import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, measure_width, write
 from sim.drawing.marks import draw_cross, draw_detection, draw_person_mark, draw_quadrotor
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, INK, PANEL, TRUNK, UNHELD_COLOURS, mix, track_colour
-from sim.drawing.strokes import draw_disc, draw_line
+from sim.drawing.palette import (
+    BELIEVED,
+    BLUE,
+    CANOPY,
+    CANOPY_EDGE,
+    INK,
+    PANEL,
+    TRUNK,
+    UNHELD_COLOURS,
+    mix,
+    track_colour,
+)
+from sim.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 _TEXT = TextStyle(13)
+_SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
@@ -26,19 +38,27 @@ _PEOPLE: list[_Entry] = [
 
 
 def draw_legend(
-    image: Image, *, owner: str | None, tiles: bool, scale: float, forest: Forest, labelled: bool = True
+    image: Image,
+    *,
+    owner: str | None,
+    tiles: bool,
+    scale: float,
+    forest: Forest,
+    labelled: bool = True,
+    believed: bool = False,
 ) -> None:
     """Fill an RGB strip with the marks that are shown, and a scale bar for the map's `scale` in pixels per metre.
 
     owner: the UAV whose tracks are on the map; None for a film without the map. labelled: False if the map has
-    detections in place of people.
+    detections in place of people. believed: True if UAVs' views are not where the UAVs believe.
     """
     entries: list[_Entry] = []
     if owner:
         entries += [*_list_trees(forest), *(_PEOPLE if labelled else ())]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
-        entries += [(_draw_uav, "UAV, view")] + [(_draw_intent, "intent")] * labelled
+        entries += [(_draw_uav, "UAV, view"), *[(_draw_believed, "as believed")] * believed]
+        entries += [(_draw_intent, "intent")] * labelled
     if tiles or not labelled:
         entries.append((partial(draw_detection, reach=10.0), "detection"))
     middle = image.shape[0] / 2
@@ -82,9 +102,12 @@ def _draw_track(image: Image, at: Array) -> None:
 
 
 def _draw_uav(image: Image, at: Array) -> None:
-    square = at + 12.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    draw_line(image, square, BLUE, thickness=2, closed=True)
+    draw_line(image, at + 12.0 * _SQUARE, BLUE, thickness=2, closed=True)
     draw_quadrotor(image, at, BLUE)
+
+
+def _draw_believed(image: Image, at: Array) -> None:
+    draw_lines(image, cut_dashes(at + 10.0 * _SQUARE, BELIEVED), BLUE)
 
 
 def _draw_intent(image: Image, at: Array) -> None:

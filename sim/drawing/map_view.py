@@ -14,7 +14,7 @@ from sim.drawing.intents import Intents
 from sim.drawing.labels import Labels, name_track, number_snapshot
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import draw_broken_mark, draw_cross, draw_person_mark, draw_quadrotor
-from sim.drawing.palette import INK, PANEL, mix, track_colour, uav_colour, uav_dashes
+from sim.drawing.palette import BELIEVED, INK, PANEL, mix, track_colour, uav_colour, uav_dashes
 from sim.drawing.strokes import SHIFT, cut_dashes, draw_disc, draw_line, draw_lines, to_fixed_point
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import ELLIPSE
@@ -104,6 +104,9 @@ class MapView:
         for i in snapshot.working:
             if (corners := views[i]) is not None:
                 self._draw_view(image, self.pixels(corners), i)
+        for i, pose in enumerate(snapshot.believed or ()):
+            if i in snapshot.working and (corners := find_footprint(self._scenario, i, pose)) is not None:
+                draw_lines(image, cut_dashes(self.pixels(corners), BELIEVED), uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         labels = Labels(image, veil=False)

@@ -62,7 +62,7 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
 
 
 def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
-    pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
+    pose, tracks = (snapshot.believed or snapshot.cameras)[uav], snapshot.tracks[uav]
     points = at_target_height(beliefs_of(tracks).means[:, :2])
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
     inside = np.flatnonzero(camera.sees(pose, points))

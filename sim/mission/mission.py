@@ -21,11 +21,13 @@ from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import BREAKDOWN, Fault
+from sim.sensing.navigation import make_navigation_errors
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.errors import InputError
+from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 
 
@@ -65,6 +67,7 @@ class Mission:
         self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
         self._radio = chance("network")
         self._air = None if scenario.wind.is_calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
+        self._errors = make_navigation_errors(scenario, chance)
         self._times = scenario.scan_times
         self._k = 0  # the present scan
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, flown at present
@@ -140,8 +143,9 @@ class Mission:
         bodies = self._world.poses()
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
+        believed = self._believe(cameras)
         looks = [
-            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people)
+            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people, believed[i])
             for i, pose in enumerate(cameras)
         ]
         faults += [fault for look in looks for fault in look.faults]
@@ -151,7 +155,9 @@ class Mission:
             tracks, sent = self._knowledge.track(time, looks, links, self._working)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
-                states = list(map(BodyState, bodies, self._world.velocities()[:, :2]))
+                velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
+                known = [v + errors.velocity if errors else v for v, errors in velocities]
+                states = list(map(BodyState, self._believe(bodies), known))
                 self._situations = self._knowledge.make_situations(k, states, links, self._working)
         else:
             self._situations = []
@@ -163,6 +169,7 @@ class Mission:
             headings=headings,
             poses=bodies,
             cameras=cameras,
+            believed=believed if any(self._errors) else None,
             frames=np.array(takes),
             commands=self._commands,
             scans=[look.scan for look in looks],
@@ -178,6 +185,14 @@ class Mission:
             plan_rounds=0,
             faults=tuple(faults),
         )
+
+    def _believe(self, poses: Sequence[Pose]) -> list[Pose]:
+        """What each UAV believes of the pose of its body or its camera."""
+        velocities, spins, uavs = self._world.velocities(), self._world.spins(), self.scenario.uavs
+        return [
+            errors.mislead(pose, velocities[i], spins[i] * (uavs[i].mount == "body")) if errors else pose
+            for i, (pose, errors) in enumerate(zip(poses, self._errors, strict=True))
+        ]
 
     def _break_down(self, time: float) -> list[Fault]:
         """Faults of the UAVs that have broken down since the previous scan; they work no longer."""
@@ -239,7 +254,12 @@ class Mission:
         try:
             with self.clock.measure("physics"):
                 steps = rates.physics // rates.sensing
-                self._world.advance(self._commands, steps, None if self._air is None else self._air.steps(steps))
+                flown = self._commands.copy()
+                for i, errors in enumerate(self._errors):
+                    flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
+                self._world.advance(flown, steps, None if self._air is None else self._air.steps(steps))
+            for errors in filter(None, self._errors):
+                errors.advance(1.0 / rates.sensing)
             self._sense_and_track()
         except BaseException:
             self.close()

@@ -24,6 +24,7 @@ class Snapshot:
     headings: Array  # (M,) rad
     poses: list[Pose]  # of the bodies of the n UAVs
     cameras: list[Pose]
+    believed: list[Pose] | None = None  # poses that UAVs believe their cameras to have; None if they are the true ones
     frames: Flags  # (n,) True where the camera took a frame
     commands: Array  # (n, 2) m/s, with which the UAVs flew to this scan
     scans: list[Scan]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planning.planner import Plan
 from sim.mission.snapshot import Snapshot
 from sim.recording.fault_text import encode_faults
-from sim.recording.recording import FIELDS, OPTIONAL, VERSION, Recording
+from sim.recording.recording import FIELDS, VERSION, Recording
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS
 from tracking.geometry.visibility import Forest
@@ -19,7 +19,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
 
 _BY_SCAN = {
-    name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K" and name not in OPTIONAL
+    name: field.dtype for name, field in FIELDS.items() if field.shape.split(" ")[0] == "K" and name != "frames"
 }
 
 
@@ -46,7 +46,9 @@ class Recorder:
         self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
         for name, dtype in _BY_SCAN.items():
             value = getattr(snapshot, "time" if name == "times" else name)
-            if name in ("poses", "cameras"):
+            if value is None:
+                continue
+            if name in ("poses", "cameras", "believed"):
                 value = [np.concatenate([pose.position, pose.quaternion]) for pose in value]
             self._dense[name].append(np.array(value, dtype=dtype))
         self._scans.extend(zip(snapshot.scans, rows, strict=True))

@@ -74,6 +74,8 @@ class Recording:
     repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
     # True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it
     frames: Annotated[Flags | None, "|b1", "K n"] = None
+    # as `cameras`, poses that UAVs believe their cameras to have; None if they are the true ones
+    believed: Annotated[Array | None, "<f8", "K n 7"] = None
 
     @cached_property
     def setting(self) -> Scenario:
@@ -145,11 +147,21 @@ class Recording:
         row = self.cameras[k, uav]
         return Pose(row[:3], row[3:])
 
+    @property
+    def believed_cameras(self) -> Array:
+        """Poses (K, n, 7) that UAVs believe their cameras to have."""
+        return self.cameras if self.believed is None else self.believed
+
+    def believed_camera_at(self, k: int, uav: int) -> Pose:
+        """Pose of the camera of one UAV at scan k, as the UAV believes it."""
+        row = self.believed_cameras[k, uav]
+        return Pose(row[:3], row[3:])
+
     def scan_at(self, k: int, uav: int) -> Scan:
         """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
         z, R = self.measurements[rows], self.measurement_covariances[rows]
-        return Scan(uav, float(self.times[k]), self.camera_at(k, uav), z, R)
+        return Scan(uav, float(self.times[k]), self.believed_camera_at(k, uav), z, R)
 
     def pixels_at(self, k: int, uav: int) -> Array:
         """Pixels (N, 2) of the detections of one UAV at scan k; (0, 2) in ideal sensing."""
@@ -207,6 +219,7 @@ class Recording:
             time=float(self.times[k]),
             poses=self.poses_at(k),
             cameras=[self.camera_at(k, i) for i in uavs],
+            believed=None if self.believed is None else [self.believed_camera_at(k, i) for i in uavs],
             frames=self.frames_taken[k],
             scans=[self.scan_at(k, i) for i in uavs],
             pixels=[self.pixels_at(k, i) for i in uavs],
@@ -231,7 +244,7 @@ FIELDS = {
     name: Field(hint.__origin__, *hint.__metadata__)
     for name, hint in get_type_hints(Recording, include_extras=True).items()
 }
-OPTIONAL = ("frames",)  # fields that are not written if they are None
+OPTIONAL = ("frames", "believed")  # fields that are not written if they are None
 
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:

@@ -67,7 +67,8 @@ def _check_world(r: Recording) -> Iterator[Finding]:
     partly = bool(np.any(absent != np.isnan(r.people[..., 1])))
     yield "people", partly or not _is_finite(r.people[~absent]), "have places that are partly NaN or not finite"
     yield "headings", not _is_finite(r.headings[~absent]), "are not finite where a person is"
-    for name, poses in (("poses", r.poses), ("cameras", r.cameras)):
+    believed = () if r.believed is None else (("believed", r.believed),)
+    for name, poses in (("poses", r.poses), ("cameras", r.cameras), *believed):
         yield name, not _is_finite(poses), "are not finite"
         norms = np.sum(poses[..., 3:] ** 2, axis=-1)
         yield name, bool(np.any(np.abs(norms - 1) > 1e-6)), "have quaternions whose norm is not 1"

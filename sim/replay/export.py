@@ -59,7 +59,7 @@ def _write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> 
 def _write_csv(recording: Recording, folder: Path) -> None:
     """The files of a flight, which `understory track` reads; that of the truth also works as `people.trajectories`."""
     times, setting = recording.times.tolist(), recording.setting
-    rows = zip(times, recording.cameras.tolist(), strict=True)
+    rows = zip(times, recording.believed_cameras.tolist(), strict=True)
     poses = ([time, i, *pose] for time, fleet in rows for i, pose in enumerate(fleet))
     _write_table(folder / "poses.csv", POSE_COLUMNS, poses)
     _write_table(folder / "detections.csv", DETECTION_COLUMNS, _list_detection_rows(recording))
@@ -95,7 +95,7 @@ def _write_stonesoup(recording: Recording, folder: Path) -> None:
         _write_table(folder / f"tracks-uav{uav}.csv", own, _list_rows(tracks, own, tracks["uav"] == uav))
     _write_table(folder / "groundtruth.csv", ("time", "id", *STATE), _list_rows(truth, ("time", "person", *STATE)))
     k, i = np.nonzero(recording.frames_taken)
-    x, y, z = recording.cameras[k, i, :3].T
+    x, y, z = recording.believed_cameras[k, i, :3].T
     sensors = {"time": recording.times[k], "uav": i, "x": x, "y": y, "z": z}
     _write_table(folder / "sensors.csv", tuple(sensors), _list_rows(sensors, tuple(sensors)))
 

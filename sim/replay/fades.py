@@ -42,7 +42,7 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
 
 
 def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
-    camera, pose = view_of(recording.setting.uavs[uav], recording.setting), recording.camera_at(k, uav)
+    camera, pose = view_of(recording.setting.uavs[uav], recording.setting), recording.believed_camera_at(k, uav)
     (inside,), (hiding,) = find_inside_and_hiding(camera, pose, held[k][None], recording.hiding_forest)
     if not inside:
         return _OUT

@@ -10,6 +10,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import parse_toml
 from sim.scenario.uavs import Uav
 from tracking.errors import InputError
+from tracking.navigation import NAVIGATION
 
 _VIEW = ("footprint", "fov_deg", "altitude")  # keys of a UAV, two of which determine the third
 
@@ -39,7 +40,12 @@ def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str])
         if isinstance(node, dict):
             default = default.get(part) if isinstance(default, dict) else None
             node.setdefault(part, default if isinstance(default, list) else {})  # a list keeps its other rows
-        node = node[_find_entry(node, part, key)]
+        entry = _find_entry(node, part, key)
+        if (
+            part == "navigation" and isinstance(node[entry], str) and node[entry] in NAVIGATION
+        ):  # a name, of whose figures one is changed
+            node[entry] = msgspec.to_builtins(NAVIGATION[node[entry]])
+        node = node[entry]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
     if path[:1] == ["uavs"] and last in _VIEW and isinstance(node, dict):

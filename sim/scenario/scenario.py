@@ -16,6 +16,7 @@ from tracking.errors import spell
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
+from tracking.navigation import Navigation
 from tracking.parameters import Tracking
 from tracking.plugins.registry import Registry
 from tracking.settings import DAY, Time
@@ -132,12 +133,21 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
             inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
             raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area; {inside}")
+        offset = uav.navigation_errors.clock_offset or 0.0
+        if abs(offset) > self.duration:
+            allowed = f"allowed are -{self.duration:g} to {self.duration:g} within the mission"
+            raise ValueError(f"uavs.{i}.navigation.clock_offset: {offset:g} s is beyond the mission; {allowed}")
         self.frame_scans(i)
 
     @property
     def least_height_above_canopies(self) -> float:
         """Height [m] above each canopy that the altitude of every UAV has to exceed."""
         return _ABOVE_CANOPIES if self.sensing.renders else 0.0
+
+    @property
+    def navigation_errs(self) -> bool:
+        """True if some UAV does not know its pose exactly."""
+        return any(uav.navigation_errors != Navigation() for uav in self.uavs)
 
     @property
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
@@ -202,7 +212,7 @@ _LATER = (
     *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
     *(f"people.{key}" for key in FILE_KEYS),
     *("network.delay", "network.jitter", "network.rate", "network.hold"),
-    *("uavs.start_radius", "loss_distance"),
+    *("uavs.start_radius", "uavs.navigation", "loss_distance"),
 )
 
 

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from msgspec import UNSET, Meta, Struct, UnsetType, field, structs
 
 from sim.scenario.quantities import Point, simplify_number
-from tracking.errors import spell
+from tracking.errors import check_known, spell
+from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
@@ -40,10 +41,14 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     fails_at: Time | None = None  # s, time at which the UAV breaks down; by default never
     # m, the start is drawn by the seed within this distance of `start`, inside the area
     start_radius: Annotated[float, Meta(ge=0, le=30_000)] = 0.0
+    # how well the UAV knows its pose: `"exact"`, `"rtk"`, `"gnss"`, `"consumer"`, or a table of the keys below
+    navigation: str | Navigation = "exact"
 
     def __post_init__(self) -> None:
         structs.force_setattr(self, "rate", simplify_number(self.rate))
         self._complete_view()
+        if isinstance(self.navigation, str):
+            check_known("navigation", self.navigation, NAVIGATION, " (or a table of figures)")
         if self.tilt_deg + self.fov_deg / 2 >= 90:
             limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
             raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
@@ -71,6 +76,11 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     def altitude(self) -> float:
         """Height of the camera above ground [m], at which the field of view has the edge `footprint`."""
         return self.footprint / (2 * _compute_half_tangent(self.fov_deg))
+
+    @property
+    def navigation_errors(self) -> Navigation:
+        """Figures of the errors of the UAV's navigation."""
+        return NAVIGATION[self.navigation] if isinstance(self.navigation, str) else self.navigation
 
     @property
     def person_pixels(self) -> float:

@@ -38,7 +38,7 @@ class RenderedMode:
         with clock.measure("rendering"):
             rendered = self._renderer.take(uav, time, camera, pose)
         with clock.measure("detection"):
-            frame = Frame(uav, time, camera, pose, rendered.image)
+            frame = Frame(uav, time, camera, self._setup.believed.get(uav, pose), rendered.image)
             found, faults = self._detect(frame, rendered)
         return SensorOutput(
             ground=found.ground,

@@ -1,7 +1,7 @@
 """Sensor modes, which make detections before noise, misses and false alarms: the interface and the ideal mode."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -26,13 +26,14 @@ class SensorSetup:
     cameras: list[Camera]  # one per UAV
     clock: Stopwatch
     rng: np.random.Generator  # of what the mode draws at random
+    believed: dict[int, Pose] = field(default_factory=dict)  # pose of each UAV's camera in its present frame, to itself
 
 
 @dataclass(frozen=True, eq=False)
 class SensorOutput:
     """Detections of one UAV at one scan, and ground truth about them for recordings and metrics only."""
 
-    ground: Array  # (N, 2) m
+    ground: Array  # (N, 2) m, from the pose of the frame, or without a frame from the true one
     matched: Callable[[Flags], Flags]  # mask (M,) of detected people, given the mask (N,) of detections not missed
     visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person seen
     covariances: Array | None = None  # (N, 2, 2) m²; if None, a sample of the UAV's noise model is added

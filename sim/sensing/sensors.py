@@ -11,6 +11,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import SENSOR_MODES, Sensing
 from sim.sensing.cameras import noise_of, view_of
 from sim.sensing.fault import Fault
+from sim.sensing.navigation import move_to_believed
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
 from sim.sensing.sensor_output_check import check_matches, check_output
 from sim.sensing.stopwatch import Stopwatch
@@ -87,14 +88,22 @@ class Sensors:
         self._clutter = Clutter(scenario.sensing, rng)
         self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
-        setup = SensorSetup(scenario, world, forest, self.cameras, clock, rng.spawn(1)[0])
+        self._setup = SensorSetup(scenario, world, forest, self.cameras, clock, rng.spawn(1)[0])
         self._name = scenario.sensing.mode
-        self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
+        self._mode: SensorMode = SENSOR_MODES.make(self._name, self._setup)
 
-    def look(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
-        """Observation of one camera at `pose`; people (M, 2) m in the world now, NaN if absent."""
-        output, kept, matched = self._sense(uav, time, pose, people)
+    def look(self, uav: int, time: float, true: Pose, people: Array, believed: Pose | None = None) -> Observation:
+        """Observation of one camera at its `true` pose; people (M, 2) m in the world now, NaN if absent.
+
+        believed: the pose of the camera to its UAV, if it differs.
+        """
+        pose = believed or true
+        self._setup.believed[uav] = pose
+        output, kept, matched = self._sense(uav, time, true, people)
         with self._clock.measure("detection"):
+            seen_from = output.frame.pose if output.frame else true
+            if believed is not None and seen_from is not believed:
+                output = replace(output, ground=move_to_believed(output.ground, seen_from, believed))
             if output.covariances is None:
                 scan = self._draw_scan(uav, time, pose, output)
             else:
@@ -104,9 +113,9 @@ class Sensors:
         return Observation(scan, pixels, image, output.visible, matched, faults=output.faults)
 
     @staticmethod
-    def rest(uav: int, time: float, pose: Pose, people: Array) -> Observation:
+    def rest(uav: int, time: float, true: Pose, people: Array, believed: Pose | None = None) -> Observation:
         """Empty observation at a scan in which a slower camera takes no frame."""
-        nothing = Scan(uav, time, pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        nothing = Scan(uav, time, believed or true, np.zeros((0, 2)), np.zeros((0, 2, 2)))
         unseen = np.zeros(len(people), dtype=np.int64)
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 

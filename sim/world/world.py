@@ -167,6 +167,10 @@ class World:
         """Velocities of the UAVs (n, 3) m/s."""
         return self.states[:, _VELOCITY].copy()
 
+    def spins(self) -> Array:
+        """Angular velocities of the UAVs (n, 3) rad/s, about the axes of the world."""
+        return self.states[:, _SPIN].copy()
+
     def advance(self, commands: Array, steps: int, winds: Array | None = None) -> None:
         """Advance by physics steps, as by so many calls of `step`; winds (steps, 2) m/s.
 

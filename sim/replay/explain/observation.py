@@ -9,7 +9,7 @@ import numpy as np
 from sim.evaluation.score import owners_of
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.frames.sightings import Sighting
+from sim.replay.frames.sightings import Sighting, tell_pose_error
 from sim.replay.tracking_replay import replay_tracking
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import match_detections
@@ -37,6 +37,7 @@ class PersonObservation:
     works: bool
     sighting: Sighting
     away: float  # m, horizontal distance from the camera to the person; NaN if absent
+    pose_error: list[str]  # as `tell_pose_error`
     whole: int | None  # number of pixels of the person in the frame if nothing hid it; None if it was not rendered
     found: PersonMeasurement | None
     owners: Indices  # (N,), person of each measurement; -1 for a false alarm
@@ -69,6 +70,7 @@ class Observer(ExitStack):
             works=bool(recording.working[k, uav]),
             sighting=sighting,
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
+            pose_error=tell_pose_error(recording, k, uav),
             whole=self.again.count_whole(k, uav, person) if shown else None,
             found=self._found(k, uav, person, owners),
             owners=owners,

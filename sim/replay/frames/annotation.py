@@ -89,8 +89,8 @@ class _View:
         self._draw_scale(scale)  # on top, because in a crowd names may be placed here
 
     def _pixels(self, ground: Array) -> Array:
-        """Pixels (N, 2) of points (N, 2) m at `TARGET_HEIGHT`; NaN behind the camera."""
-        return np.asarray(self._scale * self._sight.camera.project(self._sight.pose, at_target_height(ground))[0])
+        """Pixels (N, 2) of points (N, 2) m at `TARGET_HEIGHT` as the UAV believes; NaN behind the camera."""
+        return np.asarray(self._scale * self._sight.camera.project(self._sight.believed, at_target_height(ground))[0])
 
     def _person(self, sighting: Sighting) -> Array:
         body = np.array([*sighting.place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT])

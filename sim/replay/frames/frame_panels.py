@@ -17,7 +17,7 @@ from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.annotation import annotate, find_marks
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.frames.sightings import Sight, Sighting
+from sim.replay.frames.sightings import Sight, Sighting, tell_pose_error
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 
@@ -38,6 +38,7 @@ def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> I
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [format_recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
+    notes += tell_pose_error(recording, k, uav)
     if recording.frames is not None:
         notes.append("drawn by the map of trees, not the flight's image")
     elif not scenario.sensing.renders:

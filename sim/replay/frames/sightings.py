@@ -94,6 +94,11 @@ class Sight:
         """The camera's pose."""
         return self.snapshot.cameras[self.uav]
 
+    @property
+    def believed(self) -> Pose:
+        """The camera's pose as the UAV believes it, from which measurements and tracks are seen."""
+        return (self.snapshot.believed or self.snapshot.cameras)[self.uav]
+
     @staticmethod
     def of(recording: Recording, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
@@ -102,6 +107,16 @@ class Sight:
         if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
         return Sight(camera, recording.hiding_forest, number_snapshot(recording, k), uav, people)
+
+
+def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
+    """How far the pose that a UAV believes its camera to have is from the true one, in a line; none if it is exact."""
+    true, believed = recording.camera_at(k, uav), recording.believed_camera_at(k, uav)
+    if recording.believed is None or np.array_equal(recording.believed[k, uav], recording.cameras[k, uav]):
+        return []
+    away, turned = believed.position - true.position, believed.rotation @ true.rotation.T
+    angle = math.degrees(math.acos(min(max((np.trace(turned) - 1.0) / 2.0, -1.0), 1.0)))
+    return [f"believed pose {math.hypot(*away[:2]):.2f} m off, {away[2]:+.2f} m in height, turned by {angle:.1f}°"]
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:

@@ -14,6 +14,7 @@ from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, assign_lanes
 from sim.replay.flight import Flight
 from sim.replay.timeline import choose_rows
+from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array, Flags
 
 MOST_SCANS = 1500  # shown on a page
@@ -62,7 +63,8 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "people": _put_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
         "headings": _round(np.nan_to_num(recording.headings[every])),
         "uavs": _round(recording.poses[every, :, :3]),
-        "views": _list_views(recording, every),
+        "views": _list_views(recording, recording.cameras[every]),
+        "believed": None if recording.believed is None else _list_views(recording, recording.believed[every]),
         "tracks": _list_tracks(recording)[every],
         "states": history.camera_states[every].tolist(),
         "texts": list(texts),
@@ -89,13 +91,13 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     }
 
 
-def _list_views(recording: Recording, every: slice) -> list[list[list[float] | None]]:
-    """Corners x, y [m] of each camera's field of view on the ground; null if it has no bounds nearby."""
-    scans, uavs = recording.poses.shape[:2]
-    corners = np.full((len(range(scans)[every]), uavs, 4, 2), np.nan)
-    for row, k in zip(corners, range(scans)[every], strict=True):
-        for i in range(uavs):
-            view = find_footprint(recording.setting, i, recording.camera_at(k, i))
+def _list_views(recording: Recording, cameras: Array) -> list[list[list[float] | None]]:
+    """Corners x, y [m] of the field of view on the ground of cameras (K, n, 7); null if it has no bounds nearby."""
+    scans, uavs = cameras.shape[:2]
+    corners = np.full((scans, uavs, 4, 2), np.nan)
+    for row, poses in zip(corners, cameras, strict=True):
+        for i, pose in enumerate(poses):
+            view = find_footprint(recording.setting, i, Pose(pose[:3], pose[3:]))
             row[i] = np.nan if view is None else view
     return _put_nulls(corners.reshape(-1, uavs, 8), 2, np.isnan(corners[:, :, 0, 0]))
 

@@ -229,6 +229,8 @@ legend("map-legend", [
     data.tracks.some((scan) => scan.rows.length)],
   ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); },
     data.views.flat().some(Boolean)],
+  ["view as believed", (ctx) => { ctx.strokeStyle = colours.blue; ctx.setLineDash([3, 3]); ctx.strokeRect(5, 3, 16, 14); ctx.setLineDash([]); },
+    data.believed !== null],
   ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); },
     data.plans.times.length],
 ]);

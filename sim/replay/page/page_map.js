@@ -38,6 +38,7 @@ function drawMap() {
   drawGround(ctx);
   const k = state.k;
   data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], i));
+  if (data.believed) data.works[k].forEach((works, i) => works && data.believed[k][i] && drawBelieved(ctx, data.believed[k][i], i));
   drawTrails(ctx, k);
   drawIntents(ctx, k);
   const views = data.views[k].map((view, i) => data.works[k][i] && view && bounds(view));
@@ -79,11 +80,24 @@ function drawGround(ctx) {
   }
 }
 
-function drawView(ctx, corners, i) {
-  const colour = uavColour(i);
+function outline(ctx, corners) {
   ctx.beginPath();
   for (let c = 0; c < 8; c += 2) ctx.lineTo(px(corners[c]), py(corners[c + 1]));
   ctx.closePath();
+}
+
+function drawBelieved(ctx, corners, i) {
+  outline(ctx, corners);
+  ctx.strokeStyle = uavColour(i);
+  ctx.lineWidth = 1;
+  ctx.setLineDash([3, 3]);
+  ctx.stroke();
+  ctx.setLineDash([]);
+}
+
+function drawView(ctx, corners, i) {
+  const colour = uavColour(i);
+  outline(ctx, corners);
   ctx.globalAlpha = 0.14;
   ctx.fillStyle = colour;
   ctx.fill();

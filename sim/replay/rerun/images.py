@@ -70,7 +70,7 @@ class Cameras:
 
     def _project(self, k: int, uav: int, places: Array) -> Array:
         """Pixels (N, 2) of the mid-height of people at places (N, 2 or more) m; NaN outside the image."""
-        camera, pose = camera_of(self._uavs[uav]), self._recording.camera_at(k, uav)
+        camera, pose = camera_of(self._uavs[uav]), self._recording.believed_camera_at(k, uav)
         points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 

@@ -1,0 +1,129 @@
+"""Missions whose UAVs do not know their poses: truth flies and renders, and everybody else has the belief."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from planning.planner import Plan
+from sim.mission.mission import Mission
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recorder import Recorder
+from sim.replay.frames.rerender import Rerenderer
+from sim.replay.tracking_replay import replay_tracking
+from sim.scenario.loading import load
+from sim.scenario.scenario import encode_scenario
+from sim.sensing.navigation import move_to_believed
+from tracking.errors import InputError
+
+ERRING = ("duration=3", "trees.density=15", "uavs.1.navigation=consumer", "uavs.2.navigation.clock_offset=0.4")
+
+
+class East:
+    def plan(self, team, rng):
+        return [Plan(np.tile([2.0, 0.0], (2, 1))) for _ in team]
+
+
+def fly(*overrides, seed=3):
+    return list(Mission(load("forest", [*ERRING, *overrides]), East(), seed).fly())
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return fly()
+
+
+def test_belief_differs_where_navigation_errs_and_planners_have_it(flown):
+    mission = Mission(load("forest", ERRING), East(), 3)
+    while not mission.over:
+        team = mission.team
+        now = mission.step()
+        assert now.believed[0] is now.cameras[0]
+        for own in [situation.own for situation in team]:
+            np.testing.assert_array_equal(own.position, now.believed[own.id].position)
+        gap = now.believed[2].position - now.cameras[2].position
+        np.testing.assert_array_equal(now.scans[1].pose.position, now.believed[1].position)
+    np.testing.assert_allclose(gap, [0.8, 0, 0], atol=0.02)  # 2 m/s for 0.4 s
+    assert np.hypot(*(now.believed[1].position - now.cameras[1].position)[:2]) > 0.1
+
+
+def test_errors_of_one_uav_change_neither_truth_nor_those_of_others(flown):
+    other = fly("uavs.0.navigation=gnss", "sensing.mode=ideal")
+    for a, b in zip(flown, other, strict=True):
+        np.testing.assert_array_equal(a.people, b.people)
+        np.testing.assert_array_equal(
+            a.believed[1].position - a.cameras[1].position, b.believed[1].position - b.cameras[1].position
+        )
+    assert not np.array_equal(other[0].believed[0].position, other[0].cameras[0].position)
+
+
+def test_detections_are_where_their_rays_meet_the_ground_from_the_believed_pose():
+    exact = ("duration=0.6", "sensing.mode=ideal", "uavs.0.alpha=1e-6", "uavs.1.alpha=1e-6", "uavs.2.alpha=1e-6")
+    for snapshot in fly(*exact):
+        for scan, true, believed, matched in zip(
+            snapshot.scans, snapshot.cameras, snapshot.believed, snapshot.matched, strict=True
+        ):
+            expected = move_to_believed(snapshot.people[matched], true, believed)
+            np.testing.assert_allclose(np.sort(scan.measurements, axis=0), np.sort(expected, axis=0), atol=0.02)
+
+
+def test_rendered_detections_err_like_their_poses():
+    far = fly("duration=1", "sensing.noise=camera", "trees.density=0", "uavs.0.navigation.horizontal_drift=9")
+    for snapshot in far:
+        gap = move_to_believed(snapshot.people[snapshot.matched[0]], snapshot.cameras[0], snapshot.believed[0])
+        for place in snapshot.scans[0].measurements:
+            assert np.hypot(*(gap - place).T).min() < 0.5
+            assert np.hypot(*(snapshot.people - place).T).min() > 0.8
+
+
+def test_recordings_have_truth_and_belief_and_can_be_rendered_and_tracked_again(tmp_path):
+    mission = Mission(load("forest", ERRING), East(), 3)
+    images = []
+    recorder = Recorder()
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+        images.append(mission.frames)
+    flown = recorder.recording(
+        scenario=encode_scenario(mission.scenario), planner="east", seed=3, forest=mission.forest
+    )
+    save(flown, tmp_path / "a.npz")
+    read = load_recording(tmp_path / "a.npz")
+    np.testing.assert_equal(dataclasses.asdict(read), dataclasses.asdict(flown))
+    assert read.believed.shape == read.cameras.shape and not np.array_equal(read.believed, read.cameras)
+    replay = replay_tracking(read)
+    assert replay.note == "" and len(replay.states) == len(read.times)
+    with Rerenderer(read) as again:
+        for k in (0, 7, 15):
+            for i in range(3):
+                np.testing.assert_array_equal(again.image(k, i), images[k][i])
+
+
+def test_exact_navigation_leaves_no_array_in_a_recording():
+    for snapshot in Mission(load("forest", ["duration=0.2"]), East()).fly():
+        assert snapshot.believed is None
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        (
+            "uavs.0.navigation=gnsss",
+            "uavs.0: navigation: 'gnsss' is unknown; allowed are exact, rtk, gnss, consumer; did you mean gnss?",
+        ),
+        (
+            "uavs.0.navigation.yaw_bias_deg=-1",
+            "uavs.0.navigation.yaw_bias_deg: -1 is not allowed; expected `float` >= 0.0",
+        ),
+        ("uavs.1.navigation.yaw=1", "uavs.1.navigation.yaw: unknown key; "),
+        (
+            "uavs.1.navigation.clock_offset=41",
+            "uavs.1.navigation.clock_offset: 41 s is beyond the mission; allowed are",
+        ),
+        ("uavs.1.navigation=3", "uavs.1.navigation: 3 is not allowed; "),
+    ],
+)
+def test_wrong_figures_are_told_in_one_line(setting, message):
+    with pytest.raises(InputError) as error:
+        load("forest", [setting])
+    assert message in str(error.value) and "\n" not in str(error.value)

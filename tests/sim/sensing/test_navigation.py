@@ -1,0 +1,72 @@
+"""Navigation that errs: sizes and correlation of the errors, and where a believed pose puts people."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.poses import tilted
+from helpers.views import CAMERA
+
+from sim.sensing.navigation import NavigationErrors, move_to_believed
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
+from tracking.navigation import NAVIGATION, Navigation
+
+STILL = np.zeros(3)
+
+
+def errors(seed=0, **figures):
+    return NavigationErrors(Navigation(**figures), np.random.default_rng(seed))
+
+
+def turn(pose):
+    """Small rotation vector (3,) of a pose that was level."""
+    return 2.0 * pose.quaternion[:3]
+
+
+def test_errors_have_their_deviations():
+    figures = {"horizontal_noise": 0.3, "vertical_noise": 0.1, "horizontal_drift": 0.4, "vertical_drift": 2.0}
+    figures |= {"tilt_bias_deg": 0.3, "tilt_drift_deg": 0.4, "yaw_bias_deg": 1.2, "yaw_drift_deg": 0.5}
+    drawn = [errors(seed, **figures).mislead(Pose.level(1, 2, 20), STILL, STILL) for seed in range(3000)]
+    moved = np.array([pose.position for pose in drawn]) - [1, 2, 20]
+    turned = np.degrees([turn(pose) for pose in drawn])
+    np.testing.assert_allclose(moved.std(axis=0), [0.5, 0.5, math.hypot(0.1, 2.0)], rtol=0.05)
+    np.testing.assert_allclose(turned.std(axis=0), [0.5, 0.5, 1.3], rtol=0.05)
+    assert np.abs(moved.mean(axis=0) / moved.std(axis=0)).max() < 4 / math.sqrt(3000)
+
+
+def test_drifts_are_gauss_markov_and_biases_stay():
+    def follow(seed):
+        e = errors(seed, horizontal_drift=1.0, position_time=20.0, yaw_bias_deg=3.0)
+        first = e.mislead(Pose.level(0, 0, 20), STILL, STILL)
+        for _ in range(50):
+            e.advance(0.2)
+        return first, e.mislead(Pose.level(0, 0, 20), STILL, STILL)
+
+    pairs = [follow(seed) for seed in range(2000)]
+    before, after = (np.array([pose.position[:2] for pose in poses]) for poses in zip(*pairs, strict=True))
+    assert after.std() == pytest.approx(1.0, rel=0.05)
+    assert np.mean(before * after) == pytest.approx(math.exp(-10 / 20), abs=0.06)
+    assert all(a.quaternion.tobytes() == b.quaternion.tobytes() for a, b in pairs)
+
+
+def test_a_clock_offset_takes_the_pose_of_another_time():
+    e = errors(clock_offset=-0.2)
+    late = e.mislead(Pose.level(0, 0, 20), np.array([5.0, -1.0, 0.0]), np.array([0.0, 0.0, 0.1]))
+    np.testing.assert_allclose(late.position, [-1.0, 0.2, 20.0], atol=1e-12)
+    np.testing.assert_allclose(turn(late), [0, 0, -0.02], atol=1e-6)
+
+
+def test_people_move_to_where_their_pixels_are_on_the_ground_of_the_believed_pose():
+    rng = np.random.default_rng(0)
+    true, believed = tilted(rng, (0, 0, 20), 0.2), tilted(rng, (1.0, -2.0, 21.0), 0.2)
+    points = true.position[:2] + np.array([[1.0, 2.0], [-3.0, 0.5], [4.0, 4.0]])
+    pixels, _ = CAMERA.project(true, at_target_height(points))
+    expected = CAMERA.ground_points(believed, pixels, TARGET_HEIGHT)
+    np.testing.assert_allclose(move_to_believed(points, true, believed), expected, atol=1e-9)
+
+
+def test_presets_are_in_order_of_their_attitude_and_clock():
+    rows = np.array([msgspec.structs.astuple(NAVIGATION[name])[6:12] for name in NAVIGATION], dtype=float)
+    assert (np.diff(np.delete(rows, 4, axis=1), axis=0) >= 0).all() and not rows[0, :4].any()
