@@ -14,7 +14,7 @@ from sim.replay.labelled_images import _choose_frames, write_labelled_images
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
 
 runs = pytest.importorskip("pycocotools.mask")
@@ -147,6 +147,30 @@ def test_intrinsics_and_pose_project_people_into_their_boxes(flights, out):
             assert left - 1 <= u <= left + width + 1 and top - 1 <= v <= top + height + 1
             checked += 1
     assert checked > 5
+
+
+def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkeypatch):
+    camera = Camera.calibrated(160, 120, (130.0, 128.0), (82.0, 58.0), (-0.3, 0.08, 0.001, -0.002, 0.0))
+    for module in ("frames.rerender", "labelled_images"):
+        monkeypatch.setattr(f"sim.replay.{module}.camera_of", lambda uav: camera)
+    write_labelled_images(flights[0][:1], "coco", tmp_path / "coco", splits={}, every=0.4)
+    coco, checked = load(tmp_path / "coco" / "annotations" / "instances_train.json"), 0
+    for annotation in coco.anns.values():
+        image = coco.imgs[annotation["image_id"]]
+        assert (image["width"], image["height"]) == (160, 120) and coco.annToMask(annotation).shape == (120, 160)
+        left, top, width, height = annotation["bbox"]
+        if annotation["visible_share"] < 1.0 or left * top == 0 or left + width == 160 or top + height == 120:
+            continue
+        lens = image["intrinsics"]
+        K = np.array([[lens["fx"], 0, lens["cx"] - 0.5], [0, lens["fy"], lens["cy"] - 0.5], [0, 0, 1]])
+        position, quaternion = (np.array(part) for part in image["pose"].values())
+        body = Pose(position, quaternion).rotation.T @ (np.array([*annotation["place_m"], 0.85]) - position)
+        (((u, v),),), _ = cv2.projectPoints(
+            body * (1, -1, -1), np.zeros(3), np.zeros(3), K, np.array(lens["distortion"])
+        )
+        assert left - 1 <= u + 0.5 <= left + width + 1 and top - 1 <= v + 0.5 <= top + height + 1
+        checked += 1
+    assert checked > 10
 
 
 def test_the_labels_of_a_flight_are_read_as_detections(flights, out, tmp_path):
