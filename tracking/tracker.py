@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -80,6 +82,13 @@ class Tracker:
         self._evidence = NO_EVIDENCE  # of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0.0  # steps of motion since tentative tracks were last predicted
+
+    def copy(self) -> "Tracker":
+        """As `Member.copy`; scans replace whatever they change, except for sightings in the first one."""
+        made = copy(self)
+        made._messenger = copy(self._messenger)
+        made._table = replace(self._table, sightings=self._table.sightings.copy())
+        return made
 
     @property
     def tracks(self) -> tuple[Track, ...]:

@@ -34,7 +34,7 @@ class TrackerFleet:
     def __init__(self, scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> None:
         self._network, self._trackers = scenario.network, make_trackers(scenario, forest, initial)
         self.relay, self._k = ScanRelay(self._network, len(self._trackers)), 0  # number of the next scan
-        start = FleetState(self._trackers, [forest])
+        start = FleetState(self._trackers)
         hold = max(round(self._network.holds * scenario.rates.sensing), 1)
         uavs = range(len(self._trackers) if self._network.takes_time else 0)
         self._logs = [ScanLog(i, start, hold) for i in uavs]

@@ -111,7 +111,7 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     parameters = TrackerParameters(c.motion, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
-    logs = [ScanLog(u, FleetState(fleet, [c.forest]), 2 * c.late) for u in range(len(fleet)) if c.late]
+    logs = [ScanLog(u, FleetState(fleet), 2 * c.late) for u in range(len(fleet)) if c.late]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)
     elsewhere = np.zeros(out.shape[:3], dtype=bool)
     for k, scans in enumerate(mission.scans):

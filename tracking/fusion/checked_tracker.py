@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from copy import deepcopy
+from copy import copy, deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -26,19 +26,26 @@ def make_tracker(
 ) -> Member:
     """The tracker of that name or import string; InputError if there is none, or later if its results are unusable."""
     made = TRACKERS.make(name, uav, camera, forest, parameters, initial)
-    ours: Member = made if name in TRACKERS.built_in else CheckedTracker(name, made, uav, parameters.max_speed)
+    ours: Member = made if name in TRACKERS.built_in else CheckedTracker(name, made, uav, parameters.max_speed, forest)
     return ours
 
 
 class CheckedTracker:
     """A tracker from outside; InputError if it fails, or gives unusable tracks or messages."""
 
-    def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401 - not ours
+    def __init__(self, name: str, made: Any, uav: int, max_speed: float, forest: Forest) -> None:  # noqa: ANN401
         self.uav, self.max_speed = uav, max_speed
-        self._name, self._made = name, made
+        self._name, self._made, self._forest = name, made, forest
         self._scans, self._time = 0, -math.inf  # number of scans, and time of the last [s]
         with self._errors("give its tracks", "tracks"):
             self.tracks = check_tracks(made.tracks)  # after the last call but `message`, by ascending id
+
+    def copy(self) -> "CheckedTracker":
+        """As `Member.copy`; trackers from outside are copied by `copy.deepcopy`, apart from the map."""
+        made = copy(self)
+        with self._errors("be copied", "__deepcopy__"):
+            made._made = deepcopy(self._made, {id(self._forest): self._forest})
+        return made
 
     def step(self, scan: Scan) -> None:
         """As `Member.step`."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from dataclasses import replace
 from weakref import WeakValueDictionary
 
@@ -18,12 +17,9 @@ from tracking.track import Scan
 class FleetState:
     """The trackers of a whole fleet, by UAV, after a scan; it never changes, and UAVs with the same scans share it."""
 
-    def __init__(self, trackers: Sequence[Member], fixed: Sequence[object] = (), pooled: Message | None = None) -> None:
-        """Trackers, which accepted the message `pooled` at the last scan.
-
-        fixed: objects that trackers never change, such as the map, which copies of trackers have in common.
-        """
-        self.trackers, self.pooled, self._fixed = trackers, pooled, fixed
+    def __init__(self, trackers: Sequence[Member], pooled: Message | None = None) -> None:
+        """Trackers, which accepted the message `pooled` at the last scan."""
+        self.trackers, self.pooled = trackers, pooled
         self._after = WeakValueDictionary[frozenset[int], FleetState]()
 
     def find(self, uav: int) -> Member:
@@ -37,7 +33,7 @@ class FleetState:
         """
         after = None if agreed else self._after.get(frozenset(scans))
         if after is None:
-            trackers = deepcopy(self.trackers, {id(part): part for part in self._fixed})
+            trackers = [tracker.copy() for tracker in self.trackers]
             for tracker in trackers:
                 if tracker.uav in scans:
                     tracker.step(scans[tracker.uav])
@@ -46,7 +42,7 @@ class FleetState:
             pooled = pool(trackers)
             for tracker in trackers:
                 tracker.accept(agreed or pooled)
-            after = FleetState(trackers, self._fixed, agreed or pooled)
+            after = FleetState(trackers, agreed or pooled)
             if not agreed:
                 self._after[frozenset(scans)] = after
         return after

@@ -17,10 +17,13 @@ TRACKERS = Registry(
 class Member(Protocol):
     """Tracker of one UAV in a fleet; at each scan `step` or `coast` is called, then `message`, then `accept`.
 
-    In a network that takes time trackers are copied, and copies take scans again.
+    In a network that takes time copies of trackers take scans again.
     A tracker from outside needs only the four methods and `tracks`, as any sequence. `CheckedTracker` wraps it and adds
     the rest. `tracking.fusion.exchange.TrackExchange` makes messages from tracks, and tracks from messages.
     """
+
+    def copy(self) -> "Member":
+        """A tracker in the same state that goes on by itself."""
 
     @property
     def uav(self) -> int:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.graphs import message
+from helpers.scenes import OPEN
 
 from tracking.errors import InputError
 from tracking.fusion.checked_tracker import CheckedTracker, check_message
@@ -58,7 +59,7 @@ class Spoilt:
 @pytest.mark.parametrize("method", ["step", "coast"])
 def test_wrong_tracks_are_an_error_of_the_method_that_left_them(method, mean, complaint):
     given = {"step": Scan(0, 0.0, Pose.level(0.0, 0.0, 25.0), np.zeros((0, 2)), np.zeros((0, 2, 2))), "coast": 0.0}
-    tracker = CheckedTracker("mine:Spoilt", Spoilt(mean), 0, 3.0)
+    tracker = CheckedTracker("mine:Spoilt", Spoilt(mean), 0, 3.0, OPEN)
     with pytest.raises(InputError) as error:
         getattr(tracker, method)(given[method])
     assert error.match(
