@@ -17,6 +17,7 @@ from sim.recording.dataframes import write_parquet
 from sim.recording.recording import Recording
 from sim.replay.columns import TABLES
 from sim.replay.flight import Flight
+from sim.replay.ros_layout import make_layout
 from sim.replay.ros_mission import write_bag
 from sim.scenario.settings_text import format_toml
 from tracking.errors import check_known
@@ -51,6 +52,8 @@ def export(recording: Recording, target: str, out: Path, *, truth: bool = True) 
 def _write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> None:
     """A bag, a layout of Foxglove for it, and what `understory track` needs besides: trees, settings and truth."""
     write_bag(recording, folder / "bag", truth=truth)
+    layout = make_layout(recording.poses.shape[1], recording.setting.area.width)
+    (folder / "foxglove.json").write_text(layout, encoding="utf-8")
     _write_map_and_settings(recording, folder)
     if truth:
         _write_truth(recording, folder)

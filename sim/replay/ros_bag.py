@@ -1,6 +1,6 @@
 """A bag of ROS 2 that is being written, with MCAP as its storage and standard types of messages; needs no ROS."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from tracking.errors import InputError
 
-Message = Mapping[str, Any] | Sequence[Any]  # a message's fields by name, where others are zero, or all in order
+Message = dict[str, Any] | Sequence[Any]  # a message's fields by name, where others are zero, or all in order
 # Definitions of vision_msgs 4, which the library does not have.
 _VISION = {
     "Point2D": "float64 x\nfloat64 y\n",
@@ -27,10 +27,17 @@ for _size in ("2D", "3D"):
 class _Field(NamedTuple):
     """A field of a type of messages."""
 
-    name: str
+    place: int
     kind: str  # type of the messages in it; empty if it has plain values
     several: bool
-    zero: Any
+
+
+class _Form(NamedTuple):
+    """A type of messages, its fields by name, and the values of a message of zeros."""
+
+    make: Any
+    fields: dict[str, _Field]
+    zeros: list[Any]
 
 
 class RosBag:
@@ -48,7 +55,7 @@ class RosBag:
         self._writer: Any = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)  # which Humble reads, too
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._topics = dict[str, Any]()
-        self._forms = dict[str, list[_Field]]()
+        self._forms = dict[str, _Form]()
 
     def __enter__(self) -> "RosBag":
         self._writer.open()
@@ -70,33 +77,29 @@ class RosBag:
         self._writer.write(self._topics[topic], round(time * 1e9), content)
 
     def _build(self, kind: str, message: Message) -> Any:  # noqa: ANN401 - types are made as the program runs
-        fields = self._forms.get(kind) or self._list_fields(kind)
-        if isinstance(message, Mapping):
-            assert message.keys() <= {field.name for field in fields}, (kind, message.keys())
-            values = [self._fill(f, message[f.name]) if f.name in message else f.zero for f in fields]
-        else:
-            values = [self._fill(field, value) for field, value in zip(fields, message, strict=True)]
-        return self._store.types[kind](*values)
+        form = self._forms.get(kind) or self._find_form(kind)
+        values = form.zeros.copy()
+        for name, value in message.items() if isinstance(message, dict) else zip(form.fields, message, strict=True):
+            place, inner, several = form.fields[name]
+            if not inner:
+                values[place] = value
+            else:
+                values[place] = [self._build(inner, one) for one in value] if several else self._build(inner, value)
+        return form.make(*values)
 
-    def _fill(self, field: _Field, value: Any) -> Any:  # noqa: ANN401
-        if not field.kind:
-            return value
-        return [self._build(field.kind, one) for one in value] if field.several else self._build(field.kind, value)
-
-    def _list_fields(self, kind: str) -> list[_Field]:
+    def _find_form(self, kind: str) -> _Form:
         from rosbags.interfaces import Nodetype
 
-        fields = []
-        for name, (node, what) in self._store.fielddefs[kind][1]:
+        form = self._forms[kind] = _Form(self._store.types[kind], {}, [])
+        for place, (name, (node, what)) in enumerate(self._store.fielddefs[kind][1]):
             several = node in (Nodetype.ARRAY, Nodetype.SEQUENCE)
             (inner, of), count = what if several else ((node, what), 0)
             if inner == Nodetype.NAME:
-                fields.append(_Field(name, of, several, [] if several else self._build(of, {})))
+                form.zeros.append([] if several else self._build(of, {}))
             else:
-                zero = np.zeros(count, dtype=of[0]) if several else {"string": "", "bool": False}.get(of[0], 0)
-                fields.append(_Field(name, "", several, zero))
-        self._forms[kind] = fields
-        return fields
+                form.zeros.append(np.zeros(count, of[0]) if several else {"string": "", "bool": False}.get(of[0], 0))
+            form.fields[name] = _Field(place, of if inner == Nodetype.NAME else "", several)
+        return form
 
 
 def _offer_latched() -> list[Any]:

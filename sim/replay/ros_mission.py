@@ -1,6 +1,7 @@
 """A recorded mission as a bag of ROS 2."""
 
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -16,11 +17,11 @@ from sim.recording.recording import Recording
 from sim.replay.event import Event
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.frames.sightings import PERSON_RADIUS, outline_cylinder
+from sim.replay.frames.sightings import PERSON_RADIUS
 from sim.replay.ros_bag import Message, RosBag
 from sim.replay.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
 from sim.sensing.cameras import camera_of
-from tracking.geometry.camera import Camera, Pose, rotation
+from tracking.geometry.camera import Camera, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
@@ -29,6 +30,8 @@ _MARKERS, _IMAGE = "visualization_msgs/msg/MarkerArray", "sensor_msgs/msg/Compre
 _COMMAND, _NUMBER, _LOG = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64", "rcl_interfaces/msg/Log"
 _QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _INFO = 20  # level of messages of a log
+_SIZE = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)  # m, of a person
+_BODY = _SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
 
 
 def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
@@ -110,18 +113,14 @@ def _write_camera(bag: RosBag, snapshot: Snapshot, uav: int, camera: Camera, *, 
         scan, pixels = snapshot.scans[uav], snapshot.pixels[uav]
         places = [_place(time, *pair) for pair in zip(scan.measurements, scan.covariances, strict=True)]
         bag.write(f"/uav{uav}/detections", ON_GROUND, time, (head(time), places))
+        people = scan.measurements[: len(pixels), None]  # in ideal sensing there are no pixels
+        corners = _BODY + np.concatenate([people, np.zeros((len(people), 1, 1))], axis=2)
+        sizes = np.ptp(camera.project(scan.pose, corners.reshape(-1, 3))[0].reshape(-1, 8, 2), axis=1)
         boxes = [
-            {"header": header, "bbox": (((u, v), 0.0), *_measure_person(camera, scan.pose, place))}
-            for (u, v), place in zip(pixels.tolist(), scan.measurements if len(pixels) else (), strict=True)
+            {"header": header, "bbox": ((pixel, 0.0), *size)}
+            for pixel, size in zip(pixels.tolist(), sizes.tolist(), strict=True)
         ]
         bag.write(f"/uav{uav}/camera/detections", IN_IMAGE, time, (header, boxes))
-
-
-def _measure_person(camera: Camera, pose: Pose, place: Array) -> tuple[float, float]:
-    """Width and height [pixel] in the image of a person at a place (2,) m."""
-    outline = outline_cylinder(camera, pose, np.array([*place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT]))
-    width, height = np.ptp(outline, axis=0).tolist() if len(outline) else (0.0, 0.0)
-    return width, height
 
 
 def _write_image(bag: RosBag, time: float, uav: int, image: Image) -> None:
@@ -164,11 +163,10 @@ def _place(time: float, mean: Array, covariance: Array, *, score: float = 1.0, n
     """A person on the ground, at a place (2,) m with a covariance (2, 2) m²."""
     entries, pose = np.zeros((6, 6)), ((*mean.tolist(), TARGET_HEIGHT), LEVEL)
     entries[:2, :2] = covariance
-    size = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)
     return {
         "header": head(time),
         "results": [(("person", score), (pose, entries.ravel()))],
-        "bbox": (pose, size),
+        "bbox": (pose, _SIZE),
         "id": name,
     }
 

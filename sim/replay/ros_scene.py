@@ -17,6 +17,7 @@ from sim.replay.frames.sightings import PERSON_RADIUS
 from sim.replay.ros_bag import Message
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array
 from tracking.track import Track
 
 WORLD = "map"  # the frame of REP 105, with x to the east, y to the north and z up
@@ -83,7 +84,7 @@ class UavScene:
         self._cameras = [camera_of(uav) for uav in recording.setting.uavs]
 
     def draw(self, snapshot: Snapshot) -> Iterator[Message]:
-        """For each UAV its name, field of view on the ground, intent and tracks; of a broken one only its name."""
+        """For each UAV its name, view, intent, detections and tracks; of a broken one only its name."""
         self._intents.follow(snapshot)
         paths = self._intents.paths(snapshot)
         for i, pose in enumerate(snapshot.poses):
@@ -98,6 +99,9 @@ class UavScene:
                 if i in paths:
                     path = [(*place, z) for place in paths[i].tolist()]
                     found.append(_draw_line(time, ink._replace(namespace="intent"), path))
+                scan, yellow = snapshot.scans[i], _Ink("detections", 0, palette.DETECTION, 0.6)
+                for n, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
+                    found.append(_draw_ellipse(time, yellow._replace(number=n), z, R))
                 for track in snapshot.tracks[i]:
                     found += _draw_track(time, track)
             yield {"markers": found}
@@ -115,15 +119,19 @@ class UavScene:
 
 
 def _draw_track(time: float, track: Track) -> Iterator[Message]:
-    """A track's number and, flat at the mid-height of people, its 95 % ellipse."""
-    x, y = track.belief.mean[:2].tolist()
-    half, axes = find_half_axes(track.belief.covariance[:2, :2])
-    turn = math.atan2(axes[1, 0], axes[0, 0]) / 2
-    ink = _Ink("tracks", track.id, lighten(track_colour(track.id)), 0.6)
-    size = (2 * float(half[0]), 2 * float(half[1]), 0.05)
+    """A track's number and ellipse."""
+    ink, belief = _Ink("tracks", track.id, lighten(track_colour(track.id)), 0.6), track.belief
+    yield _draw_ellipse(time, ink, belief.mean[:2], belief.covariance[:2, :2])
+    above = (*belief.mean[:2].tolist(), 2 * TARGET_HEIGHT)
+    yield _write(time, ink._replace(namespace="numbers", opacity=1.0), above, name_track(track))
+
+
+def _draw_ellipse(time: float, ink: _Ink, mean: Array, covariance: Array) -> Message:
+    """The 95 % ellipse of a Gaussian, flat at the mid-height of people; mean (2,) m, covariance (2, 2) m²."""
+    half, axes = find_half_axes(covariance)
+    turn, size = math.atan2(axes[1, 0], axes[0, 0]) / 2, (2 * half).tolist()
     quaternion = (0.0, 0.0, math.sin(turn), math.cos(turn))
-    yield _draw_cylinder(time, ink, (x, y, TARGET_HEIGHT), size, quaternion)
-    yield _write(time, ink._replace(namespace="numbers", opacity=1.0), (x, y, 2 * TARGET_HEIGHT), name_track(track))
+    return _draw_cylinder(time, ink, (*mean.tolist(), TARGET_HEIGHT), (*size, 0.05), quaternion)
 
 
 def _draw_cylinder(

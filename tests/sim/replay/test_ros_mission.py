@@ -1,5 +1,6 @@
 """Oracle of bags: a second library reads them, and its CameraInfo and tf put people where the renderer has them."""
 
+import json
 from collections import defaultdict
 
 import cv2
@@ -18,6 +19,7 @@ from sim.recording.archive import save
 from sim.replay.export import export
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
+from sim.replay.ros_layout import make_layout
 from tracking.geometry.visibility import at_target_height
 
 BROKEN_AT = 8  # the scan, of UAV 2
@@ -187,7 +189,10 @@ def test_the_scene_has_trees_people_views_intents_and_ellipses(recording, bag):
             assert message.markers[0].action == 3  # the markers of the scan before go
             kinds = [marker.ns for marker in message.markers[1:]]
             works = bool(recording.working[k, i])
-            assert {*kinds} == ({"uav", "names", "view", "intent", "tracks", "numbers"} if works else {"uav", "names"})
+            seen = {"view", "intent", "tracks", "numbers"} | (
+                {"detections"} if len(recording.scan_at(k, i).measurements) else set()
+            )
+            assert {*kinds} == {"uav", "names"} | (seen if works else set())
             names = [marker.text for marker in message.markers if marker.ns == "names"]
             assert names == [f"UAV {i}" if works else f"UAV {i}, broken down"]
             drawn = [marker for marker in message.markers if marker.ns == "tracks"]
@@ -200,6 +205,29 @@ def test_the_scene_has_trees_people_views_intents_and_ellipses(recording, bag):
                 axes = Rotation.from_quat(turn).as_matrix()[:2, :2]
                 covariance = axes @ np.diag(half**2 / 5.991465) @ axes.T  # 95 % of chi-square
                 np.testing.assert_allclose(covariance, track.belief.covariance[:2, :2], rtol=1e-6, atol=1e-9)
+
+
+def test_the_layout_of_foxglove_shows_topics_of_the_bag(folder, bag):
+    _, kinds, _ = bag
+    layout = json.loads((folder / "foxglove.json").read_text())
+    panels, placed, left = layout["configById"], [], [layout["layout"]]
+    while left:
+        part = left.pop()
+        if isinstance(part, str):
+            placed.append(part)
+        else:
+            left += [part["first"], part["second"]]
+    assert sorted(placed) == sorted(panels) and len(panels) == 1 + 1 + 3 + 3
+    for name, panel in panels.items():
+        assert {kinds[topic] for topic in panel.get("topics", {})} <= {"visualization_msgs/msg/MarkerArray"}
+        if name.startswith("Image!"):
+            assert kinds[panel["imageMode"]["imageTopic"]] == "sensor_msgs/msg/CompressedImage"
+            assert kinds[panel["imageMode"]["calibrationTopic"]] == "sensor_msgs/msg/CameraInfo"
+        for path in panel.get("paths", []):
+            topic, _, field = path["value"].partition(".")
+            assert kinds[topic] == "std_msgs/msg/Float64" and field == "data"
+    assert kinds[panels["RosOut!events"]["topicToRender"]] == "rcl_interfaces/msg/Log"
+    assert json.loads(make_layout(9, 100.0))["layout"]["second"]["direction"] == "row"  # images in two columns
 
 
 def test_without_truth_only_what_uavs_know_is_left(recording, folder, bag, tmp_path, call):
