@@ -135,7 +135,8 @@ def _list_plans(recording: Recording) -> dict[str, Any]:
 def list_colours() -> dict[str, str]:
     """Colours of the palette in CSS, by their names in lower case."""
     named = {name.lower(): value for name, value in vars(palette).items() if name.isupper()}
-    return {name: format_css(v) for name, v in named.items() if isinstance(v, tuple) and isinstance(v[0], int)}
+    colours = {name: v for name, v in named.items() if isinstance(v, tuple) and len(v) == 3 and isinstance(v[0], int)}
+    return {name: format_css(colour) for name, colour in colours.items()}
 
 
 def format_css(colour: palette.Colour) -> str:
