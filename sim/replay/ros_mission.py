@@ -41,6 +41,7 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
     """
     flight, scene = Flight(recording), UavScene(recording)
     events = list(flight.events) if truth else []
+    odometry = {"odometry": _find_believed_bodies(recording)} | ({"odometry_true": recording.poses} if truth else {})
     with RosBag(folder) as bag, ExitStack() as stack:
         # A flight from elsewhere has images of its own, which a recording does not contain.
         again = stack.enter_context(Rerenderer(recording)) if recording.frames is None else None
@@ -49,7 +50,7 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
             while events and events[0].time <= time:
                 _write_event(bag, events.pop(0))
             snapshot = number_snapshot(recording, k)
-            _write_poses(bag, recording, k, truth=truth)
+            _write_poses(bag, recording, k, odometry)
             for i, markers in enumerate(scene.draw(snapshot)):
                 _write_camera(bag, snapshot, i, camera_of(recording.setting.uavs[i]), first=k == 0)
                 if again and snapshot.frames[i]:
@@ -64,28 +65,39 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
             _write_event(bag, event)
 
 
-def _write_poses(bag: RosBag, recording: Recording, k: int, *, truth: bool) -> None:
+def _find_believed_bodies(recording: Recording) -> Array:
+    """Poses (K, n, 7) of the bodies as UAVs believe them: moved and turned from the true ones as their cameras."""
+    if recording.believed is None:
+        return recording.poses
+    own, true, believed = (rows.reshape(-1, 7) for rows in (recording.poses, recording.cameras, recording.believed))
+    back = true[:, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse turn
+    turned = multiply_quaternions(multiply_quaternions(believed[:, 3:], back), own[:, 3:])
+    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned]).reshape(recording.poses.shape)
+
+
+def _write_poses(bag: RosBag, recording: Recording, k: int, odometry: dict[str, Array]) -> None:
     """Transforms of bodies and cameras, odometry and commands.
 
-    A camera's frame is one of the world, not of its body, as one on a gimbal keeps its attitude.
+    A camera's frame is one of the world, not of its body, as one on a gimbal keeps its attitude. odometry: poses
+    (K, n, 7) of the bodies by names of topics, believed ones first.
     """
-    time, poses, cameras = float(recording.times[k]), recording.poses[k], recording.cameras[k]
+    time, cameras = float(recording.times[k]), recording.believed_cameras[k]
     header, links = head(time), list[Message]()
     optical = np.tile(-OPTICAL, (len(cameras), 1))  # the opposite turn
     turned = np.hstack([cameras[:, :3], multiply_quaternions(cameras[:, 3:], optical)])
-    before = max(k - 1, 0)
-    moved = (poses - recording.poses[before])[:, :3] * recording.setting.rates.sensing
-    for i, (body, camera, velocity) in enumerate(zip(poses, turned, moved, strict=True)):
+    for name, poses in odometry.items():
+        moved = (poses[k] - poses[max(k - 1, 0)])[:, :3] * recording.setting.rates.sensing
+        for i, (row, velocity) in enumerate(zip(poses[k], moved, strict=True)):
+            told: Message = {
+                "header": header,
+                "child_frame_id": f"uav{i}/base_link",
+                "pose": {"pose": (row[:3].tolist(), row[3:].tolist())},
+                "twist": {"twist": {"linear": (rotation(row[3:]).T @ velocity).tolist()}},
+            }
+            bag.write(f"/uav{i}/{name}", ODOMETRY, time, told)
+    for i, (body, camera) in enumerate(zip(odometry["odometry"][k], turned, strict=True)):
         for frame, row in ((f"uav{i}/base_link", body), (_name_camera(i), camera)):
             links.append((header, frame, (row[:3].tolist(), row[3:].tolist())))
-        odometry: Message = {
-            "header": header,
-            "child_frame_id": f"uav{i}/base_link",
-            "pose": {"pose": (body[:3].tolist(), body[3:].tolist())},
-            "twist": {"twist": {"linear": (rotation(body[3:]).T @ velocity).tolist()}},
-        }
-        for name in ("odometry", "odometry_true") if truth else ("odometry",):
-            bag.write(f"/uav{i}/{name}", ODOMETRY, time, odometry)
         command: Message = (header, {"linear": (*recording.commands[k, i].tolist(), 0.0)})
         bag.write(f"/uav{i}/command", _COMMAND, time, command)
     bag.write("/tf", TRANSFORMS, time, (links,))

@@ -16,6 +16,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames.sightings import PERSON_RADIUS
 from sim.replay.ros_bag import Message
 from sim.sensing.cameras import camera_of
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.track import Track
@@ -77,7 +78,7 @@ def draw_people(snapshot: Snapshot, holds: Sequence[str]) -> Message:
 
 
 class UavScene:
-    """Markers of UAVs, from snapshots in order of time."""
+    """Markers of UAVs where they believe to be, from snapshots in order of time."""
 
     def __init__(self, recording: Recording) -> None:
         self._intents = Intents(recording.setting)
@@ -87,7 +88,7 @@ class UavScene:
         """For each UAV its name, view, intent, detections and tracks; of a broken one only its name."""
         self._intents.follow(snapshot)
         paths = self._intents.paths(snapshot)
-        for i, pose in enumerate(snapshot.poses):
+        for i, pose in enumerate(snapshot.believed or snapshot.cameras):  # which are where their bodies are
             works, (x, y, z) = i in snapshot.working, pose.position.tolist()
             ink, time = _Ink("uav", i, uav_colour(i) if works else palette.ALARM), snapshot.time
             found = [_DELETE_ALL, _draw_cylinder(time, ink, (x, y, z), (1.2, 1.2, 0.3))]
@@ -95,9 +96,9 @@ class UavScene:
             text = f"UAV {i}" if works else f"UAV {i}, broken down"
             found.append(_write(time, named, (x, y, z + _LETTERS), text))
             if works:
-                found += self._draw_view(snapshot, i, ink)
+                found += self._draw_view(time, i, pose, ink)
                 if i in paths:
-                    path = [(*place, z) for place in paths[i].tolist()]
+                    path = [(*place, z) for place in (paths[i] + pose.position[:2] - paths[i][0]).tolist()]
                     found.append(_draw_line(time, ink._replace(namespace="intent"), path))
                 scan, yellow = snapshot.scans[i], _Ink("detections", 0, palette.DETECTION, 0.6)
                 for n, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
@@ -106,16 +107,15 @@ class UavScene:
                     found += _draw_track(time, track)
             yield {"markers": found}
 
-    def _draw_view(self, snapshot: Snapshot, uav: int, ink: _Ink) -> Iterator[Message]:
+    def _draw_view(self, time: float, uav: int, pose: Pose, ink: _Ink) -> Iterator[Message]:
         """The edges of a camera's view down to the ground, if none is above the horizon."""
-        pose = snapshot.cameras[uav]
         corners = self._cameras[uav].footprint(pose)
         if self._cameras[uav].focal and np.isfinite(corners).all():
             ground, eye = [(x, y, 0.0) for x, y in corners.tolist()], tuple(pose.position.tolist())
             edges = zip(ground, [*ground[1:], ground[0]], strict=True)
             sides = ((eye, corner) for corner in ground[:: len(ground) // 4])
             lines = [end for pair in (*edges, *sides) for end in pair]
-            yield _draw_line(snapshot.time, ink._replace(namespace="view", opacity=0.5), lines, kind=_LINE_LIST)
+            yield _draw_line(time, ink._replace(namespace="view", opacity=0.5), lines, kind=_LINE_LIST)
 
 
 def _draw_track(time: float, track: Track) -> Iterator[Message]:

@@ -19,6 +19,7 @@ MISSIONS = {
     "two clocks and a slow camera": [
         *("duration=6", "rates.sensing=10", "uavs.0.rate=5", "uavs.1.rate=2", "uavs.2.rate=0.5", UNKNOWN),
         *("sensing.false_alarms=0.3", "sensing.miss_probability=0.1", "uavs.1.mount=body", "uavs.1.tilt_deg=20"),
+        "uavs.2.navigation=gnss",
     ],
     "breakdown, losses, paper's tracker": [
         *("duration=8", "sensing.mode=ideal", "uavs.1.fails_at=4.1", "network.fusion=kla", "network.range=30", UNKNOWN),
@@ -26,8 +27,9 @@ MISSIONS = {
     ],
 }
 TRACKS = [
-    *("times", "measurement_offsets", "measurements", "measurement_covariances", "pixels", "cameras", "bytes_sent"),
+    *("times", "measurement_offsets", "measurements", "measurement_covariances", "pixels", "bytes_sent"),
     *("track_offsets", "track_ids", "track_means", "track_covariances", "track_existence", "track_sightings", "trees"),
+    "believed_cameras",
 ]
 
 

@@ -104,6 +104,28 @@ def test_tf_is_a_tree_with_the_poses_of_bodies_and_cameras(recording, bag):
     np.testing.assert_allclose(moved, np.diff(recording.poses[:, 0, :3], axis=0), atol=1e-9)
 
 
+def test_a_uav_that_errs_tells_the_poses_that_it_believes(tmp_path):
+    errs = [f"uavs.{i}.navigation={kind}" for i, kind in enumerate(("consumer", "gnss", "exact"))]
+    recording = recorded(*errs, seed=2, duration=1)
+    export(recording, "rosbag", tmp_path / "out")
+    messages, _, _ = read(tmp_path / "out")
+    for k, (_, message) in enumerate(messages["/tf"]):
+        for i, (body, eye) in enumerate(zip(message.transforms[::2], message.transforms[1::2], strict=True)):
+            body, eye = (np.array(row(t.transform.translation, t.transform.rotation)) for t in (body, eye))
+            assert eye[:3].tolist() == recording.believed[k, i, :3].tolist()
+            # The camera is mounted on the believed body as on the true one.
+            angle = Rotation.from_quat(body[3:]).inv() * Rotation.from_quat(recording.believed[k, i, 3:])
+            true = Rotation.from_quat(recording.poses[k, i, 3:]).inv() * Rotation.from_quat(recording.cameras[k, i, 3:])
+            assert (angle * true.inv()).magnitude() < 1e-7
+            told = messages[f"/uav{i}/odometry_true"][k][1].pose.pose
+            assert row(told.position, told.orientation) == recording.poses[k, i].tolist()
+            told = messages[f"/uav{i}/odometry"][k][1].pose.pose
+            np.testing.assert_array_equal(row(told.position, told.orientation), body)
+            shown = next(marker for marker in messages[f"/uav{i}/markers"][k][1].markers if marker.ns == "uav")
+            assert row(shown.pose.position, shown.pose.orientation)[:3] == eye[:3].tolist()
+    assert np.abs(recording.believed[:, 0] - recording.cameras[:, 0]).max() > 0.1
+
+
 def test_camera_info_and_tf_project_people_onto_their_pixels(tmp_path):
     """Without trees only another person or a UAV may cover the middle of a person; K is that of OpenCV."""
     each = [f"uavs.{i}.{key}" for i in range(3) for key in ("mount=body", "tilt_deg=15", "pixels=384")]
