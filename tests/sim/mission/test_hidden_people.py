@@ -1,7 +1,7 @@
-"""Errors in people out of sight, beside those of a particle filter that has all frames of all UAVs.
+"""Errors in people out of sight, beside those of a particle filter that has all frames of all UAVs, and calibration.
 
-`pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 40 missions, and prints what
-docs/explanation/tracks.md says of them.
+`pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 40 missions for the errors and 55 for the
+calibration, and prints what docs/explanation/tracks.md says of them.
 """
 
 from collections.abc import Iterator
@@ -9,9 +9,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from helpers.flights import fly
+from scipy.stats import kstest
 
+from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
+from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
+from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -75,3 +79,44 @@ def test_tracks_of_hidden_people_are_as_near_as_a_particle_filters_means():
     assert near.mean() > 0.95  # lost tracks are neither dropped nor far off
     assert tracks.mean() < particles.mean()
     assert np.mean(tracks > 2.0) < np.mean(particles > 2.0)
+
+
+def probability_integrals(mission: Mission) -> Iterator[tuple[float, float]]:
+    """Seconds since the fleet detected a person, 1 to 20, and the probability that UAV 0 gives to likelier places.
+
+    A calibrated belief makes this probability uniform on [0, 1]. It is 1 of a person whose track has ended. People are
+    left out whose track was not within 1 m of them at the last detection, or was given to somebody else since.
+    """
+    last: dict[int, float] = {}
+    for snapshot in mission.fly():
+        tracks = {track.id: track for track in snapshot.tracks[0]}
+        for person, place in enumerate(snapshot.people):
+            track = tracks.get(person)
+            off = np.inf if track is None else np.linalg.norm(track.belief.mean[:2] - place)
+            if snapshot.matched[:, person].any():
+                last[person] = snapshot.time if off < HELD else np.inf
+            unseen = snapshot.time - last.get(person, np.inf)
+            if not 1.0 <= unseen <= 20.0:
+                continue
+            if track is None:
+                yield unseen, 1.0
+            elif track.sighting[2] < last[person] + 0.3:
+                error, covariance = track.belief.mean[:2] - place, track.belief.covariance[:2, :2]
+                yield unseen, 1.0 - np.exp(-0.5 * error @ np.linalg.solve(covariance, error))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("world", "overrides", "seeds", "stated"),
+    [("forest", ["trees.density=75"], range(5000, 5040), 0.148), ("crowd", [], range(15), 0.199)],
+)
+def test_beliefs_about_hidden_people_are_as_far_from_calibrated_as_is_said(world, overrides, seeds, stated):
+    """Calibrated beliefs would have a distance below 0.05: most people are nearer than believed, a few far outside."""
+    missions = [Mission(load(world, overrides), load_planner(DEFAULT_PLANNER), seed) for seed in seeds]
+    found = np.array([pair for mission in missions for pair in probability_integrals(mission)])
+    for low, high in ((1, 3), (3, 6), (6, 10), (10, 20), (1, 20)):
+        levels = found[(low <= found[:, 0]) & (found[:, 0] <= high), 1]
+        distance, outside = kstest(levels, "uniform").statistic, np.mean(levels > 0.99)
+        print(f"\n{world}, {low} to {high} s: {len(levels)} beliefs, Kolmogorov's distance {distance:.3f}", end="")
+        print(f", nearer than the median {np.mean(levels < 0.5):.1%}, outside the 99 % ellipse {outside:.1%}")
+    assert distance == pytest.approx(stated, abs=0.02) and 0.01 < outside < 0.2
