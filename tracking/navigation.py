@@ -18,15 +18,15 @@ class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     horizontal_noise: _Metres = 0.0  # m, of the position to the east and to the north
-    vertical_noise: _Metres = 0.0  # m
-    horizontal_drift: _Metres = 0.0  # m
-    vertical_drift: _Metres = 0.0  # m
+    vertical_noise: _Metres = 0.0  # m, of the altitude
+    horizontal_drift: _Metres = 0.0  # m, of the position
+    vertical_drift: _Metres = 0.0  # m, of the altitude
     position_time: _TimeConstant = 300.0  # s, time constant of the drift of the position
     velocity_noise: Annotated[float, Meta(ge=0, le=10)] = 0.0  # m/s, which the control of velocities follows
     tilt_bias_deg: _Degrees = 0.0  # deg, about the axes to the east and to the north
-    tilt_drift_deg: _Degrees = 0.0  # deg
-    yaw_bias_deg: _Degrees = 0.0  # deg
-    yaw_drift_deg: _Degrees = 0.0  # deg
+    tilt_drift_deg: _Degrees = 0.0  # deg, about the same axes
+    yaw_bias_deg: _Degrees = 0.0  # deg, of the heading
+    yaw_drift_deg: _Degrees = 0.0  # deg, of the heading
     attitude_time: _TimeConstant = 60.0  # s, time constant of the drift of tilt and yaw
     # s, deviation of the clock offset, which is drawn once: a pose with this offset is of so much later than its image
     clock_deviation: Annotated[float, Meta(ge=0, le=DAY)] = 0.0

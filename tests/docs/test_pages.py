@@ -16,6 +16,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 from sim.scenario.uavs import Cut, Uav
 from sim.terminal.commands import load_command
+from tracking.navigation import Navigation
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
@@ -133,7 +134,8 @@ def defaults(kind=Scenario, prefix=""):
 
 def test_the_reference_lists_every_key_with_meaning_default_and_overrides():
     listed = dict(re.findall(r"^\| `([\w.]+)` \| ?(.*?) ?\|", REFERENCE, flags=re.M))
-    expected = {**dict(defaults()), **dict(defaults(Uav, "uavs.0.")), **dict(defaults(Cut, "network.cuts."))}
+    tables = {"": Scenario, "uavs.0.": Uav, "uavs.0.navigation.": Navigation, "network.cuts.": Cut}
+    expected = {key: default for prefix, kind in tables.items() for key, default in defaults(kind, prefix)}
     assert set(listed) == set(expected)
     for key, default in expected.items():
         if default is None:
