@@ -45,6 +45,10 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "kla": (5, ("network.fusion=kla",)),
     "unknown tracks": (6, ("tracking.initial_tracks=none",)),
     "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),
+    "late messages": (
+        8,
+        ("network.delay=0.3", "network.jitter=0.5", "network.rate=3000", "network.loss=0.2", "network.hold=1.5"),
+    ),
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 # Last come the images themselves, of a short mission with an appearance drawn at random.

@@ -41,6 +41,11 @@ def test_recordings_and_images_have_the_same_bytes_on_every_processor(flown):
     assert flown([mission], duration=duration) == EXPECTED
 
 
+def test_late_messages_have_the_same_bytes_with_other_kernels():
+    mission, duration = ["late messages"], 5.0
+    assert hashes_here(mission, duration=duration) == hashes(sys.executable, mission, duration=duration, **EVERYTHING)
+
+
 @pytest.mark.docs
 def test_the_readme_has_the_figure_of_its_first_command():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
