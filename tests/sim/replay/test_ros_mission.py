@@ -1,6 +1,7 @@
 """Oracle of bags: a second library reads them, and its CameraInfo and tf put people where the renderer has them."""
 
 import json
+import sys
 from collections import defaultdict
 
 import cv2
@@ -20,6 +21,7 @@ from sim.replay.export import export
 from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.ros_layout import make_layout
+from tracking.errors import InputError
 from tracking.geometry.visibility import at_target_height
 
 BROKEN_AT = 8  # the scan, of UAV 2
@@ -264,3 +266,10 @@ def test_without_truth_only_what_uavs_know_is_left(recording, folder, bag, tmp_p
         code, _, told = call("export", "mission.npz", "--to", target, "--no-truth")
         assert code == 2 and f"--no-truth: not allowed together with --to {target}; it belongs to --to rosbag" in told
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mission.npz", "out"]
+
+
+def test_without_the_library_an_export_says_what_to_install(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(InputError, match=r"^--to: rosbag needs rosbags: pip install 'rosbags>=0\.11'$"):
+        export(recording, "rosbag", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
