@@ -144,6 +144,8 @@ class Mission:
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         believed = self._believe(cameras)
+        heights = [b.position[2] - c.position[2] for b, c in zip(believed, cameras, strict=True)]
+        self._world.altitude_errors = np.array(heights)
         looks = [
             (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people, believed[i])
             for i, pose in enumerate(cameras)

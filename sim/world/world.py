@@ -65,6 +65,7 @@ class World:
         uavs = scenario.uavs
         self.states = np.array([(*uav.start, uav.altitude, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) for uav in uavs], dtype=float)
         self._altitudes = self.states[:, 2].copy()
+        self.altitude_errors = np.zeros(len(uavs))  # m, of the altitudes that the UAVs' control believes
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
@@ -267,7 +268,7 @@ class World:
 
     def _make_targets(self, commands: Array) -> Array:
         """Velocities m/s east and north, and altitudes m (n, 3) that quadrotors are to reach."""
-        return np.column_stack([commands, self._altitudes])
+        return np.column_stack([commands, self._altitudes - self.altitude_errors])
 
     def _note_contacts(self) -> None:
         """Note the contacts that the engine found, which has a margin of 2 cm."""
@@ -287,7 +288,7 @@ class World:
             bodies.engine.resetBaseVelocity(body.id, state[_VELOCITY], state[_SPIN])
 
 
-_STATE = ("states", "_people_centres", "_headings", "_memories", "_touched", "_closed")
+_STATE = ("states", "altitude_errors", "_people_centres", "_headings", "_memories", "_touched", "_closed")
 
 
 _CALM = np.zeros(2)

@@ -20,6 +20,7 @@ CASES = {
         *("network.links=[[0, 1], [1, 2]]", "tracking.initial_tracks=none", "sensing.false_alarms=1"),
         *("sensing.miss_probability=0.1", "uavs.1.fails_at=4"),
     ),
+    "poses that err": (*IDEAL, "uavs.0.navigation=consumer", "uavs.2.navigation=gnss"),
     "images, m of n": ("trees.density=75", "tracking.management=m_of_n"),
     "unknown tracks": (
         *IDEAL,
