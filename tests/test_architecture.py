@@ -24,6 +24,7 @@ LAYERS = {
             "detection",
             "parameters",
             "track",
+            "registration",
         ),
         *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
         "undetected",

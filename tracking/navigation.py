@@ -34,8 +34,8 @@ class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 # RTK: 1 cm + 1 ppm horizontally and 1.5 cm + 1 ppm vertically, and headings from two antennas, as data sheets of
-# such UAVs state. GNSS: the 1.5 to 2 m CEP of data sheets of single-frequency receivers, with a drift of minutes,
-# as in [Beard12]; a calibrated compass. Consumer: 294 forest flights of the BAMBI project, whose logged positions err by 0.1
+# such UAVs state. GNSS: the 1.5 to 2 m CEP of data sheets of single-frequency receivers, with a drift of minutes, as in
+# [Beard12]; a calibrated compass. Consumer: 294 forest flights of the BAMBI project, whose logged positions err by 0.1
 # to 1.3 m, gimbals' yaws differ by 5.8 degrees in the median, and times of frames cost 1.9 m.
 NAVIGATION = {
     "exact": Navigation(),

@@ -212,7 +212,7 @@ _LATER = (
     *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
     *(f"people.{key}" for key in FILE_KEYS),
     *("network.delay", "network.jitter", "network.rate", "network.hold"),
-    *("uavs.start_radius", "uavs.navigation", "loss_distance"),
+    *("uavs.start_radius", "uavs.navigation", "tracking.pose_errors", "loss_distance"),
 )
 
 

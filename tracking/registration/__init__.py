@@ -1,0 +1,1 @@
+"""Registration: errors of UAVs' poses, and what they mean for measurements and tracks."""
