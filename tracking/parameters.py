@@ -58,7 +58,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association
     tracker: str = "jpda"
-    # what trackers know of errors of `uavs.navigation`: `"ignore"`: nothing; `"inflate"`: they add to the covariances of
+    # what trackers know of errors of `uavs.navigation`: `"ignore"`: nothing; `"inflate"`: they add to covariances of
     # measurements; `"estimate"`: UAVs estimate those that last from the people that they see, and tracks tell the rest
     pose_errors: Literal["ignore", "inflate", "estimate"] = "estimate"
     # expected number of undetected people at the start, for whom UAVs search if `initial_tracks` is `"none"`

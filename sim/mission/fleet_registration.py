@@ -1,4 +1,4 @@
-"""Registration of a scenario's fleet: each UAV corrects its scans, and tells its tracks with the errors left in them."""
+"""Registration of a scenario's fleet: UAVs correct their scans, and tell their tracks with the errors left in them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -46,7 +46,7 @@ class FleetRegistration:
     def correct(
         self, time: float, scans: Mapping[int, Scan], members: Mapping[int, Member], links: RadioLinks
     ) -> dict[int, Scan]:
-        """The scans as each UAV corrects its own, with the help of those that it receives; members: working trackers."""
+        """The scans as each UAV corrects its own, with the help of those that it receives; members: those that work."""
         contact, corrected = links.contact, dict[int, Scan]()
         for i, member in members.items():
             received = {j: scan for j, scan in scans.items() if j == i or contact[i, j]}

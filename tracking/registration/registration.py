@@ -13,14 +13,14 @@ from tracking.navigation import Navigation
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import gaussian_costs, squared_distance
+from tracking.numerics.exponential import log
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import apply, product
 from tracking.registration.pose_errors import ERRORS, ErrorModel, error_slopes, sandwich
 from tracking.track import Scan, Track, beliefs_of
 
-# 1/m², density of people without a track, and twice its negative logarithm up to the constant of `gaussian_costs`.
-_OTHERS = 1e-3
-_SUREST = -2.0 * (math.log(_OTHERS) + math.log(math.tau))
+_OTHERS = 1e-3  # 1/m², density of people without a track
+_SUREST = -2.0 * log(_OTHERS * math.tau)  # largest of `gaussian_costs` of a measurement that is likelier the track's
 _LAG = 0.4  # m, deviation by which tracks are off, scan after scan alike, because people do not move as predicted
 _OWN = 0.8  # share of a track from which on it has the errors of the UAVs that see it
 _UNKNOWN = 10.0  # m, deviation of a place of which nothing is known
