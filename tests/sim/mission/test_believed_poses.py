@@ -53,17 +53,6 @@ def test_figures_survive_encoding():
     assert again.uavs[1].navigation_errors.clock_offset == -0.1 and again.uavs == figures.uavs
 
 
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("uavs.0.navigation=gns", "did you mean gnss"),
-        ("uavs.0.navigation={horizontal_drift=-1}", "uavs.0.navigation.horizontal_drift: -1 is not allowed"),
-        ("uavs.0.navigation={horizontal=1}", "uavs.0.navigation.horizontal: unknown key"),
-        ("uavs.0.navigation={clock_offset=50}", "uavs.0.navigation.clock_offset: 50 s is beyond the mission"),
-        ("uavs.0.navigation={position_time=0}", "uavs.0.navigation.position_time: 0 is not allowed"),
-        ("uavs.0.navigation=3", "uavs.0.navigation: 3 is not allowed"),
-    ],
-)
 def test_a_pose_that_is_believed_exactly_moves_nobody():
     points = np.array([[1.0, 2.0], [3.0, -4.0]])
     np.testing.assert_allclose(move_to_believed(points, Pose.level(0, 0, 20), Pose.level(0, 0, 20)), points, atol=1e-12)
