@@ -21,6 +21,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import msgspec
 
 from planning.planners import DEFAULT_PLANNER, PLANNERS
+from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value
 from sim.scenario.uavs import Cut, Uav
@@ -34,6 +35,7 @@ _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself 
 _ROWS = {
     "uavs": ("uavs.0", Uav),
     "uavs.0.navigation": ("uavs.0.navigation", Navigation),
+    "uavs.0.camera": ("uavs.0.camera", CameraSettings),
     "network.cuts": ("network.cuts", Cut),
 }
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)

@@ -21,7 +21,7 @@ from sim.evaluation.score import ELLIPSE
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_of, view_of
+from sim.sensing.cameras import camera_of, true_view_of
 from sim.world.contacts import Contact, describe_body
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height
@@ -70,7 +70,7 @@ class MapView:
 
     def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
         self._area = (scenario.area.width, scenario.area.height)
-        self._views = [view_of(uav, scenario) for uav in scenario.uavs]
+        self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
         self._size = size
         width, height = measure_map(scenario)
         self.scale = min(size[0] / width, size[1] / height)
@@ -266,17 +266,15 @@ class MapView:
 
 
 def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
-    """Corners (4, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
+    """Outline (N, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
     camera = camera_of(scenario.uavs[uav])
     bounded = scenario.sensing.field_of_view != "unlimited" and looks_down(camera, pose)
     return camera.footprint(pose) if bounded else None
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
-    """True if the rays through pixels (N, 2), by default the four corners, meet the ground nearby."""
-    n = float(camera.pixels)
-    corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
-    return bool(np.all(camera.rays(pose, corners if pixels is None else pixels)[:, 2] < -0.1))
+    """True if the rays through pixels (N, 2), by default the image's outline, meet the ground nearby."""
+    return bool(np.all(camera.rays(pose, camera.outline if pixels is None else pixels)[:, 2] < -0.1))
 
 
 def _points_along(path: Array, gap: float) -> Array:

@@ -18,24 +18,28 @@ BORDER = 4
 def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
     """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks.
 
+    A frame that is not square lies in the middle.
+
     snapshot: with numbered tracks.
     """
     colour = uav_colour(uav)
     _fill(image, colour)
-    view = image[BORDER:-BORDER, BORDER:-BORDER]
-    side = view.shape[0]
-    if frame is None:
-        _fill(view, LINE)
-    else:
-        enlarge = side >= frame.shape[0]
-        view[:] = cv2.resize(frame, (side, side), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
-    scale, labels = side / camera.pixels, Labels(view, veil=False)
+    room = image[BORDER:-BORDER, BORDER:-BORDER]
+    _fill(room, LINE)
+    scale = room.shape[0] / max(camera.size)
+    width, height = (round(scale * edge) for edge in camera.size)
+    left, top = (room.shape[1] - width) // 2, (room.shape[0] - height) // 2
+    view = room[top : top + height, left : left + width]
+    if frame is not None:
+        enlarge = scale >= 1.0
+        view[:] = cv2.resize(frame, (width, height), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
+    labels = Labels(view, veil=False)
     reach = max(5.0 * scale, 10.0)
     found = scale * snapshot.pixels[uav]
     for uv in found:
         draw_detection(view, uv, reach)
     labels.reserve(found, reach)
-    _draw_tracks(view, labels, snapshot, uav, camera)
+    _draw_tracks(view, labels, snapshot, uav, camera, scale)
     _name(image, uav, colour)
 
 
@@ -61,10 +65,10 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera, scale: float) -> None:
     pose, tracks = (snapshot.believed or snapshot.cameras)[uav], snapshot.tracks[uav]
     points = at_target_height(beliefs_of(tracks).means[:, :2])
-    pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
+    pixels = scale * camera.project(pose, points)[0]
     inside = np.flatnonzero(camera.sees(pose, points))
     shown = [(tracks[t], pixels[t]) for t in inside.tolist()]
     for track, at in shown:

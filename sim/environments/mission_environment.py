@@ -197,10 +197,10 @@ class MissionEnvironment:
     def _make_observation_spaces(self, scenario: Scenario) -> list[spaces.Dict]:
         """Observation spaces of the UAVs of a scenario."""
         area = scenario.area.width, scenario.area.height
-        return [self._make_space(area, uav.pixels) for uav in scenario.uavs]
+        return [self._make_space(area, uav.true_camera.size) for uav in scenario.uavs]
 
-    def _make_space(self, area: tuple[float, float], edge: int) -> spaces.Dict:
-        """Observation space of one UAV, given width and height [m] of the area and the edge [pixels] of its image."""
+    def _make_space(self, area: tuple[float, float], size: tuple[int, int]) -> spaces.Dict:
+        """Observation space of one UAV, given width and height of the area [m] and of its image [pixels]."""
         o = self._observations
         tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
         found: dict[str, spaces.Space[Any]] = {"own": _make_real_space(len(OWN))}
@@ -210,7 +210,7 @@ class MissionEnvironment:
             found[name], found[f"{name}_mask"] = _make_real_space(rows, len(columns)), make_mask_space(rows)
         found["undetected"] = spaces.Box(0.0, np.inf, raster_shape(area))
         if self._image:
-            found["image"] = spaces.Box(0, 255, (edge, edge, 3), np.uint8)
+            found["image"] = spaces.Box(0, 255, (*size[::-1], 3), np.uint8)
         return spaces.Dict(found)
 
     def _limit_velocity(self, uav: int, action: object) -> Array:

@@ -21,7 +21,7 @@ class TeamEnv(MissionEnvironment, gymnasium.Env[Observation, NDArray[np.floating
     """
 
     def _set_up(self) -> None:
-        if self._image and len({uav.pixels for uav in self._scenario.uavs}) > 1:
+        if self._image and len({uav.true_camera.size for uav in self._scenario.uavs}) > 1:
             raise InputError("observe: images of several sizes are not one array; give all UAVs the same pixels")
         count = len(self._uavs)
         repeated = {name: _repeat(space, count) for name, space in self._spaces[0].items()}

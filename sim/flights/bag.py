@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.flights.flight_tables import CameraRow, Detection, Fleet, LoggedFrame, Poses, interpolate
+from sim.scenario.camera_settings import calibrate
 from tracking.errors import InputError, one_line
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
@@ -193,13 +194,16 @@ def multiply_quaternions(p: Array, q: Array) -> Array:
 
 
 def _read_camera(info: Any, where: str) -> CameraRow:  # noqa: ANN401 - messages have types of the bag's own
-    """The square in the middle of a camera's images; InputError unless its focal lengths agree, without distortion."""
-    size, k = (int(info.width), int(info.height)), np.asarray(info.k, dtype=float)
-    if not (k[0] > 0 and math.isclose(k[0], k[4], rel_tol=0.01)):
-        raise InputError(f"{where}: focal lengths of its CameraInfo are {k[0]:g} and {k[4]:g}; expected equal ones")
-    if np.any(np.abs(np.asarray(info.d, dtype=float)) > 1e-9):
-        raise InputError(f"{where}: its CameraInfo has a distortion; rectify detections, and give the rectified camera")
-    return CameraRow(math.degrees(2 * math.atan(min(size) / 2 / k[0])), min(size), 0.0, size)
+    """The camera of a CameraInfo; InputError if it is none."""
+    k, bend = (np.asarray(values, dtype=float).tolist() for values in (info.k, info.d))
+    try:
+        settings = calibrate((int(info.width), int(info.height)), k, bend, info.distortion_model)
+    except ValueError as error:
+        raise InputError(f"{where}: its CameraInfo: {error}") from error
+    (width, height), (fx, fy), middle = (settings.width, settings.height), settings.focal or (0.0, 0.0), k[2] + 0.5
+    if width == height and fx == fy and not any(bend) and math.isclose(middle, width / 2) and k[2] == k[5]:
+        return CameraRow.square(math.degrees(2 * math.atan(width / 2 / fx)), width)
+    return CameraRow.calibrated(settings)
 
 
 def _read_frame(message: Any, where: str) -> LoggedFrame:  # noqa: ANN401 - messages have types of the bag's own

@@ -88,8 +88,8 @@ def read_files(folder: Path, origin: tuple[float, float], detector: str) -> Flig
     for uav, camera in files.cameras.items():
         later = camera.clock_offset - start
         files.poses[uav] = Poses(poses[uav].times + later, poses[uav].rows - [*origin, 0.0, 0.0, 0.0, 0.0, 0.0])
-        files.fleet[uav] = [_shift_frame(frame, later, origin, camera) for frame in found[uav].detections]
-        files.people[uav] = [_shift_frame(frame, later, origin, camera) for frame in found[uav].people]
+        files.fleet[uav] = [_shift_frame(frame, later, origin) for frame in found[uav].detections]
+        files.people[uav] = [_shift_frame(frame, later, origin) for frame in found[uav].people]
     far = files.places[np.abs(files.places).max(axis=1) > _FARTHEST]
     if len(far):
         x, y = (np.array(origin) + far[0]).round(-2).tolist()
@@ -134,12 +134,8 @@ def _find_labels(folder: Path, found: Mapping[int, CameraFrames]) -> Path | None
     return labelled[0] if labelled else None
 
 
-def _shift_frame(frame: LoggedFrame, later: float, origin: tuple[float, float], camera: CameraRow) -> LoggedFrame:
+def _shift_frame(frame: LoggedFrame, later: float, origin: tuple[float, float]) -> LoggedFrame:
     moved = [
-        found._replace(
-            place=(found.place[0] - origin[0], found.place[1] - origin[1]),
-            pixel=(found.pixel[0] - camera.corner[0], found.pixel[1] - camera.corner[1]),
-        )
-        for found in frame.detections
+        found._replace(place=(found.place[0] - origin[0], found.place[1] - origin[1])) for found in frame.detections
     ]
     return LoggedFrame(frame.time + later, frame.where, moved)

@@ -154,28 +154,26 @@ def _make_scan(
 ) -> tuple[Scan, Array]:
     """Scan of a frame at a pose, and its pixels (N, 2), or (0, 2) if it has none.
 
-    Left out are detections above the horizon, and those beside the square in the middle of the image.
+    Left out are detections above the horizon, or where a lens shows nothing.
     """
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     entries = np.array([found.covariance for found in frame.detections]).reshape(-1, 3)
     places = _find_places(frame, pose, camera)
     own, R = np.isnan(entries[:, 0]), entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
     R[own] = whole_covariances(camera.lens(pose), places[own]) + sigma * sigma * np.eye(2)
-    imaged = np.array([math.isnan(found.place[0]) for found in frame.detections], dtype=np.bool_)
-    beside = (np.abs(pixels - camera.pixels / 2) > (0.5 + _OUTSIDE) * camera.pixels).any(axis=1)
-    kept = ~np.isnan(places[:, 0]) & ~(imaged & beside)
+    kept = ~np.isnan(places[:, 0])
     known = pixels[kept] if np.isfinite(pixels[kept]).all() else np.zeros((0, 2))
     return Scan(uav, time, pose, places[kept], R[kept]), known
 
 
 def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: CameraRow) -> None:
-    """InputError if a detection is outside its image, of which the camera is the square in the middle."""
-    half = [edge / 2 + _OUTSIDE * camera.pixels for edge in camera.size]
+    """InputError if a detection is outside its image."""
+    margin = _OUTSIDE * min(camera.size)
     for frame in frames:
         for found in frame.detections:
-            off = [part - camera.pixels / 2 for part in found.pixel]
-            if math.isnan(found.place[0]) and (abs(off[0]) > half[0] or abs(off[1]) > half[1]):
-                u, v = (spell(part + edge / 2, 6) for part, edge in zip(off, camera.size, strict=True))
+            inside = (-margin <= part <= edge + margin for part, edge in zip(found.pixel, camera.size, strict=True))
+            if math.isnan(found.place[0]) and not all(inside):
+                u, v = (spell(part, 6) for part in found.pixel)
                 size = " × ".join(map(str, camera.size))
                 outside = f"pixel ({u}, {v}) of UAV {uav} is outside its image of {size} pixels"
                 raise InputError(f"{frame.where}: {outside}; does cameras.csv belong to these images?")
@@ -202,7 +200,7 @@ def _remark(files: FlightFiles, rate: int, rounded: float, lost: int) -> Iterato
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
-        yield f"detections: left out: {lost} above the horizon, or beside the square in the middle of the image"
+        yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
     for uav, frames in files.fleet.items():
         if len(frames) > 1 and all(frame.detections for frame in frames):
             every = f"each frame of UAV {uav} has a detection"

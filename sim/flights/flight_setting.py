@@ -97,7 +97,7 @@ def _list_uavs(given: Sequence[Mapping[str, Any]], files: FlightFiles) -> Iterat
         kept = {"fails_at": given[i]["fails_at"]} if i < len(given) and "fails_at" in given[i] else {}
         # Where a UAV starts is not used; with a radius, all may do so at one place.
         view = {"start": (0.0, 0.0), "start_radius": 1.0, "altitude": altitude}
-        yield {**view, "fov_deg": camera.fov_deg, "pixels": camera.pixels, **kept}
+        yield {**view, **camera.view, **kept}
 
 
 def _leave_out(table: Mapping[str, Any], *keys: str) -> dict[str, Any]:

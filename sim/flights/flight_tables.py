@@ -2,18 +2,21 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
+from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.environment import Trees
 from sim.world.stem_map import read_stem_map
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
+from tracking.numerics.trigonometry import tan
 
 _PLACE = ("x_m", "y_m")
 _QUATERNION = ("qx", "qy", "qz", "qw")
@@ -71,22 +74,41 @@ class LoggedFrame(NamedTuple):
 class CameraRow(NamedTuple):
     """The camera of one UAV."""
 
-    fov_deg: float  # full angle of view
-    pixels: int  # along each edge
-    clock_offset: float  # s, to add to the UAV's times
-    size: tuple[int, int]  # width and height of the images, of which the camera is the square in the middle
+    view: Mapping[str, Any]  # `fov_deg` and `pixels`, or `camera`, of a UAV of a scenario
+    size: tuple[int, int]  # width and height of the images [pixel]
+    clock_offset: float = 0.0  # s, to add to the UAV's times
+
+    @staticmethod
+    def square(fov_deg: float, pixels: int) -> "CameraRow":
+        """A camera of square images."""
+        return CameraRow({"fov_deg": fov_deg, "pixels": pixels}, (pixels, pixels))
+
+    @staticmethod
+    def calibrated(settings: CameraSettings) -> "CameraRow":
+        """A calibrated camera."""
+        return CameraRow({"camera": msgspec.to_builtins(settings)}, make_camera(settings).size)
 
     def fit(self, size: tuple[int, int], where: str) -> "CameraRow":
-        """The camera of images of this size; InputError unless its square has their shorter edge."""
-        if self.pixels == min(size):
-            return self._replace(size=size)
-        images = f"images have {size[0]} × {size[1]} pixels, but the camera in cameras.csv has {self.pixels}"
-        raise InputError(f"{where}: {images}; give it {min(size)}, and the angle of view over these")
+        """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
 
-    @property
-    def corner(self) -> tuple[float, float]:
-        """Pixel at which the square begins."""
-        return (self.size[0] - self.pixels) / 2, (self.size[1] - self.pixels) / 2
+        The square has the shorter edge of wide images.
+        """
+        if self.size == size:
+            return self
+        width, height = self.size
+        own = str(width) if width == height else f"{width} × {height}"
+        images = f"images have {size[0]} × {size[1]} pixels, but the camera in cameras.csv has {own}"
+        if "pixels" not in self.view:
+            raise InputError(f"{where}: {images}; expected its own size")
+        if width != min(size):
+            raise InputError(f"{where}: {images}; give it {min(size)}, and the angle of view over these")
+        return self.widen(size)
+
+    def widen(self, size: tuple[int, int]) -> "CameraRow":
+        """The camera of wide images whose middle square is this one."""
+        focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
+        whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
+        return CameraRow.calibrated(whole)._replace(clock_offset=self.clock_offset)
 
 
 Fleet = dict[int, list[LoggedFrame]]  # frames in order of time, by UAV
@@ -155,20 +177,34 @@ def read_detections(path: Path) -> Fleet:
 def read_cameras(path: Path) -> dict[int, CameraRow]:
     """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
 
-    There may be clock_offset_s, and width_px and height_px of images that are not square.
+    There may be clock_offset_s, and width_px and height_px of images that are not square. In place of angle of view and
+    pixels, there may be the column camera: a packaged camera, or a file beside this one.
     """
     cameras: dict[int, CameraRow] = {}
-    for row in read_csv(path, "cameras", CAMERA_COLUMNS[1:]):
+    for row in read_csv(path, "cameras", ()):
         uav = read_uav(row)
         if uav in cameras:
             raise row.error("uav", f"UAV {uav} has a second row")
         offset = row.optional_number("clock_offset_s") or 0.0
-        pixels = row.integer("pixels")
-        width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
-        if pixels > min(width, height):
-            raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
-        cameras[uav] = CameraRow(row.number("fov_deg"), pixels, offset, (width, height))
+        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset)
     return cameras
+
+
+def _read_view(row: Row, path: Path) -> CameraRow:
+    if name := row.values.get("camera"):
+        try:
+            return CameraRow.calibrated(read_camera(str(path.parent / name) if Path(name).suffix else name))
+        except InputError as error:
+            raise row.error("camera", str(error)) from error
+    for column in CAMERA_COLUMNS[1:]:
+        if column not in row.values:
+            there = ",".join(row.values)
+            raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
+    square = CameraRow.square(row.number("fov_deg"), pixels := row.integer("pixels"))
+    width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
+    if pixels > min(width, height):
+        raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
+    return square if width == height == pixels else square.widen((width, height))
 
 
 def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:

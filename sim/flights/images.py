@@ -1,11 +1,11 @@
 """Images of a flight, in which a detector finds people."""
 
-import math
 from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,10 +13,11 @@ from sim.flights.flight_tables import CameraFrames, CameraRow, Detection, Logged
 from sim.scenario.csv_tables import Row, read_csv
 from sim.scenario.sensing import DETECTORS, make_detectors
 from sim.scenario.text_files import read_bytes
+from sim.scenario.uavs import Uav
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 
 
@@ -25,7 +26,7 @@ def detect_in_images(
 ) -> dict[int, CameraFrames]:
     """Frames of each UAV, from a CSV file with the columns time_s, uav and file, an image, by the detector `name`.
 
-    The detector gets the square in the middle of each image, in order of time. InputError names a wrong row.
+    The detector gets the images in order of time. InputError names a wrong row.
     """
     found: defaultdict[int, list[LoggedFrame]] = defaultdict(list)
     sizes: dict[int, tuple[int, int]] = {}
@@ -39,14 +40,13 @@ def detect_in_images(
         if sizes.setdefault(uav, size) != size:
             raise row.error("file", f"has another size than earlier images of UAV {uav}; expected one")
         camera, log = cameras[uav].fit(size, row.where), poses[uav]
-        left, top = map(math.floor, camera.corner)
-        square = image[top : top + camera.pixels, left : left + camera.pixels]
         ((*place, x, y, z, w),) = interpolate(log, np.clip([time], *log.times[[0, -1]])).tolist()
         pose = Pose(np.array(place), np.array([x, y, z, w]))
-        frame = Frame(uav, time, Camera(math.radians(camera.fov_deg), camera.pixels), pose, square)
+        optics = msgspec.convert({"start": (0.0, 0.0), **camera.view}, Uav).true_camera
+        frame = Frame(uav, time, optics, pose, image)
         with DETECTORS.errors(name, "detect people in an image", detectors[uav], "detect"):
             told = check_detections(detectors[uav].detect(frame))
-        rows = zip((told.pixels + camera.corner).tolist(), told.ground.tolist(), told.covariances.tolist(), strict=True)
+        rows = zip(told.pixels.tolist(), told.ground.tolist(), told.covariances.tolist(), strict=True)
         detections = [Detection((x, y), (R[0][0], R[0][1], R[1][1]), (u, v)) for (u, v), (x, y), R in rows]
         found[uav].append(LoggedFrame(time, row.where, detections))
     if not found:

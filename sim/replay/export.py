@@ -20,6 +20,7 @@ from sim.replay.flight import Flight
 from sim.replay.ros_layout import make_layout
 from sim.replay.ros_mission import write_bag
 from sim.scenario.settings_text import format_toml
+from sim.scenario.uavs import Uav
 from tracking.errors import check_known
 from tracking.numerics.arrays import Flags, Indices
 
@@ -68,7 +69,7 @@ def _write_csv(recording: Recording, folder: Path) -> None:
     _write_table(folder / "detections.csv", DETECTION_COLUMNS, _list_detection_rows(recording))
     header = [name + _UNITS.get(name, "") for name in _TRACK]
     _write_table(folder / "tracks.csv", header, sorted(_list_rows(_list_tracks(recording), _TRACK)))
-    _write_table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, u.fov_deg, u.pixels] for i, u in enumerate(setting.uavs)))
+    _write_cameras(setting.uavs, folder)
     _write_truth(recording, folder)
     _write_map_and_settings(recording, folder)
 
@@ -115,10 +116,25 @@ def _write_mot(recording: Recording, folder: Path) -> None:
         _write_table(sequence / "det" / "det.txt", (), _list_mot_rows(found, np.full(len(seen), -1), seen))
         reported = (tracks["uav"] == uav) & tracks["reported"]
         _write_table(folder / "tracks" / f"uav{uav}.txt", (), _list_mot_rows(tracks, tracks["id"] + 1, reported))
-        size = camera.pixels
+        width, height = camera.true_camera.size
         facts = [f"name=uav{uav}", "imDir=img1", f"frameRate={scenario.rates.sensing}"]
-        facts += [f"seqLength={len(recording.times)}", f"imWidth={size}", f"imHeight={size}", "imExt=.png"]
+        facts += [f"seqLength={len(recording.times)}", f"imWidth={width}", f"imHeight={height}", "imExt=.png"]
         (sequence / "seqinfo.ini").write_text("\n".join(["[Sequence]", *facts]) + "\n", encoding="utf-8")
+
+
+def _write_cameras(uavs: Sequence[Uav], folder: Path) -> None:
+    """`cameras.csv`, and a file for each calibrated camera, as the fleet believes it to be."""
+    rows: list[list[float | int | str]] = []
+    for i, uav in enumerate(uavs):
+        rows.append([i, uav.fov_deg, uav.pixels, ""])
+        if uav.camera:
+            o = uav.believed_camera.optics
+            calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
+            rows[-1][-1] = f"camera{i}.toml"
+            text = format_toml({"width": o.width, "height": o.height, **calibration})
+            (folder / f"camera{i}.toml").write_text(text, encoding="utf-8")
+    columns = [*CAMERA_COLUMNS, *["camera"] * any(uav.camera for uav in uavs)]
+    _write_table(folder / "cameras.csv", columns, (row[: len(columns)] for row in rows))
 
 
 def _write_parquet(recording: Recording, folder: Path) -> None:

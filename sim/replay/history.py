@@ -12,7 +12,7 @@ from sim.evaluation.score import find_reported_tracks
 from sim.evaluation.unmatched import find_standing_tracks
 from sim.recording.recording import Recording, find_last_frames
 from sim.replay.frames.sightings import NO_TREE, find_inside_and_hiding
-from sim.sensing.cameras import view_of
+from sim.sensing.cameras import true_view_of
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array, Flags, Indices
 
@@ -64,7 +64,7 @@ class History:
         hidden_by = np.full(inside.shape, -1)
         forest = recording.hiding_forest
         for k, i in np.argwhere(looked).tolist():
-            camera, pose = view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
+            camera, pose = true_view_of(recording.setting.uavs[i], recording.setting), recording.camera_at(k, i)
             inside[k, i], hiding = find_inside_and_hiding(camera, pose, recording.people[k], forest)
             if forest.trees:
                 hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)

@@ -1,6 +1,5 @@
 """A recorded mission in PyBullet's window, which shows it from any side."""
 
-import math
 import os
 import sys
 import time
@@ -85,8 +84,7 @@ def _set_scene(engine: Engine, area: Area) -> None:
 
 def _add_cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
     """Id of a new pyramid of coloured glass: the view of a camera at the origin that looks down."""
-    half = length * math.tan(camera.fov / 2)
-    corners = [[x * half, y * half, -length] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    corners = [[length * x, -length * y, -length] for x, y in camera.slopes(camera.corners).tolist()]
     sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
     shape = engine.createVisualShape(
         pybullet.GEOM_MESH,

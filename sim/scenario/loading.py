@@ -40,6 +40,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     data = read_toml(path, "scenario")
     apply_overrides(data, overrides)
     changed = {override.partition("=")[0].strip() for override in overrides}
+    _anchor_cameras(data, path.parent, changed)
     try:
         return _anchor(decode(data), path.parent, changed)
     except InputError as error:
@@ -99,6 +100,15 @@ def _make_plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's 
     if not hasattr(value, "tolist"):
         raise TypeError(f"{value!r} is not allowed; expected plain values")
     return value.tolist()
+
+
+def _anchor_cameras(data: Mapping[str, Any], folder: Path, changed: Collection[str]) -> None:
+    """Make paths of cameras' files absolute, in place, as `_anchor` does; files are read with their UAV."""
+    fleet = data.get("uavs")
+    for i, row in enumerate(fleet if isinstance(fleet, list) else ()):
+        name = row.get("camera") if isinstance(row, dict) else None
+        if isinstance(name, str) and Path(name).suffix and not {"uavs", f"uavs.{i}.camera"} & {*changed}:
+            row["camera"] = os.path.join(folder, name)
 
 
 def _anchor(scenario: Scenario, folder: Path, changed: Collection[str] = ()) -> Scenario:

@@ -59,6 +59,10 @@ def _keep_view(row: dict[str, Any], key: str, earlier: Sequence[str]) -> None:
     An override of the altitude changes the footprint; one of the footprint or of the angle of view changes the
     altitude. After two overrides, the third key follows.
     """
+    if row.get("camera"):  # it has the angle of view, so that the footprint gives the altitude, or the reverse
+        for name in {"footprint", "altitude"} - {key}:
+            row.pop(name, None)
+        return
     kept = {name: row[name] for name in _VIEW if name in row}
     if earlier:
         kept = {name: row[name] for name in earlier}

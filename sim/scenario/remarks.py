@@ -10,7 +10,6 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.detection.noise import NoiseModel
 from tracking.errors import list_numbers, spell
-from tracking.geometry.camera import Camera
 
 _MOST_CLUTTER = 0.05  # false detections in the area of a person's; in missions with 0.07, few people get tracks
 
@@ -65,7 +64,7 @@ def _compute_effective_area(scenario: Scenario, uav: Uav) -> float:
     """Area [m²] over which measurements of a person halfway to the edge of a UAV's view scatter, 2 pi sqrt |R|."""
     noise = NoiseModel.range_bearing(uav.alpha)
     if scenario.sensing.noise == "camera":
-        noise = NoiseModel.camera(Camera(math.radians(uav.fov_deg), uav.pixels), uav.altitude)
+        noise = NoiseModel.camera(uav.believed_camera, uav.altitude)
     (xx, xy), (_, yy) = noise.covariance(np.zeros(2), np.array([uav.footprint / 4, 0.0]))
     return 2 * math.pi * math.sqrt(xx * yy - xy * xy)
 
@@ -150,7 +149,7 @@ def _remark_on_misses(scenario: Scenario) -> list[str]:
 
 def _remark_on_false_alarms(scenario: Scenario) -> list[str]:
     """Remarks on settings of the tracker under which false alarms become tracks."""
-    expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
+    expected = scenario.sensing.false_alarms / min(uav.view_area for uav in scenario.uavs)
     if expected == 0.0:
         return []
     found = []

@@ -138,6 +138,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             allowed = f"allowed are -{self.duration:g} to {self.duration:g} within the mission"
             raise ValueError(f"uavs.{i}.navigation.clock_offset: {offset:g} s is beyond the mission; {allowed}")
         self.frame_scans(i)
+        if uav.readout * self.rates.sensing >= 1:
+            limit = f"allowed is less than the {1 / self.rates.sensing:g} s between scans"
+            raise ValueError(f"uavs.{i}.camera.readout: {uav.readout:g} s is too long; {limit}")
 
     @property
     def least_height_above_canopies(self) -> float:
@@ -208,6 +211,7 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
 
 # Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
 _LATER = (
+    "uavs.camera",
     *("trees.per_hectare", "trees.largest_radius", "trees.height", "trees.crown_ratio", "trees.overlap", "trees.file"),
     *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
     *(f"people.{key}" for key in FILE_KEYS),
@@ -256,7 +260,7 @@ def _list_workloads(scenario: Scenario) -> Iterator[_Workload]:
     messages = scans * scenario.network.rounds * uavs * uavs
     yield _Workload("duration, rates.sensing, network.rounds and uavs", messages, "messages", 1e9)
     if scenario.sensing.renders:
-        pixels = scans * math.fsum(uav.pixels * uav.pixels for uav in scenario.uavs)
+        pixels = scans * math.fsum(math.prod(uav.true_camera.size) for uav in scenario.uavs)
         yield _Workload("duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12)
     area = scenario.area.width * scenario.area.height
     yield _Workload("area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8)

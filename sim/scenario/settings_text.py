@@ -50,7 +50,7 @@ def _find_changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: 
         before = default[key]
         if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):
             value, before = ({str(k): row for k, row in enumerate(rows)} for rows in (value, before))
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and isinstance(before, Mapping):
             yield from _find_changes(value, before, f"{prefix}{key}.")
         elif value != before:
             yield f"{prefix}{key}", value

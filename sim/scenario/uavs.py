@@ -4,15 +4,19 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType, field, structs
 
+from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.quantities import Point, simplify_number
 from tracking.errors import check_known, spell
+from tracking.geometry.camera import Camera
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
 _WIDEST = 10_000  # m
+_PIXELS = 128
 _FROM_ABOVE = 0.27  # m², area of a walking person seen from straight above: `tracking.detection.silhouette`
 
 
@@ -28,7 +32,9 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     fov_deg: Annotated[float, Meta(ge=1, lt=180)] = math.nan  # deg, full angle of the field of view; by default 60
     # m above ground, instead of `footprint` or `fov_deg`
     given_altitude: Annotated[float, Meta(gt=0, le=10_000)] | UnsetType = field(name="altitude", default=UNSET)
-    pixels: Annotated[int, Meta(ge=16, le=4096)] = 128  # pixels along each edge of the image
+    pixels: Annotated[int, Meta(ge=16, le=4096)] = _PIXELS  # pixels along each edge of the image
+    # a [camera](#cameras) in place of `fov_deg` and `pixels`; `footprint` is then the width of its view
+    camera: CameraSettings | str | None = None
     max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
     # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
     mount: Literal["gimbal", "body"] = "gimbal"
@@ -46,12 +52,34 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         structs.force_setattr(self, "rate", simplify_number(self.rate))
+        self._take_camera()
         self._complete_view()
         if isinstance(self.navigation, str):
             check_known("navigation", self.navigation, NAVIGATION, " (or a table of figures)")
-        if self.tilt_deg + self.fov_deg / 2 >= 90:
-            limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
+        camera = self.true_camera
+        ahead = 180.0 * arctan2(float(camera.slopes(camera.outline)[:, 0].max()), 1.0) / math.pi
+        if self.tilt_deg + ahead >= 90:
+            limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - ahead:g}"
             raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
+
+    def _take_camera(self) -> None:
+        """Read the file of a camera, and set angle of view and pixels, which follow from it."""
+        if isinstance(self.camera, str):
+            structs.force_setattr(self, "camera", read_camera(self.camera))
+        if self.camera is None:
+            return
+        camera = self.true_camera
+        width, _ = camera.size
+        left, right = camera.slopes(np.array([[0.0, camera.optics.cy], [float(width), camera.optics.cy]]))[
+            :, 0
+        ].tolist()
+        fov_deg = 360.0 * arctan2((right - left) / 2, 1.0) / math.pi
+        if not (math.isnan(self.fov_deg) or math.isclose(self.fov_deg, fov_deg, rel_tol=1e-9)):
+            raise ValueError(f"fov_deg {self.fov_deg:g} is not that of the camera, {fov_deg:g}; leave it out")
+        if self.pixels not in (_PIXELS, width):
+            raise ValueError(f"pixels {self.pixels} is not the width of the camera's images, {width}; leave it out")
+        structs.force_setattr(self, "fov_deg", fov_deg)
+        structs.force_setattr(self, "pixels", width)
 
     def _complete_view(self) -> None:
         """Set footprint and angle of view if they are not given, and forget the altitude, which follows from them."""
@@ -81,6 +109,32 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     def navigation_errors(self) -> Navigation:
         """Figures of the errors of the UAV's navigation."""
         return NAVIGATION[self.navigation] if isinstance(self.navigation, str) else self.navigation
+
+    @property
+    def true_camera(self) -> Camera:
+        """The camera as it is."""
+        return self._make_camera(believed=False)
+
+    @property
+    def believed_camera(self) -> Camera:
+        """The camera as the fleet believes it to be."""
+        return self._make_camera(believed=True)
+
+    def _make_camera(self, *, believed: bool) -> Camera:
+        if isinstance(self.camera, CameraSettings):
+            return make_camera(self.camera, believed=believed)
+        return Camera(math.radians(self.fov_deg), self.pixels)
+
+    @property
+    def readout(self) -> float:
+        """Time [s] from the exposure of the first row of an image to that of the last."""
+        return self.camera.readout if isinstance(self.camera, CameraSettings) else 0.0
+
+    @property
+    def view_area(self) -> float:
+        """Area [m²] of the ground in an image from straight above, without distortion."""
+        width, height = self.true_camera.size
+        return self.footprint * self.footprint * height / width
 
     @property
     def person_pixels(self) -> float:

@@ -13,20 +13,25 @@ from tracking.numerics.trigonometry import cos, sin
 
 
 def camera_of(uav: Uav) -> Camera:
-    """The camera that a UAV of the scenario carries."""
-    return Camera(math.radians(uav.fov_deg), uav.pixels)
+    """The camera that a UAV of the scenario carries, as it is."""
+    return uav.true_camera
+
+
+def true_view_of(uav: Uav, scenario: Scenario) -> Camera:
+    """The camera that sees: `camera_of`, or one with an unlimited field of view."""
+    return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else uav.true_camera
 
 
 def view_of(uav: Uav, scenario: Scenario) -> Camera:
-    """The camera of a UAV's measurements: `camera_of`, or one with an unlimited field of view."""
-    return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else camera_of(uav)
+    """The camera of a UAV's measurements, as the fleet believes it to be."""
+    return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else uav.believed_camera
 
 
 def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
     """The measurement noise that the scenario gives a UAV's camera."""
     if scenario.sensing.noise == "range_bearing":
         return NoiseModel.range_bearing(uav.alpha)
-    return NoiseModel.camera(camera_of(uav), uav.altitude)
+    return NoiseModel.camera(uav.believed_camera, uav.altitude)
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:

@@ -1,13 +1,16 @@
 """Sensor mode with images: frames are rendered, and a detector finds people in them."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 
 from sim.scenario.sensing import make_detectors
+from sim.sensing.cameras import camera_of
 from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, match_detections
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
+from sim.sensing.rolling_shutter import Glimpse, Sweep
 from sim.sensing.sensor_mode import SensorOutput, SensorSetup
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Detections, Frame
@@ -28,6 +31,8 @@ class RenderedMode:
         self._setup = setup
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
+        self._cameras = [camera_of(uav) for uav in setup.scenario.uavs]
+        self._last: dict[int, Glimpse] = {}  # of each camera with a rolling shutter
         self._calibrated = sensing.noise == "camera"
         forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
         self._detectors = make_detectors(sensing.detector, forest, uavs, setup.rng)
@@ -36,10 +41,13 @@ class RenderedMode:
         """As `SensorMode.sense`."""
         camera, clock = self._setup.cameras[uav], self._setup.clock
         with clock.measure("rendering"):
-            rendered = self._renderer.take(uav, time, camera, pose)
+            sweep = self._find_sweep(uav, Glimpse(time, pose, people))
+            rendered = self._renderer.take(uav, time, self._cameras[uav], pose, sweep)
         with clock.measure("detection"):
             frame = Frame(uav, time, camera, self._setup.believed.get(uav, pose), rendered.image)
             found, faults = self._detect(frame, rendered)
+            if sweep is not None:
+                found = replace(found, ground=found.ground + sweep.corrections(camera, frame.pose, found.pixels))
         return SensorOutput(
             ground=found.ground,
             matched=lambda kept: match_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
@@ -50,6 +58,13 @@ class RenderedMode:
             pixels=found.pixels,
             faults=faults,
         )
+
+    def _find_sweep(self, uav: int, now: Glimpse) -> Sweep | None:
+        readout = self._setup.scenario.uavs[uav].readout
+        if not readout:
+            return None
+        before, self._last[uav] = self._last.get(uav), now
+        return Sweep.between(before, now, readout)
 
     def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
         """Detections and the faults of the detector; a frame with a fault has no detections."""

@@ -7,12 +7,13 @@ from typing import Protocol
 import numpy as np
 
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import true_view_of
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -23,7 +24,7 @@ class SensorSetup:
     scenario: Scenario
     world: World
     forest: Forest
-    cameras: list[Camera]  # one per UAV
+    cameras: list[Camera]  # one per UAV, as the fleet believes them to be
     clock: Stopwatch
     rng: np.random.Generator  # of what the mode draws at random
     believed: dict[int, Pose] = field(default_factory=dict)  # pose of each UAV's camera in its present frame, to itself
@@ -64,7 +65,8 @@ class LineOfSightMode:
         """As `SensorMode.sense`."""
         with self.setup.clock.measure("detection"):
             points, present = at_target_height(np.nan_to_num(people)), ~np.isnan(people[:, 0])
-            camera, forest = self.setup.cameras[uav], self.setup.forest
+            forest, scenario = self.setup.forest, self.setup.scenario
+            camera, believed = true_view_of(scenario.uavs[uav], scenario), self.setup.cameras[uav]
             shown = detectable_shares(forest.free_shares(pose.position, points)[0])
             least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
             seen = present & camera.sees(pose, points) & (shown > least)
@@ -74,4 +76,9 @@ class LineOfSightMode:
             found[seen] = kept
             return found
 
-        return SensorOutput(people[seen], matched, seen.astype(np.int64))
+        ground = people[seen]
+        if believed != camera:  # a person's pixel is taken for that of another place
+            ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
+            seen[seen] = placed = np.isfinite(ground[:, 0])
+            ground = ground[placed]
+        return SensorOutput(ground, matched, seen.astype(np.int64))

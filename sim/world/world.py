@@ -19,6 +19,7 @@ from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
+from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -103,7 +104,7 @@ class World:
         """Bodies and the client that holds them. The first use makes them, at the places of that moment."""
         client = self._given
         if client is None:
-            largest = max(uav.pixels for uav in self._scenario.uavs)
+            largest = max(max(straighten(uav.true_camera).straight.size) for uav in self._scenario.uavs)
             client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
         try:
             made = Bodies(client, self._scenario, self.looks, opengl=self.opengl, drawn=self._given is not None)
@@ -143,6 +144,11 @@ class World:
     def centres(self) -> Array:
         """Centres (B, 3) m of the spheres around `bodies`; NaN for absent people."""
         return np.vstack([self._tree_centres, self._people_centres, self.states[:, _POSITION]])
+
+    @property
+    def people(self) -> tuple[Array, Array]:
+        """Positions (M, 2) m and headings (M,) rad of people, as `place_people` takes them."""
+        return self._people_centres[:, :2].copy(), self._headings
 
     def place_people(self, positions: Array, headings: Array) -> None:
         """Put people at positions (M, 2) m with headings (M,) rad from east; NaN means absent."""

@@ -11,6 +11,7 @@ from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
 import understory
 from planning.planners import PLANNERS
 from sim.__main__ import COMMANDS
+from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import decode, load
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
@@ -130,6 +131,8 @@ def defaults(kind=Scenario, prefix=""):
             # None, UNSET and NaN stand for a default that depends on other keys.
             varies = field.default in (None, msgspec.UNSET) or field.default != field.default
             yield key, msgspec.NODEFAULT if varies else field.default
+        if key == "uavs.0.camera":
+            yield from defaults(CameraSettings, f"{key}.")
 
 
 def test_the_reference_lists_every_key_with_meaning_default_and_overrides():

@@ -124,6 +124,20 @@ class Camera:
         return self.optics.reach > 0.0
 
     @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Left, right, lower and upper edge, on the image plane at distance 1, of a rectangle that the image contains.
+
+        Without distortion it is the image. A lens leaves out the strips between its edges and the bent ones.
+        """
+        if self.optics == Camera(self.fov, self.pixels).optics:
+            slope = tan(self.fov / 2)
+            return -slope, slope, -slope, slope
+        bottom, right, top, left = np.split(self.slopes(_outline(self.optics, closed=True)), 4)
+        edges = left[:, 0].max(), right[:, 0].min(), -bottom[:, 1].min(), -top[:, 1].max()
+        west, east, south, north = map(float, edges)
+        return west, east, south, north
+
+    @property
     def corners(self) -> Array:
         """Corners (4, 2) of the image, anticlockwise from the lower left one."""
         width, height = map(float, self.size)
@@ -183,10 +197,13 @@ class Camera:
         return _outline(self.optics) if self.is_bent else self.corners
 
 
-def _outline(optics: Optics) -> Array:
-    """Points (4 `EDGE_POINTS`, 2) along the edges of an image, anticlockwise from the lower left corner."""
-    along = np.arange(EDGE_POINTS) / EDGE_POINTS
-    zero, one = np.zeros(EDGE_POINTS), np.ones(EDGE_POINTS)
+def _outline(optics: Optics, *, closed: bool = False) -> Array:
+    """Points along the edges of an image, anticlockwise from the lower left corner, `EDGE_POINTS` on each edge.
+
+    closed: whether each edge has both its corners, so that it has one point more.
+    """
+    along = np.arange(EDGE_POINTS + closed) / EDGE_POINTS
+    zero, one = np.zeros(len(along)), np.ones(len(along))
     sides = [(along, one), (one, 1.0 - along), (1.0 - along, zero), (zero, along)]
     return np.concatenate([np.column_stack(side) for side in sides]) * [optics.width, optics.height]
 

@@ -11,7 +11,7 @@ from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting, tell_pose_error
 from sim.replay.tracking_replay import replay_tracking
-from sim.sensing.cameras import view_of
+from sim.sensing.cameras import true_view_of
 from sim.sensing.detection_truth import match_detections
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
@@ -63,7 +63,7 @@ class Observer(ExitStack):
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
         recording, setting = self.recording, self.recording.setting
-        sighting = Sighting.all_of(recording, k, uav, view_of(setting.uavs[uav], setting))[person]
+        sighting = Sighting.all_of(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
         owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
         return PersonObservation(
             uav=uav,

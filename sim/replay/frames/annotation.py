@@ -23,16 +23,17 @@ _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colou
 
 
 def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
-    """The frame (H, W, 3) RGB as a larger square with all marks, and the names of the marks that it shows.
+    """The frame (H, W, 3) RGB, enlarged, with all marks, and the names of the marks that it shows.
 
-    Its edge is the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a square. It is
-    `size` itself where that is much larger, or less than P.
+    Its longer edge P becomes the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a
+    square. It is `size` itself where that is much larger, or less than P.
     """
-    pixels = frame.shape[0]
+    pixels = max(frame.shape[:2])
     squares = size // pixels * pixels
     side = squares if squares > 0.8 * size else size
     how = cv2.INTER_NEAREST if side == squares else cv2.INTER_LINEAR if side > pixels else cv2.INTER_AREA
-    image = np.asarray(cv2.resize(frame, (side, side), interpolation=how), dtype=np.uint8)
+    height, width = (round(edge * side / pixels) for edge in frame.shape[:2])
+    image = np.asarray(cv2.resize(frame, (width, height), interpolation=how), dtype=np.uint8)
     view = _View(image, sight)
     view.draw()
     return image, view.shown
@@ -50,7 +51,8 @@ class _View:
 
     def __init__(self, image: Image, sight: Sight) -> None:
         self._image, self._sight = image, sight
-        self._scale = image.shape[0] / sight.camera.pixels
+        self._scale = max(image.shape) / max(sight.camera.size)
+        self._size = np.array(image.shape[1::-1])
         self._labels = Labels(image)
         self.shown: set[str] = set()  # names of the marks that lie in the image
         outlines = outline_hidden_ground(sight.camera, sight.pose, sight.forest)
@@ -125,27 +127,27 @@ class _View:
 
     def _name_person(self, sighting: Sighting) -> None:
         why = f": {sighting.status}" if sighting.status != "in view" else ""
-        at = np.clip(self._person(sighting).mean(axis=0), 0, self._image.shape[0])
+        at = np.clip(self._person(sighting).mean(axis=0), 0, self._size)
         self._labels.put(f"truth: person {sighting.person}{why}", at, TextStyle(13, INK, True, PANEL))
 
     def _name_tracks(self) -> None:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             at = self._pixels(track.belief.mean[None, :2])[0]
-            if np.all(np.isfinite(at) & (at >= 0) & (at <= self._image.shape[0])):
+            if np.all(np.isfinite(at) & (at >= 0) & (at <= self._size)):
                 style = TextStyle(13, track_colour(track.id), True, PANEL)
                 self._labels.put(f"track {name_track(track)}", at, style)
 
     def _name_trees(self, hiding: Sequence[int]) -> None:
         for tree in hiding:
             for part in self._outlines[tree][-1:]:  # the canopy, or the trunk if only the trunk is in view
-                shown = np.clip(part, 0, self._image.shape[0])
+                shown = np.clip(part, 0, self._size)
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
                 self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))
 
     def _place_scale(self) -> _Scale:
         """The scale bar, of a round length on the ground, and the north arrow in the lower corners; reserves both."""
-        camera, pose, n = self._sight.camera, self._sight.pose, self._sight.camera.pixels
-        corners = np.array([[0.04 * n, 0.96 * n], [0.34 * n, 0.96 * n], [0.96 * n, 0.96 * n]])
+        camera, pose = self._sight.camera, self._sight.pose
+        corners = np.array([(0.04, 0.96), (0.34, 0.96), (0.96, 0.96)]) * camera.size
         if not looks_down(camera, pose, corners):
             return _Scale([], {})
         left, right, last = camera.ground_points(pose, corners)

@@ -35,7 +35,7 @@ def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> I
     recording, scenario = rerenderer.recording, rerenderer.recording.setting
     sight = Sight.of(recording, k, uav)
     view, shown = annotate(rerenderer.image(k, uav), sight, size)
-    side = view.shape[0] + 2 * BORDER
+    height, width = (edge + 2 * BORDER for edge in view.shape[:2])
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
     notes = [format_recording_title(recording), f"scan {k} (0 to {len(recording.times) - 1}), {mount}"]
     notes += tell_pose_error(recording, k, uav)
@@ -51,10 +51,10 @@ def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> I
     distance, localisation, cardinality = recording.errors[k, uav]
     if recording.labelled:
         notes += [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
-    panel = _draw_panel(sight, notes, whole, shown, height=side)
-    page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
+    panel = _draw_panel(sight, notes, whole, shown, height=height)
+    page = np.full((panel.shape[0] + 2 * GAP, width + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
     page[GAP:-GAP, -GAP - _WIDTH : -GAP] = panel
-    framed = page[GAP : GAP + side, GAP : GAP + side]
+    framed = page[GAP : GAP + height, GAP : GAP + width]
     framed[:] = uav_colour(uav)
     framed[BORDER:-BORDER, BORDER:-BORDER] = view
     return page
@@ -108,20 +108,28 @@ def _describe_view(camera: Camera, pose: Pose) -> list[str]:
     """Numbers of a view: altitude, tilt, edges on the ground, and ground sample distance at the centre."""
     tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
     height = f"altitude {pose.position[2]:.1f} m, {tilt:.1f}° off nadir"
-    lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", height]
+    lines = [_describe_camera(camera), height]
     if not looks_down(camera, pose):
         return [*lines, "reaches the horizon"]
-    ground = camera.footprint(pose)
+    ground = camera.ground_points(pose, camera.corners)
     edges = np.hypot(*(np.roll(ground, -1, axis=0) - ground).T)
     bottom, right, top, left = (f"{edge:.1f}" for edge in edges)
     if np.ptp(edges) < 0.05:
         lines.append(f"edges {bottom} m on the ground")
     else:
         lines += ["edges on the ground:", f"bottom {bottom}, right {right}, top {top}, left {left} m"]
-    centre = camera.pixels / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+    centre = np.array(camera.size) / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
     points = 100 * camera.ground_points(pose, centre)
     across, along = np.hypot(*(points[1] - points[0])), np.hypot(*(points[3] - points[2]))
     return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
+
+
+def _describe_camera(camera: Camera) -> str:
+    width, height = camera.size
+    ends = camera.slopes(np.array([[0.0, height / 2], [width, height / 2]]))[:, 0]
+    angle = np.degrees(np.subtract(*np.arctan(ends[::-1])))
+    size = f"{width} pixels" if width == height else f"{width} × {height} pixels"
+    return f"{size}, {angle:.0f}°" + ", bent by its lens" * camera.is_bent
 
 
 def _draw_panel(sight: Sight, notes: list[str], whole: dict[int, int], shown: set[str], *, height: int) -> Image:

@@ -16,6 +16,7 @@ from sim.sensing.cameras import camera_of
 
 if TYPE_CHECKING:
     from sim.sensing.renderer import Rendered
+    from sim.sensing.rolling_shutter import Sweep
 
 
 class Rerenderer(ExitStack):
@@ -47,7 +48,20 @@ class Rerenderer(ExitStack):
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
         camera = camera_of(r.setting.uavs[uav])
-        return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
+        return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav), self._find_sweep(k, uav))
+
+    def _find_sweep(self, k: int, uav: int) -> "Sweep | None":
+        """The motion while the image was read out, as in the mission."""
+        from sim.sensing.rolling_shutter import Glimpse, Sweep
+
+        r, readout = self.recording, self.recording.setting.uavs[uav].readout
+        if not readout:
+            return None
+        earlier = np.flatnonzero(r.frames_taken[:k, uav])[-1:].tolist()
+        before, now = (
+            [Glimpse(float(r.times[j]), r.camera_at(j, uav), r.people[j]) for j in rows] for rows in (earlier, [k])
+        )
+        return Sweep.between(before[0] if before else None, now[0], readout)
 
     def count_whole(self, k: int, uav: int, person: int) -> int:
         """Number of pixels of one person in the same image if nothing hid it."""

@@ -153,7 +153,7 @@ def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[li
         if top < TARGET_HEIGHT:
             continue
         outline = outline_cylinder(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
-        if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.pixels):
+        if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.size):
             found[tree].append(outline)
     return found
 
@@ -175,4 +175,7 @@ def outline_cylinder(camera: Camera, pose: Pose, cylinder: Array) -> Array:
         share = (excess / (excess + lack))[..., None]
         front = np.vstack([front, (front[:, None] + share * (behind - front[:, None])).reshape(-1, 3)])
     pixels = camera.project(pose, front)[0]
+    pixels = pixels[np.isfinite(pixels[:, 0])]  # a lens shows nothing beyond its reach
+    if len(pixels) == 0:
+        return np.zeros((0, 2))
     return np.asarray(cv2.convexHull(pixels.astype(np.float32))[:, 0], dtype=float)

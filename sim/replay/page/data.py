@@ -92,14 +92,10 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
 
 
 def _list_views(recording: Recording, cameras: Array) -> list[list[list[float] | None]]:
-    """Corners x, y [m] of the field of view on the ground of cameras (K, n, 7); null if it has no bounds nearby."""
-    scans, uavs = cameras.shape[:2]
-    corners = np.full((scans, uavs, 4, 2), np.nan)
-    for row, poses in zip(corners, cameras, strict=True):
-        for i, pose in enumerate(poses):
-            view = find_footprint(recording.setting, i, Pose(pose[:3], pose[3:]))
-            row[i] = np.nan if view is None else view
-    return _put_nulls(corners.reshape(-1, uavs, 8), 2, np.isnan(corners[:, :, 0, 0]))
+    """Outline x, y [m] of the field of view on the ground of cameras (K, n, 7); null if it has no bounds nearby."""
+    poses = [[Pose(pose[:3], pose[3:]) for pose in row] for row in cameras]
+    views = [[find_footprint(recording.setting, i, pose) for i, pose in enumerate(row)] for row in poses]
+    return [[None if view is None else _round(view.ravel()) for view in row] for row in views]
 
 
 def _list_tracks(recording: Recording) -> list[dict[str, Any]]:

@@ -82,7 +82,7 @@ function drawGround(ctx) {
 
 function outline(ctx, corners) {
   ctx.beginPath();
-  for (let c = 0; c < 8; c += 2) ctx.lineTo(px(corners[c]), py(corners[c + 1]));
+  for (let c = 0; c < corners.length; c += 2) ctx.lineTo(px(corners[c]), py(corners[c + 1]));
   ctx.closePath();
 }
 

@@ -61,9 +61,10 @@ class Cameras:
 
     def _log_breakdown(self, uav: int) -> None:
         tile = np.empty((_TILE, _TILE, 3), dtype=np.uint8)
-        pixels = self._uavs[uav].pixels
         draw_broken(tile, uav)
-        self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
+        self._log_image(
+            uav, np.asarray(cv2.resize(tile, camera_of(self._uavs[uav]).size, interpolation=cv2.INTER_AREA), np.uint8)
+        )
         root = f"world/camera/{uav}"
         for path in (f"{root}/detections", f"{root}/tracks", f"{root}/association", f"association/{uav}"):
             self._stream.log(path, rr.Clear(recursive=False))

@@ -60,9 +60,10 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
     for i, uav in enumerate(scenario.uavs):
         camera, colour = camera_of(uav), uav_colour(i)
         lens = rr.Pinhole(
-            focal_length=camera.focal,
-            width=camera.pixels,
-            height=camera.pixels,
+            focal_length=(camera.optics.fx, camera.optics.fy),
+            principal_point=(camera.optics.cx, camera.optics.cy),
+            width=camera.size[0],
+            height=camera.size[1],
             camera_xyz=rr.ViewCoordinates.RUB,
             image_plane_distance=uav.altitude / 3,
             color=colour,

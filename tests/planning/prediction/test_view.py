@@ -54,6 +54,31 @@ def test_the_half_planes_hold_exactly_what_the_camera_sees():
     assert 0.02 < np.mean(shares) < 0.5
 
 
+@pytest.mark.parametrize(
+    ("camera", "lost"),  # largest share of the true view, in level flight, that planners do not claim
+    [
+        (Camera.calibrated(640, 360, (500.0, 510.0), (300.0, 170.0)), 0.0),
+        (Camera.calibrated(640, 512, (760.0, 760.0), (320.0, 256.0), (-0.37,)), 0.08),
+        (Camera.calibrated(528, 396, (371.0, 371.0), (265.0, 197.0), (-0.11, 0.015, 0.0, 0.0, -0.027)), 0.08),
+        (Camera.calibrated(640, 480, (550.0, 550.0), (320.0, 240.0), (0.14, 0.0, 0.001, -0.002)), 0.05),
+    ],
+    ids=["pinhole", "thermal", "wide", "pincushion"],
+)
+def test_no_point_is_claimed_that_a_lens_does_not_show(camera, lost):
+    rng, seen_by_both = np.random.default_rng(8), []
+    for k in range(30):
+        tilt, heading = (rng.uniform(0, 20), rng.uniform(-180, 180)) if k else (0.0, 0.0)
+        v = dataclasses.replace(vehicle(tilt, heading), camera=camera)
+        offsets = rng.uniform(-1.3, 1.3, (2000, 2)) * viewing_range(v)
+        view = view_quadrangle(v)
+        far = np.min(np.abs(offsets @ view[:4, :2].T - view[:4, 2]), axis=1) > 1e-9
+        claimed, shown = np.array([inside(view, dx, dy) for dx, dy in offsets[far]]), seen(v, offsets[far])
+        assert not np.any(claimed & ~shown)
+        seen_by_both.append(1.0 - claimed.sum() / shown.sum())
+    assert lost / 3 <= seen_by_both[0] <= lost
+    assert np.all(np.equal(seen_by_both, 0.0)) == (lost == 0.0)
+
+
 def test_a_level_camera_sees_a_square_with_moves_along_each_axis():
     for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
         v = vehicle(fov=fov, height=height)

@@ -34,15 +34,19 @@ def odometry(time, row, child, parent="map"):
 
 
 def camera_info(frame, width, height, distortion=()):
-    k = np.array([FOCAL, 0, width / 2, 0, FOCAL, height / 2, 0, 0, 1.0])
+    k = np.array([FOCAL, 0, (width - 1) / 2, 0, FOCAL, (height - 1) / 2, 0, 0, 1.0])
     return {"header": stamped(0.0, frame), "width": width, "height": height, "k": k, "d": np.array(distortion)}
 
 
-def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path):
+BENT = (-0.2, 0.05, 0.001, -0.002, 0.01)
+
+
+@pytest.mark.parametrize("bend", [(), BENT])
+def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path, bend):
     turned, mounted = Rotation.from_euler("zyx", [0.7, 0.1, -0.2]), Rotation.from_euler("xyz", [0.3, -0.5, 0.2])
     optical = mounted * Rotation.from_quat(DOWN)
     with RosBag(tmp_path / "bag") as bag:
-        bag.write("/drone/camera_info", CAMERA, 0.0, camera_info("drone/optical", 1920, 1080))
+        bag.write("/drone/camera_info", CAMERA, 0.0, camera_info("drone/optical", 1920, 1080, bend))
         link = transform(0.0, [0.2, 0.0, -0.1, *optical.as_quat().tolist()], "drone/optical", "drone/base_link")
         bag.write("/tf_static", TRANSFORMS, 0.0, link, latched=True)
         for time in TIMES:
@@ -50,11 +54,11 @@ def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path):
             row = [3.0 * time, -time, 30.0, *turned.as_quat().tolist()]
             bag.write("/drone/odom", ODOMETRY, time, odometry(time, row, "drone/base_link", "odom"))
         eye = np.array([100.0, 50.0, 30.0]) + turned.apply([0.2, 0.0, -0.1])
-        camera = Camera(math.radians(40), 1080)
+        camera = Camera.calibrated(1920, 1080, (FOCAL, FOCAL), (960.0, 540.0), bend)
         pose = Pose(eye, (turned * mounted).as_quat())
-        places = camera.ground_points(pose, np.array([[500.0, 600.0], [300.0, 200.0]]), TARGET_HEIGHT)
+        places = camera.ground_points(pose, np.array([[920.0, 600.0], [1800.0, 200.0]]), TARGET_HEIGHT)
         for k, time in enumerate(TIMES):
-            pixels = [(920.0, 600.0), (720.0, 200.0)] if k == 0 else []
+            pixels = [(920.0, 600.0), (1800.0, 200.0)] if k == 0 else []
             head = stamped(time, "drone/optical")
             boxes = [{"header": head, "bbox": ((pixel, 0.0), 9.0, 9.0)} for pixel in pixels]
             bag.write("/drone/detections", IN_IMAGE, time, (head, boxes))
@@ -63,7 +67,7 @@ def test_a_chain_of_frames_puts_the_camera_where_tf_says(tmp_path):
     np.testing.assert_allclose(log.poses[0, 0, :3], eye, atol=1e-9)
     np.testing.assert_allclose(log.poses[5, 0, :2], eye[:2] + np.array([3, -1]), atol=1e-9)
     np.testing.assert_allclose(log.observed[0, 0][0].measurements, places, atol=1e-6)
-    assert log.frames.sum() == len(TIMES) and log.setting.uavs[0].fov_deg == pytest.approx(40)
+    assert log.frames.sum() == len(TIMES) and log.setting.uavs[0].true_camera == camera
 
 
 def fly(path, *, uavs=("/uav0",), lacking="", frame="map", distortion=(), more=()):
@@ -96,7 +100,11 @@ LACKS = {
     "camera": ({"lacking": "camera"}, "/uav0 has no topic of sensor_msgs/msg/CameraInfo; expected one, among"),
     "detections": ({"lacking": "detections"}, "/uav0 has no topic of vision_msgs/msg/Detection2DArray; expected"),
     "frame": ({"frame": "odom"}, "detections of /uav0 are in the frame 'odom', but tf ends at 'map'; expected them"),
-    "distortion": ({"distortion": (0.1, 0.0, 0.0, 0.0, 0.0)}, "/uav0: its CameraInfo has a distortion; rectify"),
+    "distortion": ({"distortion": (-0.9, 0.0, 0.0, 0.0, 0.0)}, "/uav0: its CameraInfo: distortion: [-0.9, 0.0, 0.0, 0"),
+    "model": (
+        {"distortion": (0.1,) * 8},
+        "/uav0: its CameraInfo: distortion_coefficients: [0.1, 0.1, 0.1, 0.1, 0.1, 0",
+    ),
 }
 
 

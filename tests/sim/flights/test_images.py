@@ -18,12 +18,19 @@ from sim.running.results import run_mission
 from sim.scenario.loading import load
 from tracking.errors import InputError
 
-SETTINGS = ["duration=3", "tracking.initial_tracks=none", "sensing.noise=camera", "uavs.1.rate=1"]
+LENS = "{width = 192, height = 128, hfov_deg = 60, distortion = [-0.2, 0.05]}"
+SETTINGS = [
+    "duration=3",
+    "tracking.initial_tracks=none",
+    "sensing.noise=camera",
+    "uavs.1.rate=1",
+    f"uavs.2.camera={LENS}",
+]
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """A mission whose frames are files, in wide images with a margin, in place of detections."""
+    """A mission whose frames are files in place of detections; one camera has wide images, bent by its lens."""
     out = tmp_path_factory.mktemp("images")
     run_mission(Trial(load("forest", SETTINGS), "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
@@ -31,8 +38,7 @@ def flight(tmp_path_factory):
     rows = ["time_s,uav,file"]
     with Rerenderer(recording) as again:
         for k, i in np.argwhere(recording.frames_taken).tolist():
-            wide = cv2.copyMakeBorder(again.image(k, i), 0, 0, 32, 32, cv2.BORDER_CONSTANT)
-            cv2.imwrite(str(out / "flight" / f"{i}-{k}.png"), wide[..., ::-1])
+            cv2.imwrite(str(out / "flight" / f"{i}-{k}.png"), again.image(k, i)[..., ::-1])
             rows.append(f"{recording.times[k]},{i},{i}-{k}.png")
     for name in ("truth.csv", "tracks.csv", "detections.csv"):
         (out / "flight" / name).unlink()
@@ -54,7 +60,7 @@ def test_a_detector_of_ones_own_gets_the_images_and_its_errors_are_one_line(flig
     _, folder = flight
     (tmp_path / "mine.py").write_text(
         "import numpy as np\nfrom tracking.detection.detector import Detections\n"
-        "class One:\n    def detect(self, frame):\n        assert frame.image.shape == (128, 128, 3)\n"
+        "class One:\n    def detect(self, frame):\n        assert frame.image.shape[1] == 128 + 64 * (frame.uav == 2)\n"
         "        return Detections(np.array([[64.0, 64.0]]), np.array([[1.0, 2.0]]), np.eye(2)[None])\n"
         "class Bad:\n    def detect(self, frame):\n        raise RuntimeError('no')\n"
     )

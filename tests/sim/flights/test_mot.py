@@ -102,15 +102,15 @@ def test_boxes_in_wide_images_become_places_on_the_ground(tmp_path):
     place = np.array([[3.0, -5.0]])
     u, v = camera.project(pose, np.column_stack([place, [[TARGET_HEIGHT]]]))[0][0]
     box = f"{u + 420 - 10 + 1},{v - 30 + 1},20,60"  # the first pixel is 1, and the square begins at column 420
-    beside = "2,3,1,500,20,60,1"
+    beside = "2,3,1,500,20,60,1"  # the camera's square, which is the middle of the wide image
     walk(tmp_path, det=f"2,-1,{box},-1\n{beside}\n", gt=f"2,7,{box},1,1,0.9\n3,8,{box},1,7,0.9\n3,9,{box},0,1,1\n")
     (tmp_path / "poses.csv").write_text("time_s,x_m,y_m,z_m\n0,0,0,30\n1,0,0,30\n")
     (tmp_path / "cameras.csv").write_text("fov_deg,pixels\n40,1080\n")
     log = read_flight(tmp_path)
     assert log.setting.rates.sensing == 25 and log.frames.sum() == 5
-    np.testing.assert_allclose(log.observed[1, 0][0].measurements, place, atol=1e-9)
-    assert [len(log.observed[k, 0][0].measurements) for k in range(5)] == [0, 1, 0, 0, 0]
-    assert any("1 above the horizon, or beside the square" in remark for remark in log.remarks)
+    there = camera.ground_points(pose, np.array([[10.0 - 420.0, 529.0]]), TARGET_HEIGHT)
+    np.testing.assert_allclose(log.observed[1, 0][0].measurements, np.vstack([place, there]), atol=1e-9)
+    assert [len(log.observed[k, 0][0].measurements) for k in range(5)] == [0, 2, 0, 0, 0]
     np.testing.assert_allclose(log.people.positions[1], place, atol=1e-9)
     assert np.isnan(log.people.positions[[0, 2, 3, 4]]).all() and log.people.positions.shape == (5, 1, 2)
     (tmp_path / "cameras.csv").write_text("fov_deg,pixels\n40,128\n")

@@ -1,0 +1,91 @@
+"""Rolling shutter: the rows of an image are exposed one after another, while camera and people move."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.world.attitude import rotate
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array
+
+_STRIP = 0.5  # pixels, by which the image moves in one strip of equally old rows
+_LEAST_ROWS = 4  # of a strip
+
+
+class Glimpse(NamedTuple):
+    """Camera and people at the time of a frame."""
+
+    time: float  # s
+    pose: Pose
+    people: Array  # (M, 2) m, NaN if absent
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Motion while an image is read out, whose middle row is exposed at the time of the frame.
+
+    Note: velocities are the means since the camera's last frame.
+    """
+
+    readout: float  # s, from the first row to the last
+    velocity: Array  # (3,) m/s, of the camera
+    spin: Array  # (3,) rad/s, of the camera, in the world frame
+    people: Array  # (M, 2) m/s
+
+    @staticmethod
+    def between(before: Glimpse | None, now: Glimpse, readout: float) -> "Sweep":
+        """The sweep of a frame, given the one before; without motion if there is none."""
+        if before is None:
+            return Sweep(readout, np.zeros(3), np.zeros(3), np.zeros_like(now.people))
+        elapsed = now.time - before.time
+        a, b = before.pose.quaternion, now.pose.quaternion
+        # Vector and scalar of the turn b a*; twice the vector is the angle, if that is small.
+        vector = a[3] * b[:3] - b[3] * a[:3] - cross(b[:3], a[:3])
+        scalar = a[3] * b[3] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        return Sweep(
+            readout,
+            (now.pose.position - before.pose.position) / elapsed,
+            vector * (math.copysign(2.0, scalar) / elapsed),
+            np.nan_to_num((now.people - before.people) / elapsed),
+        )
+
+    def delays(self, rows: Array, height: int) -> Array:
+        """Times (N,) s, relative to that of the frame, of rows at v (N,) pixels in an image of this height."""
+        return np.asarray((rows / height - 0.5) * self.readout)
+
+    def pose_at(self, pose: Pose, delay: float) -> Pose:
+        """The pose of the camera `delay` s after that of the frame."""
+        turned = rotate(pose.quaternion, self.spin, delay) if self.spin.any() else pose.quaternion
+        return Pose(pose.position + delay * self.velocity, turned)
+
+    def edges(self, camera: Camera, height: float) -> list[int]:
+        """Rows at which strips of an image begin, and its end; `height` of the camera above ground [m]."""
+        rows = camera.size[1]
+        speed = math.sqrt(float(np.sum(np.square(self.velocity)))) / max(height, 1.0)
+        moved = camera.focal * self.readout * (speed + math.sqrt(float(np.sum(np.square(self.spin)))))
+        strips = min(max(math.ceil(moved / _STRIP), 1), rows // _LEAST_ROWS)
+        return [rows * k // strips for k in range(strips + 1)]
+
+    def corrections(self, camera: Camera, pose: Pose, pixels: Array) -> Array:
+        """What to add (N, 2) m to ground points of pixels (N, 2) that were found as if all rows were of one time."""
+        delays = self.delays(pixels[:, 1], camera.size[1]).tolist()
+        moved = [
+            camera.ground_points(self.pose_at(pose, delay), pixel, TARGET_HEIGHT)[0]
+            for delay, pixel in zip(delays, pixels, strict=True)
+        ]
+        apart = np.array(moved).reshape(-1, 2) - camera.ground_points(pose, pixels, TARGET_HEIGHT)
+        return np.nan_to_num(apart)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product (3,) of two vectors (3,)."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def cut_strip(camera: Camera, top: int, bottom: int) -> Camera:
+    """The camera of the rows from `top` to `bottom` alone."""
+    o = camera.optics
+    return Camera.calibrated(o.width, bottom - top, (o.fx, o.fy), (o.cx, o.cy - top), o.distortion)

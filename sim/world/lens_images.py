@@ -1,0 +1,43 @@
+"""Straight images in which those through lenses lie: renderers draw no others."""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.geometry.camera import Camera
+from tracking.numerics.arrays import Array
+
+# Pixels of the straight image along one of a bent image, whose sampling moves by up to half of one: more if there are
+# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2, 1.65 with 1; in 640 x 480 of 0.92.
+_FINER, _FEW_FINER, _FEW = 2, 3, 100_000
+
+
+class View(NamedTuple):
+    """A straight image, in which a bent one lies; a straight image lies in itself, and has no sources and places."""
+
+    straight: Camera
+    sources: NDArray[np.int64]  # (H, W): index of the pixel of the straight image that shows each pixel's centre
+    places: Array  # (H, W, 2): column and row of each pixel's centre in the straight image
+
+
+@lru_cache(64)
+def straighten(camera: Camera) -> View:
+    """The view through a lens: rendered without it, finer and so wide that it has all of the bent image.
+
+    A pixel is the sample at its centre, as in a rendered image, of colour and person alike.
+    """
+    if not camera.is_bent:
+        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 2)))
+    optics, (width, height) = camera.optics, camera.size
+    v, u = np.mgrid[0:height, 0:width] + 0.5
+    scale = (_FEW_FINER if width * height <= _FEW else _FINER) * np.array([optics.fx, optics.fy])
+    low, high = (scale * find(camera.slopes(camera.outline), axis=0) for find in (np.min, np.max))
+    low, high = np.floor(low) - 2.0, np.ceil(high) + 2.0
+    columns, rows = (high - low).astype(int).tolist()
+    focal, centre = (scale[0], scale[1]), (-low[0], -low[1])
+    straight = Camera.calibrated(columns, rows, focal, centre)
+    places = scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low
+    j, i = places.astype(np.int64).T
+    return View(straight, (columns * i + j).reshape(height, width), (places - 0.5).reshape(height, width, 2))

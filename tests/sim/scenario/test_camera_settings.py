@@ -1,0 +1,192 @@
+"""Cameras of scenarios: files, views on the ground, beliefs, and what is wrong with them."""
+
+import math
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+
+from sim.scenario.camera_settings import CAMERAS, CameraSettings, make_camera, read_camera
+from sim.scenario.loading import load, resolve_scenario
+from sim.scenario.scenario import Scenario, encode_scenario
+from sim.scenario.uavs import Uav
+from tracking.errors import InputError
+from tracking.geometry.camera import Camera, Pose
+
+CAMERA_INFO = """
+image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [438.783367, 0.0, 305.593336, 0.0, 437.302876, 243.738352, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.361976, 0.110510, 0.001014, 0.000505,
+         0.0]
+"""
+
+
+def scenario_file(folder, camera: str, more: str = ""):
+    path = folder / "scenario.toml"
+    path.write_text(f"[[uavs]]\nstart = [0, 0]\nfootprint = 30\ncamera = {camera}\n{more}")
+    return path
+
+
+def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_path):
+    (tmp_path / "info.yaml").write_text(CAMERA_INFO)
+    camera = load(str(scenario_file(tmp_path, '"info.yaml"'))).uavs[0].true_camera
+    assert camera.size == (640, 480)
+    K = np.array([[438.783367, 0, 305.593336], [0, 437.302876, 243.738352], [0, 0, 1]])
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (1000, 2))
+    body = np.column_stack([points, np.ones(1000)])
+    expected = cv2.projectPoints(
+        body, np.zeros(3), np.zeros(3), K, np.array([-0.361976, 0.11051, 0.001014, 0.000505, 0])
+    )
+    level = np.column_stack([points[:, 0], -points[:, 1], -np.ones(1000)])
+    np.testing.assert_allclose(camera.project(Pose.level(0, 0, 0), level)[0], expected[0][:, 0] + 0.5, atol=1e-6)
+
+
+def test_the_footprint_is_the_width_of_the_view_on_the_ground():
+    for name in CAMERAS:
+        for more in ({"footprint": 30.0}, {"altitude": 25.0}):
+            uav = msgspec.convert({"start": (0, 0), "camera": name, **more}, Uav)
+            camera = uav.true_camera
+            ends = np.array([[0.0, camera.optics.cy], [camera.size[0], camera.optics.cy]])
+            left, right = camera.ground_points(Pose.level(0.0, 0.0, uav.altitude), ends)
+            assert right[0] - left[0] == pytest.approx(uav.footprint, rel=1e-12)
+            assert getattr(uav, next(iter(more))) == pytest.approx(next(iter(more.values())), rel=1e-12)
+            assert uav.pixels == camera.size[0]
+
+
+def test_an_angle_of_view_is_that_between_the_ends_of_the_middle_row():
+    for distortion in ((), (-0.2, 0.05), (0.1,)):
+        camera = make_camera(CameraSettings(width=640, height=480, hfov_deg=70.0, distortion=distortion))
+        ends = camera.slopes(np.array([[0.0, 240.0], [640.0, 240.0]]))[:, 0]
+        np.testing.assert_allclose(np.degrees(np.arctan(ends)), [-35.0, 35.0], atol=1e-9)
+
+
+def test_a_scaled_camera_sees_the_same_rays():
+    whole = CameraSettings(width=5280, height=3956, focal=(3713.29, 3713.29), centre=(2646.5, 1968.8), scale=0.5)
+    camera, half = make_camera(msgspec.structs.replace(whole, scale=0.75)), make_camera(whole)
+    assert camera.size == (3960, 2967) and half.size == (2640, 1978)
+    np.testing.assert_allclose(camera.slopes(camera.corners), half.slopes(half.corners), rtol=1e-12)
+
+
+def test_the_middle_of_opencvs_first_pixel_is_half_a_pixel_in():
+    camera = make_camera(CameraSettings(width=64, height=48, focal=(50.0, 50.0), centre=(0.0, 0.0)))
+    np.testing.assert_array_equal(camera.slopes(np.array([[0.5, 0.5]])), [[0.0, 0.0]])
+
+
+def test_a_fleet_may_believe_another_calibration():
+    table = {"width": 640, "height": 480, "focal": (500.0, 500.0), "distortion": (-0.2,)}
+    given = msgspec.convert({**table, "believed": {"distortion": (0.0,), "centre": (300.0, 240.0)}}, CameraSettings)
+    true, believed = make_camera(given), make_camera(given, believed=True)
+    assert true == make_camera(CameraSettings(**table))
+    assert not believed.is_bent and believed.optics.cx == 300.5 and believed.optics.fx == 500.0
+
+
+def test_a_recorded_scenario_holds_its_camera_whole(tmp_path):
+    (tmp_path / "own.toml").write_text('width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\nsource = "me"\n')
+    scenario = load(str(scenario_file(tmp_path, '"own.toml"')))
+    (tmp_path / "own.toml").unlink()
+    again = msgspec.json.decode(encode_scenario(scenario), type=Scenario)
+    assert again == scenario and again.uavs[0].camera.source == "me"
+    assert resolve_scenario(scenario, {"uavs.0.footprint": 20.0}).uavs[0].altitude == pytest.approx(
+        scenario.uavs[0].altitude * 20 / 30
+    )
+    assert '"camera":' not in encode_scenario(Scenario())
+
+
+def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkeypatch):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    for folder, width in ((tmp_path, 100), (inner, 200)):
+        (folder / "own.toml").write_text(f"width = {width}\nheight = 50\nhfov_deg = 60\n")
+    path = scenario_file(inner, '"own.toml"')
+    monkeypatch.chdir(tmp_path)
+    assert load(str(path)).uavs[0].pixels == 200
+    assert load(str(path), ['uavs.0.camera="own.toml"']).uavs[0].pixels == 100
+    assert load(str(path), ['uavs.0.camera="d435"']).uavs[0].pixels == 640
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        ('"mavic"', "uavs.0: camera: 'mavic' is unknown; allowed are .*; did you mean mavic-3e"),
+        ('"mavik-3e"', "uavs.0: camera: 'mavik-3e' is unknown; allowed are .*; did you mean mavic-3e"),
+        ('"none.toml"', "uavs.0: camera: there is no file .*none.toml"),
+        ('"none.yaml"', "uavs.0: camera: .*none.yaml cannot be read: No such file"),
+        ("{width = 640, height = 480}", "uavs.0.camera: hfov_deg and focal: one of them is needed"),
+        ("{width = 640, hight = 480, hfov_deg = 60}", "uavs.0.camera.hight: unknown key; .*did you mean height?"),
+        ("{width = 640, height = 480, focal = [0, 500]}", r"uavs.0.camera.focal.0: 0 is not allowed; "),
+        (
+            "{width = 640, height = 480, focal = [400, 400], distortion = [-0.5]}",
+            r"uavs.0.camera: distortion: \[-0.5, 0.0, 0.0, 0.0, 0.0\] folds the image over; ",
+        ),
+        (
+            "{width = 640, height = 480, focal = [400, 400], believed = {distortion = [-0.5]}}",
+            r"uavs.0.camera: distortion: .* folds the image over; ",
+        ),
+        (
+            "{width = 640, height = 480, hfov_deg = 60, scale = 0.01}",
+            "uavs.0.camera: scale: 0.01 gives images of 6 pix",
+        ),
+    ],
+)
+def test_a_wrong_camera_is_told_in_one_line(tmp_path, camera, message):
+    with pytest.raises(InputError, match=message) as error:
+        load(str(scenario_file(tmp_path, camera)))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("438.783367", "0.0", "camera_matrix: .* is singular or skew; expected fx, 0, cx, 0, fy, cy, 0, 0, 1"),
+        ("[438.783367, ", "[", "camera_matrix: its data are 8 numbers; expected 9"),
+        ("plumb_bob", "equidistant", "distortion_model: 'equidistant' is not allowed; expected plumb_bob"),
+        ("         0.0]", "         0.0, 0.1]", "distortion_coefficients: .* has more than k1, k2, p1, p2, k3"),
+        ("[-0.361976,", "[x,", "distortion_coefficients: its data are not a list of finite numbers"),
+        ("image_width: 640", "image_width: 0", "width: 0 is not allowed; "),
+        ("image_width: 640", "image_width: [", "is no YAML: "),
+    ],
+)
+def test_a_wrong_camera_info_file_is_told_in_one_line(tmp_path, old, new, message):
+    assert old in CAMERA_INFO
+    (tmp_path / "info.yaml").write_text(CAMERA_INFO.replace(old, new))
+    with pytest.raises(InputError, match=message) as error:
+        read_camera(str(tmp_path / "info.yaml"))
+    assert "\n" not in str(error.value)
+
+
+def test_a_camera_rules_out_other_views(tmp_path):
+    for more, message in (
+        ("fov_deg = 60", "fov_deg 60 is not that of the camera, 49"),
+        ("pixels = 256", "pixels 256 is not the width of the camera's images, 640"),
+        ("altitude = 20", "footprint, fov_deg and altitude are given"),
+        ("tilt_deg = 58\n[sensing]\nmode = 'ideal'", None),
+        ("tilt_deg = 60\nfootprint2 = 1", "unknown key"),
+    ):
+        path = scenario_file(tmp_path, '"thermal-640"', more)
+        if message is None:
+            load(str(path))
+            continue
+        with pytest.raises(InputError, match=message):
+            load(str(path))
+    wide = "{width = 640, height = 640, hfov_deg = 80}"
+    with pytest.raises(InputError, match=r"tilt_deg 55 lets the camera look at the horizon; allowed .* less than 50"):
+        load(str(scenario_file(tmp_path, wide, "tilt_deg = 55")))
+
+
+def test_packaged_cameras_have_the_fields_of_view_that_are_stated():
+    d435 = read_camera("d435")
+    camera = make_camera(d435)
+    ends = camera.slopes(np.array([[320.0, 0.0], [320.0, 360.0]]))[:, 1]
+    assert camera.size == (640, 360) and math.degrees(2 * math.atan(ends[1])) == pytest.approx(42.5, abs=0.6)
+    for name in CAMERAS:
+        assert read_camera(name).source and isinstance(make_camera(read_camera(name)), Camera)
