@@ -75,8 +75,10 @@ def _write_csv(recording: Recording, folder: Path) -> None:
 
 
 def _write_truth(recording: Recording, folder: Path) -> None:
-    rows = _list_rows(_list_truth(recording), ("time", "person", "x", "y"))
-    _write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
+    """The people, if they are known."""
+    if recording.labelled:
+        rows = _list_rows(_list_truth(recording), ("time", "person", "x", "y"))
+        _write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
 
 
 def _write_map_and_settings(recording: Recording, folder: Path) -> None:

@@ -65,6 +65,10 @@ def test_a_mission_in_a_bag_has_the_same_tracks_byte_for_byte(mission, tmp_path)
     assert not again.labelled
     for name in (name for name in TRACKS if name != "pixels"):  # places on the ground are measured, not pixels
         assert getattr(recording, name).tobytes() == getattr(again, name).tobytes(), name
+    for target in ("rosbag", "csv"):  # a flight whose people are unknown, too, which has no images
+        export(again, target, tmp_path / target)
+        third = track_flight(read_flight(tmp_path / target)).recording
+        assert not third.labelled and third.track_means.tobytes() == recording.track_means.tobytes()
 
 
 def test_flights_are_tracked_without_the_engine(mission):
