@@ -88,13 +88,14 @@ def make_setting(folder: Path, given: Mapping[str, Any], files: FlightFiles, *, 
 
 
 def _list_uavs(given: Sequence[Mapping[str, Any]], files: FlightFiles) -> Iterator[dict[str, Any]]:
-    """Tables of UAVs, with their usual altitudes; of those that are given, only breakdowns are kept."""
+    """Tables of UAVs, with their usual altitudes; of those that are given, breakdowns and navigation are kept."""
     for i, camera in files.cameras.items():
         altitude = float(np.median(files.poses[i].rows[:, 2]))
         if altitude <= TARGET_HEIGHT:
             above = "heights are above the ground below, and cameras above people"
             raise InputError(f"poses: UAV {i}, column z_m: is {spell(altitude, 3)} m in the median; {above}")
-        kept = {"fails_at": given[i]["fails_at"]} if i < len(given) and "fails_at" in given[i] else {}
+        own = given[i] if i < len(given) else {}
+        kept = {key: own[key] for key in ("fails_at", "navigation") if key in own}
         # Where a UAV starts is not used; with a radius, all may do so at one place.
         view = {"start": (0.0, 0.0), "start_radius": 1.0, "altitude": altitude}
         yield {**view, **camera.view, **kept}
