@@ -11,7 +11,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
-_STRIP = 0.5  # pixels, by which the image moves in one strip of equally old rows
+_STRIP = 1.0  # pixel, by which the image moves in one strip of equally old rows
 _LEAST_ROWS = 4  # of a strip
 
 
