@@ -57,7 +57,7 @@ def draw_legend(
         entries += [*_list_trees(forest), *(_PEOPLE if labelled else ())]
     entries.append((_draw_track, f"track of {owner}, 95 %" if owner else "track"))
     if owner:
-        entries += [(_draw_uav, "UAV, view"), *[(_draw_believed, "as believed")] * believed]
+        entries += [(_draw_believed_uav, "UAV, view, believed") if believed else (_draw_uav, "UAV, view")]
         entries += [(_draw_intent, "intent")] * labelled
     if tiles or not labelled:
         entries.append((partial(draw_detection, reach=10.0), "detection"))
@@ -106,8 +106,9 @@ def _draw_uav(image: Image, at: Array) -> None:
     draw_quadrotor(image, at, BLUE)
 
 
-def _draw_believed(image: Image, at: Array) -> None:
-    draw_lines(image, cut_dashes(at + 10.0 * _SQUARE, BELIEVED), BLUE)
+def _draw_believed_uav(image: Image, at: Array) -> None:
+    _draw_uav(image, at)
+    draw_lines(image, cut_dashes(at + 12.0 * _SQUARE + (4.0, -2.0), BELIEVED), BLUE)
 
 
 def _draw_intent(image: Image, at: Array) -> None:
