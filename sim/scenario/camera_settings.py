@@ -24,6 +24,7 @@ _LEAST = 16
 _CENTRE = 0.5  # pixels, place of the centre of the first pixel; in calibrations it is 0
 
 Pixels = Annotated[float, Meta(gt=0, le=1e5)]
+Place = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Coefficients = Annotated[tuple[Annotated[float, Meta(ge=-1e4, le=1e4)], ...], Meta(max_length=5)]
 
 
@@ -31,7 +32,7 @@ class Belief(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
     """What a fleet believes of a camera, as far as it differs from the truth."""
 
     focal: tuple[Pixels, Pixels] | None = None
-    centre: tuple[float, float] | None = None
+    centre: tuple[Place, Place] | None = None
     distortion: Coefficients | None = None
 
 
@@ -44,7 +45,7 @@ class CameraSettings(Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     focal: tuple[Pixels, Pixels] | None = None  # pixels, `[fx, fy]`, instead of `hfov_deg`
     # pixels, principal point `[cx, cy]`, counted as in OpenCV: the centre of the first pixel is 0, 0; by default the
     # middle of the image
-    centre: tuple[float, float] | None = None
+    centre: tuple[Place, Place] | None = None
     distortion: Coefficients = ()  # k1, k2, p1, p2, k3, as in OpenCV; those left out are 0
     scale: Annotated[float, Meta(gt=0, le=1)] = 1.0  # size of delivered images as a share of the calibrated ones
     # s, rolling shutter: time from the exposure of the first row to that of the last; the middle row is exposed at the

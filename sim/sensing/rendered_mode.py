@@ -57,6 +57,7 @@ class RenderedMode:
             frame=frame,
             pixels=found.pixels,
             faults=faults,
+            located_by_belief=True,
         )
 
     def _find_sweep(self, uav: int, now: Glimpse) -> Sweep | None:

@@ -34,7 +34,7 @@ class SensorSetup:
 class SensorOutput:
     """Detections of one UAV at one scan, and ground truth about them for recordings and metrics only."""
 
-    ground: Array  # (N, 2) m, from the pose of the frame, or without a frame from the true one
+    ground: Array  # (N, 2) m, from the true pose of the camera, or as `located_by_belief` says
     matched: Callable[[Flags], Flags]  # mask (M,) of detected people, given the mask (N,) of detections not missed
     visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person seen
     covariances: Array | None = None  # (N, 2, 2) m²; if None, a sample of the UAV's noise model is added
@@ -42,6 +42,7 @@ class SensorOutput:
     pixels: Array | None = None  # (N, 2), positions of the detections in the frame, if there is one
     faults: tuple[Fault, ...] = ()
     errors: Array | None = None  # (N, 2, 2) m², covariances of the errors before that sample; None means no errors
+    located_by_belief: bool = False  # True if `ground` is from the pose that the UAV believes, `SensorSetup.believed`
 
 
 class SensorMode(Protocol):

@@ -101,9 +101,8 @@ class Sensors:
         self._setup.believed[uav] = pose
         output, kept, matched = self._sense(uav, time, true, people)
         with self._clock.measure("detection"):
-            seen_from = output.frame.pose if output.frame else true
-            if believed is not None and seen_from is not believed:
-                output = replace(output, ground=move_to_believed(output.ground, seen_from, believed))
+            if pose is not true and not output.located_by_belief:
+                output = replace(output, ground=move_to_believed(output.ground, true, pose))
             if output.covariances is None:
                 scan = self._draw_scan(uav, time, pose, output)
             else:

@@ -103,13 +103,21 @@ def _can_write(folder: Path) -> bool:
     return True
 
 
+def _time_changed(path: Path) -> float:
+    """Time [s] at which a folder was changed; 0 if another process has deleted it."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
+
+
 @cache
 def _prepare_folder(module: Path, home: Path) -> Path:
     """The folder of a module's code; a new one gets the code of this digest that another folder has."""
     name = os.path.relpath(module, _ROOT).removesuffix(".py").replace(os.sep, "-")
     folder = home / f"{name}-{digest_of(module)[:_DIGITS]}"
     if not folder.is_dir():
-        older = sorted(home.glob(f"{name}-{'?' * _DIGITS}"), key=lambda path: path.stat().st_mtime)
+        older = sorted(home.glob(f"{name}-{'?' * _DIGITS}"), key=_time_changed)
         for stale in older[:-1]:  # the last one stays for processes that began before the source was changed
             shutil.rmtree(stale, ignore_errors=True)
         filled = [other / folder.name for other in _list_code_folders() if (other / folder.name).is_dir()]

@@ -33,6 +33,7 @@ REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
 ELSEWHERE |= {"tracking.confirm", "tracking.delete", "trees.height", "trees.origin", "people.origin"}
+ELSEWHERE |= {f"uavs.0.camera.{of}{name}" for of in ("", "believed.") for name in ("focal", "centre", "distortion")}
 
 
 def test_settings_other_than_the_defaults_make_the_scenario_again():
