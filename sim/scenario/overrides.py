@@ -41,15 +41,18 @@ def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str])
             default = default.get(part) if isinstance(default, dict) else None
             node.setdefault(part, default if isinstance(default, list) else {})  # a list keeps its other rows
         entry = _find_entry(node, part, key)
-        if (
-            part == "navigation" and isinstance(node[entry], str) and node[entry] in NAVIGATION
-        ):  # a name, of whose figures one is changed
+        # Of a name's figures one may be changed.
+        if part == "navigation" and isinstance(node[entry], str) and node[entry] in NAVIGATION:
             node[entry] = msgspec.to_builtins(NAVIGATION[node[entry]])
         node = node[entry]
         if not isinstance(node, dict | list):
             raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
     if path[:1] == ["uavs"] and last in _VIEW and isinstance(node, dict):
         _keep_view(node, last, [name for name in _VIEW if f"{key.removesuffix(last)}{name}" in earlier])
+    if path[:1] == ["uavs"] and last == "camera" and isinstance(node, dict):
+        for name in ("fov_deg", "pixels"):  # which follow from the camera
+            if f"{key.removesuffix(last)}{name}" not in earlier:
+                node.pop(name, None)
     node[_find_entry(node, last, key)] = _parse_value(text)
 
 

@@ -37,6 +37,13 @@ def scenario_file(folder, camera: str, more: str = ""):
     return path
 
 
+def test_an_override_by_a_camera_alone_takes_its_angle_of_view():
+    uav = load("forest", ['uavs.1.camera="thermal-640"']).uavs[1]
+    assert uav.pixels == uav.true_camera.size[0] == 640 and uav.footprint == load("forest").uavs[1].footprint
+    with pytest.raises(InputError, match="fov_deg 60 is not that of the camera"):
+        load("forest", ["uavs.1.fov_deg=60", 'uavs.1.camera="thermal-640"'])
+
+
 def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_path):
     (tmp_path / "info.yaml").write_text(CAMERA_INFO)
     camera = load(str(scenario_file(tmp_path, '"info.yaml"'))).uavs[0].true_camera
