@@ -45,6 +45,12 @@ class Track:
     # (3,) position [m] and time [s] of the fleet's last sure detection; NaN if the tracker gives none
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
+    def renumber(self, id: int) -> Track:
+        """The same track by another id, in half the constructor's time: films renumber thousands in a scan."""
+        track = object.__new__(Track)
+        track.__dict__.update(self.__dict__, id=id)
+        return track
+
     @property
     def reported(self) -> bool:
         """True if the person more likely exists than not.

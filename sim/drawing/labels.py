@@ -27,7 +27,7 @@ _CLOSE = 1.0  # pixels, distance from the corner of a view
 def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     """The snapshot with readable numbers in place of the ids of tracks; new tracks are added to `numbers`."""
     tracks = [
-        tuple(Track(numbers.setdefault(t.id, len(numbers)), t.belief, t.existence, t.sighting) for t in held)
+        tuple([track.renumber(numbers.setdefault(track.id, len(numbers))) for track in held])
         for held in snapshot.tracks
     ]
     return replace(snapshot, tracks=tracks)

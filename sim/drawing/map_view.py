@@ -23,7 +23,7 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, true_view_of
 from sim.world.contacts import Contact, describe_body
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Camera, Pose, meet_plane
 from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track, beliefs_of
@@ -268,13 +268,19 @@ class MapView:
 def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
     """Outline (N, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
     camera = camera_of(scenario.uavs[uav])
-    bounded = scenario.sensing.field_of_view != "unlimited" and looks_down(camera, pose)
-    return camera.footprint(pose) if bounded else None
+    if scenario.sensing.field_of_view == "unlimited":
+        return None
+    rays = camera.rays(pose, camera.outline)
+    return meet_plane(pose, rays) if _point_down(rays) else None
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
     """True if the rays through pixels (N, 2), by default the image's outline, meet the ground nearby."""
-    return bool(np.all(camera.rays(pose, camera.outline if pixels is None else pixels)[:, 2] < -0.1))
+    return _point_down(camera.rays(pose, camera.outline if pixels is None else pixels))
+
+
+def _point_down(rays: Array) -> bool:
+    return bool(np.all(rays[:, 2] < -0.1))
 
 
 def _points_along(path: Array, gap: float) -> Array:

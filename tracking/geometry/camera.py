@@ -151,10 +151,10 @@ class Camera:
         body = apply(pose.rotation.T, np.atleast_2d(points) - pose.position)
         depth = -body[:, 2]
         safe = np.where(depth > 0, depth, np.nan)
-        o, right = self.optics, np.column_stack([body[:, 0], -body[:, 1]])
+        o, right, down = self.optics, body[:, 0], -body[:, 1]
         if self.is_bent:
-            return _find_plane_pixels(o, right / safe[:, None]), depth
-        return np.array([o.cx, o.cy]) + np.array([o.fx, o.fy]) * right / safe[:, None], depth
+            return _find_plane_pixels(o, np.column_stack([right / safe, down / safe])), depth
+        return np.column_stack([o.cx + o.fx * right / safe, o.cy + o.fy * down / safe]), depth
 
     def sees(self, pose: Pose, points: Array) -> Flags:
         """Flags (N,) of world points (N, 3) m that are inside the image, whether hidden or not."""
@@ -180,9 +180,7 @@ class Camera:
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
         """World points (N, 2) m where rays through pixels meet the horizontal plane at `height` m; else NaN."""
-        rays, down = self.rays(pose, uv), height - pose.position[2]
-        scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
-        return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
+        return meet_plane(pose, self.rays(pose, uv), height)
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
         """Outline (N, 2) m of the image on the plane at `height` m, anticlockwise; NaN if above the horizon.
@@ -195,6 +193,13 @@ class Camera:
     def outline(self) -> Array:
         """The image's outline (N, 2) as of `footprint`, beginning at the lower left corner."""
         return _outline(self.optics) if self.is_bent else self.corners
+
+
+def meet_plane(pose: Pose, rays: Array, height: float = 0.0) -> Array:
+    """World points (N, 2) m where rays (N, 3) from a camera meet the horizontal plane at `height` m; else NaN."""
+    down = height - pose.position[2]
+    scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
+    return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
 
 def _outline(optics: Optics, *, closed: bool = False) -> Array:
