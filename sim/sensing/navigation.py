@@ -7,8 +7,8 @@ import numpy as np
 
 from sim.scenario.scenario import Scenario
 from sim.world.attitude import rotate
-from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import at_target_height
+from tracking.geometry.camera import Pose, meet_plane
+from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.navigation import Navigation
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import exp
@@ -66,9 +66,7 @@ def make_navigation_errors(
 def move_to_believed(points: Array, true: Pose, believed: Pose) -> Array:
     """Where people seen at points (N, 2) m by a camera at its true pose are with the believed one; NaN for nowhere."""
     rays = apply(believed.rotation, apply(true.rotation.T, at_target_height(points) - true.position))
-    down = at_target_height(points)[:, 2] - believed.position[2]
-    scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
-    return np.asarray(believed.position[:2] + scale[:, None] * rays[:, :2])
+    return meet_plane(believed, rays, TARGET_HEIGHT)
 
 
 def _list_deviations(horizontal: float, vertical: float, tilt_deg: float, yaw_deg: float) -> Array:

@@ -109,4 +109,6 @@ def test_a_detector_with_a_memory_gets_each_cameras_images_in_order_of_time(flig
     shutil.copytree(folder, copy)
     head, *rows = (copy / "images.csv").read_text().splitlines()
     (copy / "images.csv").write_text("\n".join([head, *reversed(rows)]) + "\n")
-    read_flight(copy, FlightOptions(detector="heeding:Heeding"))
+    found = read_flight(copy, FlightOptions(detector="heeding:Heeding")).observed
+    assert found.keys() == read_flight(folder, FlightOptions(detector="blob")).observed.keys()
+    assert any(len(scan.measurements) for scan, _ in found.values())
