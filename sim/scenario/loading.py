@@ -38,9 +38,9 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     """
     path = find_toml_file(name, SCENARIOS, "scenario")
     data = read_toml(path, "scenario")
+    _anchor_cameras(data, path.parent)
     apply_overrides(data, overrides)
     changed = {override.partition("=")[0].strip() for override in overrides}
-    _anchor_cameras(data, path.parent, changed)
     try:
         return _anchor(decode(data), path.parent, changed)
     except InputError as error:
@@ -102,12 +102,12 @@ def _make_plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's 
     return value.tolist()
 
 
-def _anchor_cameras(data: Mapping[str, Any], folder: Path, changed: Collection[str]) -> None:
-    """Make paths of cameras' files absolute, in place, as `_anchor` does; files are read with their UAV."""
+def _anchor_cameras(data: Mapping[str, Any], folder: Path) -> None:
+    """Make paths of cameras' files absolute, in place; files are read with their UAV."""
     fleet = data.get("uavs")
-    for i, row in enumerate(fleet if isinstance(fleet, list) else ()):
+    for row in fleet if isinstance(fleet, list) else ():
         name = row.get("camera") if isinstance(row, dict) else None
-        if isinstance(name, str) and Path(name).suffix and not {"uavs", f"uavs.{i}.camera"} & {*changed}:
+        if isinstance(name, str) and Path(name).suffix:
             row["camera"] = os.path.join(folder, name)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from sim.scenario.camera_settings import read_camera
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import parse_toml
 from sim.scenario.uavs import Uav
@@ -35,25 +36,32 @@ def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str])
     key, text = split_override(override)
     *path, last = key.split(".")
     node: Any = data
+    row: Any = None  # of the third level, as that of a UAV
     default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
     for i, part in enumerate(path):
         if isinstance(node, dict):
             default = default.get(part) if isinstance(default, dict) else None
             node.setdefault(part, default if isinstance(default, list) else {})  # a list keeps its other rows
         entry = _find_entry(node, part, key)
-        # Of a name's figures one may be changed.
-        if part == "navigation" and isinstance(node[entry], str) and node[entry] in NAVIGATION:
-            node[entry] = msgspec.to_builtins(NAVIGATION[node[entry]])
-        node = node[entry]
+        node[entry] = node = _spell_out(part, node[entry])
         if not isinstance(node, dict | list):
-            raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys")
+            hint = "; set it as a whole first" if node is None else ""
+            raise InputError(f"{key}: {'.'.join(path[: i + 1])} has no keys{hint}")
+        row = node if i == 1 else row
     if path[:1] == ["uavs"] and last in _VIEW and isinstance(node, dict):
         _keep_view(node, last, [name for name in _VIEW if f"{key.removesuffix(last)}{name}" in earlier])
-    if path[:1] == ["uavs"] and last == "camera" and isinstance(node, dict):
+    if path[:1] == ["uavs"] and (*path, last)[2:3] == ("camera",) and isinstance(row, dict):
         for name in ("fov_deg", "pixels"):  # which follow from the camera
-            if f"{key.removesuffix(last)}{name}" not in earlier:
-                node.pop(name, None)
+            if f"{path[0]}.{path[1]}.{name}" not in earlier:
+                row.pop(name, None)
     node[_find_entry(node, last, key)] = _parse_value(text)
+
+
+def _spell_out(key: str, value: Any) -> Any:  # noqa: ANN401 - plain data
+    """The figures of navigation or a camera that is given by name, as one of them may be changed; else the value."""
+    if isinstance(value, str) and key in ("camera", "navigation"):
+        return msgspec.to_builtins(read_camera(value) if key == "camera" else NAVIGATION.get(value, value))
+    return value
 
 
 def _keep_view(row: dict[str, Any], key: str, earlier: Sequence[str]) -> None:

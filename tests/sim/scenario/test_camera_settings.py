@@ -10,6 +10,7 @@ import pytest
 from sim.scenario.camera_settings import CAMERAS, CameraSettings, make_camera, read_camera
 from sim.scenario.loading import load, resolve_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
+from sim.scenario.settings_text import format_overrides
 from sim.scenario.uavs import Uav
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
@@ -42,6 +43,32 @@ def test_an_override_by_a_camera_alone_takes_its_angle_of_view():
     assert uav.pixels == uav.true_camera.size[0] == 640 and uav.footprint == load("forest").uavs[1].footprint
     with pytest.raises(InputError, match="fov_deg 60 is not that of the camera"):
         load("forest", ["uavs.1.fov_deg=60", 'uavs.1.camera="thermal-640"'])
+
+
+def test_of_a_camera_given_by_name_one_key_may_be_changed(tmp_path, monkeypatch):
+    (tmp_path / "own.toml").write_text("width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\n")
+    path = scenario_file(tmp_path, '"own.toml"')
+    monkeypatch.chdir("/")  # an own file is found beside the scenario as before
+    assert load(str(path), ["uavs.0.camera.scale=0.5"]).uavs[0].true_camera.size == (160, 100)
+    named, small = load("forest", ["uavs.0.camera=mavic-3e"]), {"uavs.0.camera.scale": 0.05}
+    for scenario in (
+        load("forest", ["uavs.0.camera=mavic-3e", *format_overrides(small)]),
+        resolve_scenario(named, small),
+    ):
+        expected = msgspec.structs.replace(read_camera("mavic-3e"), scale=0.05)
+        assert scenario.uavs[0].camera == expected and scenario.uavs[0].pixels == 264
+    wrong = load(str(path), ["uavs.0.camera.believed.distortion=[]"]).uavs[0]
+    assert wrong.true_camera.is_bent and not wrong.believed_camera.is_bent
+    for override, message in (
+        ("uavs.0.camera.scal=0.5", r"uavs.0.camera.scal: unknown key; allowed are .*did you mean scale\?"),
+        ("uavs.0.camera.focal=[50, 50]", "uavs.0.camera: hfov_deg and focal: one of them is needed"),
+    ):
+        with pytest.raises(InputError, match=message):
+            load(str(path), [override])
+    with pytest.raises(InputError, match=r"camera: 'mavik-3e' is unknown; allowed are .*; did you mean mavic-3e"):
+        load("forest", ["uavs.0.camera=mavik-3e", "uavs.0.camera.scale=0.5"])
+    with pytest.raises(InputError, match=r"uavs.0.camera has no keys; set it as a whole first"):
+        load("forest", ["uavs.0.camera.scale=0.5"])
 
 
 def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_path):
