@@ -66,13 +66,18 @@ def _draw(
 ) -> None:
     """Interpolate with integer bilinear weights out of 32 x 32; plane (3, 3) maps homogeneous pixels to texels.
 
-    places (H, W, 2): column and row of each pixel, if not its own, else (0, 0, 2).
+    places (2, H, W): column and row of each pixel, if not its own, else (2, 0, 0).
     """
-    tile, width, moved = len(texels) - 1, image.shape[1], len(places) > 0
+    tile, width = len(texels) - 1, image.shape[1]
     ys, xs, slopes = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32), np.empty(width)
+    us, vs = np.arange(width) * 1.0, np.empty(width)
     for row in range(image.shape[0]):
+        if places.size:
+            us, vs = places[0, row], places[1, row]
+        else:
+            vs[:] = row
         for column in range(width):  # a separate loop, which is vectorised; results are used only where ground shows
-            u, v = (places[row, column, 0], places[row, column, 1]) if moved else (float(column), float(row))
+            u, v = us[column], vs[column]
             slopes[column] = plane[2, 0] * u + plane[2, 1] * v + plane[2, 2]
             scale = 32.0 / slopes[column]
             right = (plane[0, 0] * u + plane[0, 1] * v + plane[0, 2]) * scale + 0.5
@@ -167,20 +172,20 @@ class Renderer:
 
     def _render(self, camera: Camera, pose: Pose, seen: Flags) -> Rendered:
         """The view of a camera with some of the bodies (B,)."""
-        view, people = self._capture(camera, pose, seen)
-        self._ground.draw(view.image, view.bodies, straighten(camera), pose)
-        return Rendered(view.image, people)
+        view = straighten(camera)
+        found, people = self._capture(view, pose, seen)
+        self._ground.draw(found.image, found.bodies, view, pose)
+        return Rendered(found.image, people)
 
     def find_people(self, camera: Camera, pose: Pose) -> NDArray[np.int32]:
         """The mask of people (H, W) of that view, in a fraction of the time."""
-        return self._capture(camera, pose, self.in_view(camera, pose))[1]
+        return self._capture(straighten(camera), pose, self.in_view(camera, pose))[1]
 
-    def _capture(self, camera: Camera, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
+    def _capture(self, view: View, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
         """The view before the ground is drawn, and its mask of people."""
         shown = self._world.show(seen)
-        view = straighten(camera)
         found = capture(shown.client, view.straight, pose, light=self._light, opengl=self._world.opengl)
-        if camera.is_bent:
+        if view.sources.size:
             image, depth, bodies = found
             image = np.take(image.reshape(-1, 3), view.sources, axis=0)
             found = Capture(image, np.take(depth, view.sources), np.take(bodies, view.sources))

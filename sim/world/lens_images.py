@@ -19,7 +19,7 @@ class View(NamedTuple):
 
     straight: Camera
     sources: NDArray[np.int64]  # (H, W): index of the pixel of the straight image that shows each pixel's centre
-    places: Array  # (H, W, 2): column and row of each pixel's centre in the straight image
+    places: Array  # (2, H, W): column and row of each pixel's centre in the straight image
 
 
 @lru_cache(64)
@@ -29,7 +29,7 @@ def straighten(camera: Camera) -> View:
     A pixel is the sample at its centre, as in a rendered image, of colour and person alike.
     """
     if not camera.is_bent:
-        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 2)))
+        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((2, 0, 0)))
     optics, (width, height) = camera.optics, camera.size
     v, u = np.mgrid[0:height, 0:width] + 0.5
     scale = (_FEW_FINER if width * height <= _FEW else _FINER) * np.array([optics.fx, optics.fy])
@@ -38,6 +38,6 @@ def straighten(camera: Camera) -> View:
     columns, rows = (high - low).astype(int).tolist()
     focal, centre = (scale[0], scale[1]), (-low[0], -low[1])
     straight = Camera.calibrated(columns, rows, focal, centre)
-    places = scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low
-    j, i = places.astype(np.int64).T
-    return View(straight, (columns * i + j).reshape(height, width), (places - 0.5).reshape(height, width, 2))
+    places = (scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low).T.reshape(2, height, width)
+    j, i = places.astype(np.int64)
+    return View(straight, columns * i + j, np.ascontiguousarray(places - 0.5))

@@ -79,6 +79,10 @@ class Camera:
             optics = Optics(focal, focal, middle, middle, self.pixels, self.pixels)
             object.__setattr__(self, "optics", optics)
 
+    def __deepcopy__(self, memo: object) -> Camera:
+        """The camera itself, as nothing in it can be changed; each frame that a plug-in gets has one."""
+        return self
+
     @staticmethod
     def calibrated(
         width: int,

@@ -109,5 +109,5 @@ def test_a_straight_image_has_every_pixel_of_the_bent_one():
         view = straighten(camera)
         width, height = view.straight.size
         assert view.sources.shape == (camera.size[1], camera.size[0])
-        assert view.places[..., 0].min() >= 0 and view.places[..., 0].max() <= width - 1
-        assert view.places[..., 1].min() >= 0 and view.places[..., 1].max() <= height - 1
+        assert view.places[0].min() >= 0 and view.places[0].max() <= width - 1
+        assert view.places[1].min() >= 0 and view.places[1].max() <= height - 1
