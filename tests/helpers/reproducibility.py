@@ -36,6 +36,19 @@ VARIANTS: dict[str, dict[str, str]] = {
     **{f"{count} threads": dict.fromkeys(_THREADS, str(count)) for count in (1, 2, 8)},
     "other hash seed, locale and time zone": _OTHER,
 }
+# Lenses that bend, one of them believed to be another, with rolling shutters, one on a body that turns.
+_LENSES = (
+    *("uavs.0.camera=mavic-3e", "uavs.0.camera.scale=0.04", "uavs.0.camera.readout=0.03", "uavs.0.mount=body"),
+    *(
+        "uavs.0.camera.believed.distortion=[-0.1, 0.01, 0.001, -0.001, -0.02]",
+        "uavs.0.camera.believed.focal=[3700, 3720]",
+    ),
+    *("uavs.1.camera=thermal-640", "uavs.1.camera.scale=0.25", "uavs.1.camera.readout=0.05", "uavs.1.tilt_deg=20"),
+)
+_ERRORS = (
+    *(f"uavs.{i}.navigation={name}" for i, name in enumerate(("consumer", "gnss", "rtk"))),
+    *("tracking.pose_errors=inflate", "sensing.noise=camera", "sensing.false_alarms=0.2", "wind.gust=1.5"),
+)
 _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "seed 0": (0, ()),
     "seed 1": (1, ()),
@@ -49,9 +62,14 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
         8,
         ("network.delay=0.3", "network.jitter=0.5", "network.rate=3000", "network.loss=0.2", "network.hold=1.5"),
     ),
+    "all that errs": (9, (*_LENSES, *_ERRORS, "network.delay=0.2", "network.jitter=0.3", "network.rate=5000")),
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
-# Last come the images themselves, of a short mission with an appearance drawn at random.
+IMAGES = {
+    "images": ("duration=2", "appearance.randomise=true"),
+    "images through lenses": ("duration=2", "appearance.randomise=true", *_LENSES),
+}
+# Last come the images themselves, of short missions.
 _FLY = """
 import hashlib, json, sys
 from planning.planner_loading import load_planner
@@ -60,21 +78,23 @@ from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.study.tasks import Task, get_release
 from sim.study.trial_flight import fly_trial
-for seed, overrides in json.loads(sys.argv[1]):
+missions, images = json.loads(sys.argv[1])
+for seed, overrides in missions:
     setting = load("forest", overrides)
     row = fly_trial(Task(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=get_release())).row
     print(row.recording or sys.exit(row.error))
-mission = Mission(load("forest", ["duration=2", "appearance.randomise=true"]), load_planner(DEFAULT_PLANNER))
-images = hashlib.sha256()
-for _ in mission.fly():
-    for frame in mission.frames:
-        images.update(frame)
-print(images.hexdigest())
+for overrides in images:
+    mission = Mission(load("forest", overrides), load_planner(DEFAULT_PLANNER))
+    digest = hashlib.sha256()
+    for _ in mission.fly():
+        for frame in mission.frames:
+            digest.update(frame)
+    print(digest.hexdigest())
 """
 
 
 def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **environment: str) -> list[str]:
-    """SHA-256 of missions' recordings, then that of images, by an interpreter in its own environment and folder."""
+    """SHA-256 of missions' recordings, then those of images, by an interpreter in its own environment and folder."""
     paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
@@ -103,9 +123,10 @@ def hashes_here(missions: Sequence[str], *, duration: float = 40.0) -> list[str]
 
 
 def _wanted(missions: Sequence[str], duration: float) -> str:
-    """Seeds and settings of missions as JSON."""
+    """Seeds and settings of missions, and settings of those whose images count, as JSON."""
     found = (_SETTINGS[name] for name in missions)
-    return json.dumps([(seed, [f"duration={duration}", *overrides]) for seed, overrides in found])
+    flown = [(seed, [f"duration={duration}", *overrides]) for seed, overrides in found]
+    return json.dumps([flown, list(IMAGES.values())])
 
 
 def main() -> int:
@@ -119,7 +140,7 @@ def main() -> int:
     duration = SHORT[1] if arguments.short else 40.0
     rows = {name: (sys.executable, VARIANTS[name]) for name in arguments.only or VARIANTS}
     rows |= {python: (python, {}) for python in arguments.python}
-    columns = [*missions, "images"]
+    columns = [*missions, *IMAGES]
     print(f"| variant | {' | '.join(columns)} |\n|{'---|' * (len(columns) + 1)}")
     seen: dict[str, set[str]] = {column: set() for column in columns}
     for name, (python, environment) in rows.items():

@@ -21,6 +21,7 @@ from sim.study.trial_flight import fly_trial
 EXPECTED = [
     "a4eff8ded9ab167517c3ed4b8a1e3a49bedc7dcdb01a7a11a5fdf097ed4ced7d",
     "ed5608f19dd146b434a6a77d0b273d3ed3b08ee18ab4cfb8d958fc1d032af651",
+    "5999cf323a99e31dcaab5241148cfe30847cb265739277781832321351b1132b",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {
@@ -41,9 +42,9 @@ def test_recordings_and_images_have_the_same_bytes_on_every_processor(flown):
     assert flown([mission], duration=duration) == EXPECTED
 
 
-def test_late_messages_have_the_same_bytes_with_other_kernels():
-    mission, duration = ["late messages"], 5.0
-    assert hashes_here(mission, duration=duration) == hashes(sys.executable, mission, duration=duration, **EVERYTHING)
+def test_late_messages_and_errors_of_flights_have_the_same_bytes_with_other_kernels():
+    missions, duration = ["late messages", "all that errs"], 5.0
+    assert hashes_here(missions, duration=duration) == hashes(sys.executable, missions, duration=duration, **EVERYTHING)
 
 
 @pytest.mark.docs
