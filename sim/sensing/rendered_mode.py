@@ -32,7 +32,7 @@ class RenderedMode:
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
         self._cameras = [camera_of(uav) for uav in setup.scenario.uavs]
-        self._last: dict[int, Glimpse] = {}  # of each camera with a rolling shutter
+        self._last: dict[tuple[int, bool], Glimpse] = {}  # of each camera with a rolling shutter, true and believed
         self._calibrated = sensing.noise == "camera"
         forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
         self._detectors = make_detectors(sensing.detector, forest, uavs, setup.rng)
@@ -41,13 +41,13 @@ class RenderedMode:
         """As `SensorMode.sense`."""
         camera, clock = self._setup.cameras[uav], self._setup.clock
         with clock.measure("rendering"):
-            sweep = self._find_sweep(uav, Glimpse(time, pose, people))
+            sweep = self._find_sweep(uav, Glimpse(time, pose, people), believed=False)
             rendered = self._renderer.take(uav, time, self._cameras[uav], pose, sweep)
         with clock.measure("detection"):
             frame = Frame(uav, time, camera, self._setup.believed.get(uav, pose), rendered.image)
             found, faults = self._detect(frame, rendered)
-            if sweep is not None:
-                found = replace(found, ground=found.ground + sweep.corrections(camera, frame.pose, found.pixels))
+            if believed := self._find_sweep(uav, Glimpse(time, frame.pose, people), believed=True):
+                found = replace(found, ground=found.ground + believed.corrections(camera, frame.pose, found.pixels))
         return SensorOutput(
             ground=found.ground,
             matched=lambda kept: match_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
@@ -60,11 +60,11 @@ class RenderedMode:
             located_by_belief=True,
         )
 
-    def _find_sweep(self, uav: int, now: Glimpse) -> Sweep | None:
+    def _find_sweep(self, uav: int, now: Glimpse, *, believed: bool) -> Sweep | None:
         readout = self._setup.scenario.uavs[uav].readout
         if not readout:
             return None
-        before, self._last[uav] = self._last.get(uav), now
+        before, self._last[uav, believed] = self._last.get((uav, believed)), now
         return Sweep.between(before, now, readout)
 
     def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:

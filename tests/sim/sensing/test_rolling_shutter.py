@@ -12,11 +12,16 @@ from sim.mission.mission import Mission
 from sim.recording.recorder import Recorder
 from sim.replay.frames.rerender import Rerenderer
 from sim.running.mission_flight import make_recording
+from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
+from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
+from sim.sensing.navigation import move_to_believed
 from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Glimpse, Sweep, cut_strip
+from sim.sensing.sensors import Sensors
+from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
@@ -106,6 +111,54 @@ def test_detections_in_swept_images_are_unbiased_on_the_ground_if_the_motion_is_
         part = table[(table[:, 4] >= low) & (table[:, 4] <= high)]
         np.testing.assert_allclose(part[:, :2].mean(axis=0), 0.0, atol=0.03)
     assert np.sqrt(np.mean(np.square(table[:, :2]))) < 0.06
+
+
+def at(poses, share):
+    """The pose at a share of the time from the first of two poses to the second."""
+    first, later = (Rotation.from_quat(pose.quaternion) for pose in poses)
+    turned = Rotation.from_rotvec(share * (later * first.inv()).as_rotvec()) * first
+    return Pose(poses[0].position + share * (poses[1].position - poses[0].position), turned.as_quat())
+
+
+@pytest.mark.parametrize("errs", [False, True], ids=["exact navigation", "navigation that errs"])
+def test_people_are_where_the_believed_poses_of_their_rows_put_them(errs):
+    """Errors change by 2 m/s and 10 degrees a second, so that the motion itself is believed wrongly."""
+    rng, rows = np.random.default_rng(3), []
+    lens = CameraSettings(160, 120, focal=(140.0, 138.0), distortion=(-0.3, 0.09), readout=0.1)
+    setting = Scenario(uavs=(Uav(start=(74.0, 49.0), camera=lens),), sensing=Sensing(noise="camera"))
+    with World(setting, Forest(()), PEOPLE) as world:
+        for _ in range(120):
+            turn = Rotation.from_euler("ZYX", [*rng.uniform(-180, 180, 1), *rng.uniform(-10, 10, 2)], degrees=True)
+            spin = Rotation.from_rotvec(np.radians(rng.uniform(-4, 4, 3)))
+            velocity = rng.uniform(-6, 6, 3) * [1, 1, 0.1]
+            true = [Pose(np.array([0.0, 0.0, 20.0]) - 0.2 * velocity, (spin.inv() * turn).as_quat())]
+            true.append(Pose(np.array([0.0, 0.0, 20.0]), turn.as_quat()))
+            believed = list(true)
+            if errs:
+                wrong = rng.uniform(-1, 1, 3) + np.outer([0.0, 0.2], rng.uniform(-2, 2, 3))
+                yaws = rng.uniform(-5, 5) + np.array([0.0, 0.2]) * rng.uniform(-10, 10)
+                turns = [Rotation.from_euler("z", yaw, degrees=True) for yaw in yaws]
+                believed = [
+                    Pose(pose.position + moved, (turned * Rotation.from_quat(pose.quaternion)).as_quat())
+                    for pose, moved, turned in zip(true, wrong, turns, strict=True)
+                ]
+            i, j = np.meshgrid(np.arange(-10.0, 11.0, 5.0), np.arange(-10.0, 11.0, 5.0))
+            people = rng.permutation(np.column_stack([i.ravel(), j.ravel()]))[:PEOPLE] + rng.uniform(-1, 1, (PEOPLE, 2))
+            world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
+            subject = Sensors(setting, world, Forest(()), rng=rng, clock=Stopwatch())
+            subject.look(0, 0.0, true[0], people, believed[0])
+            found = subject.look(0, 0.2, true[1], people, believed[1])
+            for z, (_, v) in zip(found.scan.measurements, found.pixels, strict=True):
+                share = 1.0 + 0.5 * (v / 120 - 0.5)
+                expected = move_to_believed(people, at(true, share), at(believed, share))
+                rows.append([*min(z - expected, key=np.linalg.norm), v])
+    table = np.array(rows)
+    table = table[np.hypot(*table[:, :2].T) < 0.5]
+    assert len(table) > 350
+    for low, high in ((0, 40), (40, 80), (80, 120)):
+        part = table[(table[:, 2] >= low) & (table[:, 2] <= high)]
+        np.testing.assert_allclose(part[:, :2].mean(axis=0), 0.0, atol=0.03)
+    assert np.sqrt(np.mean(np.square(table[:, :2]))) < 0.055
 
 
 CAMERA = "{width = 160, height = 120, hfov_deg = 60, distortion = [-0.2], readout = 0.05}"
