@@ -37,7 +37,7 @@ LAYERS = {
         *("installation", "scenario", "processes", "world", "sensing", "mission", "recording"),
         *("evaluation", "drawing", "flights"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
-        *("calibration", "study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
+        *("study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
     ),
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
@@ -62,7 +62,6 @@ PLANNING = {
     "sim/cli/lists.py",
     "sim/replay/explain/planned_visibility.py",
     "sim/study/tasks.py",
-    "sim/calibration/future_errors.py",
 }
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
 INTERFACE = ROOT / "understory.py"  # names what users import, and stands above all packages

@@ -15,7 +15,7 @@ from tracking.numerics.compiled import inlined
 
 # Mean squared error of a track over the next 15 s in units of c², the square of the cut-off, summed over the seconds.
 # Rows: standard deviations of 0, 0.2, ..., 1 times c now; columns: 0, 2, ..., 10 s until the nearest UAV can have the
-# target in view. Fitted to missions by `python -m sim.calibration.future_errors`.
+# target in view. Fitted to missions in tests/planning/objective/test_future_errors.py.
 FUTURE = np.array(
     [
         [0.54, 0.95, 0.95, 0.95, 1.78, 1.78],

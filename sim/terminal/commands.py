@@ -118,11 +118,6 @@ def merge_overrides(overrides: list[str] | None, duration: str | None, sensing: 
     return found
 
 
-def run_alone(function: Callable[..., None]) -> None:
-    """Run a module's only command."""
-    run_command_line(_make_app(function))
-
-
 def _make_app(function: Callable[..., None]) -> typer.Typer:
     """A command line of one command."""
     app = typer.Typer(**_STYLE)

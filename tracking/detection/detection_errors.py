@@ -28,8 +28,8 @@ def _interpolate(x: float, places: tuple[float, ...], values: tuple[float, ...])
 class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
-    The growths are coefficients of t and t², where t is the tangent of the angle off nadir. `python -m sim.calibration`
-    fits them so that squared errors over variances average one (docs/explanation/calibration.md).
+    The growths are coefficients of t and t², where t is the tangent of the angle off nadir.
+    `tests/helpers/covariance_fit.py` fits them so that squared errors over variances average one.
     """
 
     posture: float = 0.021  # m, standard deviation: limbs and stride

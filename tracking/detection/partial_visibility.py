@@ -30,7 +30,7 @@ _IMPROBABLE = 20.0
 class PartError(NamedTuple):
     """Error model of the visible part of a person, compared with that of a mean silhouette.
 
-    `python -m sim.calibration` fits it so that squared errors over variances average one.
+    `tests/helpers/covariance_fit.py` fits it so that squared errors over variances average one.
     """
 
     posture: float = 0.182  # m: additional standard deviation of the centroid of a vanishing part

@@ -3,8 +3,6 @@
 import errno
 import os
 import re
-import runpy
-import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -39,20 +37,6 @@ def test_every_command_has_help_without_types_of_python(call, command):
     code, out, err = call(*([] if command is None else [command]), "--help")
     assert (code, err) == (0, "") and "Usage: " in out and "--help" in out
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
-
-
-@pytest.mark.parametrize("module", ["sim.calibration", "sim.calibration.future_errors"])
-@pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
-def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, call, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", [module, "--help"])
-    runpy.run_module(module, run_name="__main__")
-    out, err = capsys.readouterr()
-    assert err == "" and "Usage: " in out and "<" not in out
-    monkeypatch.setattr(sys, "argv", [module, "--nonsense"])
-    with pytest.raises(SystemExit, match=r"^2$"):
-        runpy.run_module(module, run_name="__main__")
-    err = capsys.readouterr().err
-    assert err.startswith("understory: ") and err.count("\n") == 1 and list(tmp_path.iterdir()) == []
 
 
 def test_without_any_folder_for_temporary_files_commands_say_so(call, monkeypatch):

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from helpers.covariance_fit import sample_forests
 from helpers.poses import turned
 
-from sim.calibration.fit import sample_forests
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.clearing import make_clearing
 from tracking.detection.detector import Frame

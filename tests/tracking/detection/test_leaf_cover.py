@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers.covariance_fit import fit_leaves, sample_leafy
+from helpers.nees_bins import bin_leaves, compute_nees
 from helpers.views import CAMERA, SCENARIO
 
-from sim.calibration.consistency import bin_leaves, compute_nees
-from sim.calibration.fit import fit_leaves, sample_leafy
 from sim.scenario.environment import Area, Trees
 from sim.scenario.uavs import DEFAULT_FLEET
 from sim.sensing.detection_truth import MaskDetector, match_detections

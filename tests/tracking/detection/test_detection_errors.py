@@ -5,13 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.covariance_fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
+from helpers.nees_bins import Bin, bin_nees, bin_pairs, bin_tilts, compute_nees
+from helpers.rendered_people import draw_tilted_attitudes
 from helpers.views import CAMERA
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from sim.calibration.consistency import Bin, bin_nees, bin_pairs, bin_tilts, compute_nees
-from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, sample_forests
-from sim.calibration.scenes import draw_tilted_attitudes
 from tracking.detection.blob_detector import find_blobs, locate_people
 from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes, whole_covariances
 from tracking.detection.detector import Frame

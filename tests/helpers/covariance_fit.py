@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from sim.calibration.scenes import ALTITUDES, LEVEL, TILTS, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
+from helpers.rendered_people import ALTITUDES, LEVEL, TILTS, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
 from sim.scenario.environment import Area, Trees
 from sim.world.forest import grow
 from tracking.detection.blob_detector import locate_people

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim.calibration.scenes import TILTS, Pair, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
+from helpers.rendered_people import TILTS, Pair, Sample, draw_pairs, draw_samples, draw_tilted_attitudes
 from tracking.detection.blob_detector import locate_people
 from tracking.detection.partial_visibility import find_places
 from tracking.geometry.visibility import Forest

@@ -1,1 +1,0 @@
-"""The fit of the camera noise model to rendered people."""
