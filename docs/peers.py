@@ -1,7 +1,7 @@
 """Our tracker beside Stone Soup's JPDA on Stone Soup's own simulator: the tables of docs/results/peers.md.
 
-`python docs/peers.py compare` prints both trackers' scores, `tune` chooses the settings of Stone Soup's tracker, and
-`vary` changes the thresholds of ours. The last two have seeds of their own, which `compare` does not use.
+`python docs/peers.py compare` prints both trackers' scores, and `tune` chooses the settings of Stone Soup's tracker, on
+seeds of its own, which `compare` does not use.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.track import UNLIKELY
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 EPOCH = datetime(2000, 1, 1)
@@ -85,21 +84,12 @@ class Tuning(NamedTuple):
 
 
 TRIED = {"points": (3, 4, 5), "steps": (2, 3, 5, 8), "tentative": (1, 2, 3), "gate": (0.99, 0.999, 0.9999)}
-SEEDS = {"compare": "0-19", "tune": "1000-1005", "vary": "1000-1005"}
+SEEDS = {"compare": "0-19", "tune": "1000-1005"}
 TUNED = {  # by `tune`
     Cell(0.9, 10): Tuning(points=3, steps=3, gate=0.999),
     Cell(0.9, 30): Tuning(points=4, steps=3, gate=0.999),
     Cell(0.7, 10): Tuning(points=3, steps=5, gate=0.999),
     Cell(0.7, 30): Tuning(points=4, steps=5, gate=0.99),
-}
-# Changes of our parameters; `reported` is the probability of existence above which a track is reported, and `births` a
-# factor of the density of births.
-VARIED: dict[str, dict[str, float]] = {
-    "default": {},
-    "confirmed at 0.5 (0.99)": {"confirmation_threshold": 0.5},
-    "births x 10": {"births": 10},
-    "reported above 0.1 (0.5)": {"reported": 0.1},
-    "survival 0.999 (0.98)": {"survival": 0.999},
 }
 
 
@@ -136,26 +126,26 @@ def simulate(cell: Cell, seed: int, scans: int = SCANS) -> Scene:
     return scene
 
 
-def parameters(cell: Cell, births: float = 1.0, **thresholds: float) -> TrackerParameters:
-    """The simulators' models for our tracker, with `births` times as many births; other thresholds are the defaults."""
+def parameters(cell: Cell, **thresholds: float) -> TrackerParameters:
+    """The simulators' models for our tracker; other thresholds are the defaults."""
     density = BIRTHS / (4 * math.pi * SPREAD**2)  # the mean over the places of births
     models = {
         "detection_probability": cell.detection,
         "clutter_density": cell.clutter,
-        "birth_density": births * density,
+        "birth_density": density,
         "survival": (1 - DEATH) ** (1 / DT),
         "max_speed": 2 * SPEED,
     }
     return TrackerParameters(MOTION, **(models | thresholds))
 
 
-def ours(scene: Scene, settings: TrackerParameters, reported: float = UNLIKELY) -> list[dict[Any, Array]]:
-    """Positions of the tracks of a scan with more than `reported` probability of existence, by id."""
+def ours(scene: Scene, settings: TrackerParameters) -> list[dict[Any, Array]]:
+    """Positions of the reported tracks of a scan, by id."""
     tracker, pose, found = Tracker(0, Camera(ALL_ROUND, 1), Forest(()), settings), Pose.level(0, 0, 60), []
     for time, detections in zip(scene.times, scene.detections, strict=True):
         z = np.array(sorted(np.array(d.state_vector, float).ravel().tolist() for d in detections)).reshape(-1, 2)
         step([tracker], [Scan(0, (time - EPOCH).total_seconds(), pose, z, np.tile(R, (len(z), 1, 1)))])
-        found.append({t.id: t.belief.mean[:2] for t in tracker.tracks if t.existence > reported})
+        found.append({t.id: t.belief.mean[:2] for t in tracker.tracks if t.reported})
     return found
 
 
@@ -276,28 +266,6 @@ def compare(cells: Iterable[Cell], seeds: Sequence[int], scans: int = SCANS) -> 
     return markdown(["P_D, false alarms", "tracker", "GOSPA [m]", "missed", "false", "switches", "causes"], lines)
 
 
-def vary(cells: Sequence[Cell], seeds: Sequence[int], scans: int = SCANS) -> str:
-    """Table of people missed, false tracks and GOSPA with other thresholds."""
-    lines = {name: [name] for name in (*VARIED, "Stone Soup's JPDA")}
-    for cell in cells:
-        scenes = [simulate(cell, seed, scans) for seed in seeds]
-        for name, changes in VARIED.items():
-            rest = dict(changes)
-            reported = rest.pop("reported", UNLIKELY)
-            varied = parameters(cell, **rest)
-            lines[name].append(summary([score(scene, ours(scene, varied, reported)) for scene in scenes]))
-        peer = [score(scene, theirs(scene, cell, TUNED[cell])) for scene in scenes]
-        lines["Stone Soup's JPDA"].append(summary(peer))
-    heads = [f"P_D {cell.detection}, {cell.alarms} alarms" for cell in cells]
-    return markdown(["missed / false / GOSPA [m]", *heads], lines.values())
-
-
-def summary(scores: Sequence[Score]) -> str:
-    """Mean numbers of people missed and of false tracks, and mean GOSPA."""
-    distance, missed, false = np.mean(scores, axis=0)[:3]
-    return f"{missed:.2f} / {false:.2f} / {distance:.2f}"
-
-
 def shown(scores: Array) -> list[str]:
     """The means of scores (n, 7), without the causes of misses."""
     return [f"{mean:.2f}" for mean in scores[:, :4].mean(axis=0)]
@@ -330,7 +298,7 @@ def main(words: Sequence[str] | None = None) -> None:
         for cell in TUNED:
             print(cell, tune(cell, seeds, options.scans))
     else:
-        print({"compare": compare, "vary": vary}[options.task](list(TUNED), seeds, options.scans))
+        print(compare(list(TUNED), seeds, options.scans))
 
 
 if __name__ == "__main__":

@@ -100,6 +100,7 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
     """A metric of a planner, and what others have beyond it, paired by map; the last line is their mean over worlds.
 
     Bold differences survive Holm's correction for all planners; of those in italics only the interval excludes zero.
+    In a table of several worlds only the mean shows its interval.
     The table of the metric that the study scores begins with the means of floor and bound.
     """
     metric, groups = find_shown_metric(name), _groups(world)
@@ -120,7 +121,9 @@ def gaps_table(name: str, world: str = "", base: str = DEFAULT) -> str:
         for k, pairs in enumerate(worlds):
             gaps[k] += differences({run: np.mean([gap[run] for gap in pairs], axis=0) for run in pairs[0]}, [metric])
     survives = iter(holm([gap.p_value for line in gaps for gap in line]))
-    texts = [[_marked(gap, metric, next(survives)) for gap in line] for line in gaps]
+    texts = [
+        [_marked(gap, metric, next(survives), interval=bool(world) or gap is line[-1]) for gap in line] for line in gaps
+    ]
     lines = [[f"`{name}`", *line] for name, line in zip(planners, texts, strict=True) if name not in FLOORS]
     return _format_table(heads, [*means.values(), *lines])
 
@@ -130,8 +133,8 @@ def _format_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in (heads, ["---"] * len(heads), *rows))
 
 
-def _marked(gap: Difference, metric: Metric, survives: bool) -> str:
-    text = gap.mean.text(metric, signed=True)
+def _marked(gap: Difference, metric: Metric, survives: bool, *, interval: bool) -> str:
+    text = gap.mean.text(metric, signed=True) if interval else metric.text(gap.mean.value, signed=True)
     if survives:
         return f"**{text}**"
     return f"_{text}_" if gap.mean.low * gap.mean.high > 0 else text

@@ -83,32 +83,12 @@ def test_the_comparison_runs_and_pairs_scenes(capsys):
 
 
 @pytest.mark.docs
-def test_thresholds_are_varied(capsys, monkeypatch):
-    names = ("default", "confirmed at 0.5 (0.99)", "births x 10", "reported above 0.1 (0.5)")
-    monkeypatch.setattr(peers, "VARIED", {name: peers.VARIED[name] for name in names})
-    peers.main(["vary", *SMALL])
-    lines = {name: cells for name, *cells in table(capsys.readouterr().out)}
-    assert list(lines) == [*names, "Stone Soup's JPDA"]
-    missed = {name: np.array([float(cell.split(" /")[0]) for cell in cells]) for name, cells in lines.items()}
-    assert np.all(missed["confirmed at 0.5 (0.99)"] < missed["default"])
-
-
-@pytest.mark.docs
 def test_tuning_finds_the_least_gospa(monkeypatch):
     monkeypatch.setattr(peers, "TRIED", {"points": (2, 3), "steps": (3, 5)})
     scene = peers.simulate(CELL, 0, 10)
     tried = [peers.Tuning(points, steps) for points in (2, 3) for steps in (3, 5)]
     costs = {tuning: peers.score(scene, peers.theirs(scene, CELL, tuning)).gospa for tuning in tried}
     assert costs[peers.tune(CELL, [0], 10)] == min(costs.values())
-
-
-@pytest.mark.docs
-def test_the_page_shows_what_our_tracker_scores_with_and_without_early_confirmation():
-    scenes = [peers.simulate(CELL, seed) for seed in range(1000, 1006)]
-    for name in ("default", "confirmed at 0.5 (0.99)"):
-        changed = peers.parameters(CELL, **peers.VARIED[name])
-        shown = peers.summary([peers.score(scene, peers.ours(scene, changed)) for scene in scenes])
-        assert f"| {name} | {shown} |" in PAGE, shown
 
 
 @pytest.mark.slow
