@@ -32,7 +32,8 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
     InputError if the images are too large, trees are porous or differ in size, or the renderer cannot start.
     """
     if pixels > MOST_PIXELS:
-        raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
+        finer = "images through lenses are drawn two or three times as fine"
+        raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}; {finer}")
     if Forest(tuple(trees)).is_porous:
         raise InputError("sensing.renderer: 'egl' draws opaque trees only (trees.leaf_area_density); allowed is tiny")
     sizes = len({replace(tree, x=0.0, y=0.0) for tree in trees})

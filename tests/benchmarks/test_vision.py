@@ -156,6 +156,27 @@ def test_resolutions_in_turn_against_one_at_a_time(flown, judged):
     report("frames of 96, 128 and 256 pixels in turn", mixed, alone, 1.05, judged)
 
 
+def test_frames_through_a_lens_against_straight_ones(flown, judged):
+    """Of 640 x 480 pixels with the same focal length, with the same views in turn."""
+    forest, views = flown
+    straight, bent = (Camera.calibrated(640, 480, (550.0, 550.0), (320.0, 240.0), k) for k in ((), (-0.2, 0.03)))
+    times = []
+    with World(SCENARIO, forest, len(views[0].people)) as world:
+        renderer = Renderer(world)
+        for view in views[::6]:
+            world.place_people(view.people, view.headings)
+            shown = np.unique(renderer.render(bent, view.pose).people)
+            assert np.isin(renderer.render(straight, view.pose).people, shown).all()
+            times.append(
+                timing.least(
+                    lambda v=view: renderer.render(bent, v.pose),
+                    lambda v=view: renderer.render(straight, v.pose),
+                    rounds=10 if judged else 1,
+                )
+            )
+    report("frame of 640 x 480 pixels, bent by a lens", *np.mean(times, axis=0), 6.0, judged)
+
+
 def lines(trees, judged):
     """Forest of 75 trees per 150 x 100 m, cameras above it, and 1000 points in view of each."""
     rng = np.random.default_rng(0)

@@ -8,7 +8,6 @@ import pybullet
 import pytest
 from helpers import synthetic
 from helpers.flights import filmed
-from helpers.frames import frame
 from helpers.recordings import record
 from helpers.views import CAMERA, SCENARIO
 
@@ -22,11 +21,13 @@ from sim.sensing.renderer import Renderer
 from sim.world import opengl
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
 from tracking.errors import InputError
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
 EGL = msgspec.structs.replace(SCENARIO, sensing=Sensing(renderer="egl"))
+BENT = Camera.calibrated(160, 120, (140.0, 138.0), (82.0, 59.0), (-0.3, 0.09, 0.001, -0.001))
 OPEN = Forest(())
 SET = "--set"
 
@@ -52,7 +53,8 @@ def absent(request, monkeypatch, tmp_path):
     opengl.explain_refusal.cache_clear()
 
 
-def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
+@pytest.mark.parametrize("camera", [CAMERA, BENT], ids=["straight", "through a lens"])
+def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd, camera):
     rng = np.random.default_rng(0)
     forest = Forest((Tree(0.0, 0.0, 4.0), Tree(9.0, 2.0, 4.0), Tree(-8.0, 5.0, 4.0)))
     differ, people = 0, 0
@@ -64,13 +66,13 @@ def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
             pose = Pose.level(*rng.uniform(-4, 4, 2), 19.0)
             for world in (soft, hard):
                 world.place_people(places, headings)
-            one, other = (renderer.render(CAMERA, pose) for renderer in renderers)
+            one, other = (renderer.render(camera, pose) for renderer in renderers)
             differ += np.count_nonzero(one.people != other.people)
             people += np.count_nonzero(one.people >= 0)
             # Trees look otherwise, as OpenGL filters textures and casts shadows.
-            found = [BlobDetector().detect(frame(view.image, pose)).ground for view in (one, other)]
+            found = [BlobDetector().detect(Frame(0, 0.0, camera, pose, view.image)).ground for view in (one, other)]
             assert found[0] == pytest.approx(found[1], abs=0.1)
-        bare = [renderer.render(CAMERA, Pose.level(30.0, 20.0, 19.0)).image for renderer in renderers]
+        bare = [renderer.render(camera, Pose.level(30.0, 20.0, 19.0)).image for renderer in renderers]
         assert bare[0].tobytes() == bare[1].tobytes()
     assert people > 500 and differ < 0.01 * people and capfd.readouterr() == ("", "")
 
