@@ -8,8 +8,6 @@ from helpers.scenes import CAMERA, MOTION, OPEN
 
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.metrics.gospa import gospa
-from tracking.metrics.ospa import ospa
 from tracking.tracker import Track, Tracker, TrackerParameters
 
 
@@ -81,10 +79,3 @@ def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covari
     with pytest.raises(ValueError, match=complaint) as raised:
         Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize("distance", [ospa, gospa])
-def test_ospa_and_gospa_refuse_states_as_positions(distance):
-    with pytest.raises(ValueError, match=r"estimates must be \(A, 2\), are \(1, 4\)"):
-        distance(np.zeros((1, 4)), np.zeros((1, 2)))
-    assert distance([], np.zeros((0, 4))).distance == 0.0

@@ -6,31 +6,31 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import most_pairs
 
 
-def find_correspondence(tracks: Array, people: Array, within: float, *, over_gaps: bool = True) -> Indices:
+def find_correspondence(tracks: Array, people: Array, within: float) -> Indices:
     """Track (K, M) that corresponds to each of M people at each of K scans, as an index into A tracks; -1 for none.
 
     tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and to
-    one only at each scan. A person keeps the last track while it is near enough, also after scans without it if
-    `over_gaps`. Of two people with the same last track, the one that had it later keeps it. The others are paired anew:
-    as many pairs as possible, then as near as possible.
-    Source: [Bernardin08], where a correspondence holds until another one contradicts it: `over_gaps`.
-    Note: TrackEval and the MATLAB kit of MOTChallenge continue only correspondences of the scan before:
-    `over_gaps=False`. All count a switch against the last track, however long ago.
+    one only at each scan. A person keeps the last track while it is near enough, also after scans without it. Of two
+    people with the same last track, the one that had it later keeps it. The others are paired anew: as many pairs as
+    possible, then as near as possible.
+    Source: [Bernardin08], where a correspondence holds until another one contradicts it.
+    Note: TrackEval and the MATLAB kit of MOTChallenge continue only correspondences of the scan before. All count a
+    switch against the last track, however long ago.
     """
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
         raise ValueError(f"tracks and people must be (K, A, 2) and (K, M, 2), are {X.shape} and {Y.shape}")
-    matcher = Matcher(Y.shape[1], within, over_gaps=over_gaps)
+    matcher = Matcher(Y.shape[1], within)
     return np.array([matcher.step(x, y) for x, y in zip(X, Y, strict=True)], dtype=np.int64).reshape(Y.shape[:2])
 
 
 class Matcher:
     """The result of `find_correspondence`, scan by scan; tracks may be added at each scan."""
 
-    def __init__(self, people: int, within: float, *, over_gaps: bool = True) -> None:
+    def __init__(self, people: int, within: float) -> None:
         if not within > 0:
             raise ValueError(f"within must be positive, is {within}")
-        self._within, self._over_gaps = within, over_gaps
+        self._within = within
         self._last = np.full(people, -1)  # last track of each person
         self._since = np.full(people, -1)  # the scan at which the person last had it
         self._scan = 0
@@ -46,7 +46,7 @@ class Matcher:
         now, free = np.full(gap.shape[1], -1), np.ones(len(gap), dtype=np.bool_)
         # Give people the tracks that they had last, where these are near enough. People with the latest correspondence
         # come first; two people cannot have had a track at the same scan.
-        held = np.flatnonzero(self._since >= (0 if self._over_gaps else max(self._scan - 1, 0)))
+        held = np.flatnonzero(self._since >= 0)
         held = held[np.isfinite(gap[self._last[held], held])]
         for m in held[np.argsort(-self._since[held], kind="stable")].tolist():
             if free[self._last[m]]:

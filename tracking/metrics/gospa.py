@@ -4,14 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm, plain_costs
+from tracking.metrics.arguments import check_metric, check_positions
 from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power
+from tracking.numerics.exponential import power, power_each
 
 
 class Gospa(NamedTuple):
-    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p; for p = inf the largest part.
+    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p.
 
     Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part.
     """
@@ -25,18 +26,12 @@ class Gospa(NamedTuple):
 def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
     """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
 
-    c > 0 is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed
-    truth. p >= 1 is the order. Both may be infinite, as in `ospa`. Unlike OSPA, GOSPA is a sum over targets, not
-    a mean. Source: [Rahmathullah17].
+    c is the cut-off [m]: an estimate and a truth at least this far apart count as a false estimate and a missed truth.
+    p is the order, from 1 to 10. Unlike OSPA, GOSPA is a sum over targets, not a mean. Source: [Rahmathullah17].
     """
     check_metric(c, p)
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
-    gaps = length(X[:, None] - Y[None])
-    if (costs := plain_costs(gaps, c, p)) is not None:
-        inside, half = costs[costs < power(c, p)], power(c, p) / 2
-        sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
-        return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))
-    pairs = nearest_pairs(gaps, c, p)
-    near, far = pairs[pairs < c], np.array([float(c)])
-    parts = [Part(near, 1), Part(far, (len(Y) - len(near)) / 2), Part(far, (len(X) - len(near)) / 2)]
-    return Gospa(norm(parts, p), *(norm([part], p) for part in parts))
+    costs = least_costs(power_each(np.minimum(length(X[:, None] - Y[None]), c), p))
+    inside, half = costs[costs < power(c, p)], power(c, p) / 2
+    sums = float(inside.sum()), (len(Y) - len(inside)) * half, (len(X) - len(inside)) * half
+    return Gospa(power(sums[0] + sums[1] + sums[2], 1 / p), *(power(part, 1 / p) for part in sums))

@@ -4,16 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.metrics.pairing import Part, check_metric, check_positions, nearest_pairs, norm, plain_costs
+from tracking.metrics.arguments import check_metric, check_positions
 from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power
+from tracking.numerics.exponential import power, power_each
 
 _AT_ONCE = 2_000_000  # most distances computed at once: all those of a long mission would take gigabytes
 
 
 class Ospa(NamedTuple):
-    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p; for p = inf the larger part."""
+    """OSPA distance [m] and its parts: localisation^p + cardinality^p = distance^p."""
 
     distance: float
     localisation: float
@@ -23,9 +24,8 @@ class Ospa(NamedTuple):
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """Optimal subpattern assignment distance between estimates (A, 2) and truths (B, 2), all in m.
 
-    c > 0 is the cut-off [m] and the cost of a missing or false estimate, p >= 1 the order. Both may be infinite:
-    without a cut-off, sets of different sizes are infinitely far apart; with p = inf the result is the largest distance
-    of a pair, or c if the sizes differ. Source: [Schuhmacher08].
+    c is the cut-off [m] and the cost of a missing or false estimate, p the order, from 1 to 10.
+    Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """
     X, Y = check_positions("estimates", estimates), check_positions("truths", truths)
@@ -62,8 +62,6 @@ def _score_gaps(gaps: Array, c: float, p: float) -> Ospa:
     """OSPA of two sets whose members are `gaps` (A, B) m apart."""
     check_metric(c, p)
     most, fewest = max(gaps.shape), min(gaps.shape)
-    if most and (costs := plain_costs(gaps, c, p)) is not None:
-        total, lacking = float(costs.sum()) / most, power(c, p) * (most - fewest) / most
-        return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))
-    near, missing = Part(nearest_pairs(gaps, c, p), 1), Part(np.array([float(c)]), most - fewest)
-    return Ospa(*(norm(parts, p, most) for parts in ([near, missing], [near], [missing])))
+    total = float(least_costs(power_each(np.minimum(gaps, c), p)).sum()) / max(most, 1)
+    lacking = power(c, p) * (most - fewest) / max(most, 1)
+    return Ospa(power(total + lacking, 1 / p), power(total, 1 / p), power(lacking, 1 / p))

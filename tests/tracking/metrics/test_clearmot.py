@@ -31,6 +31,21 @@ CASES = {
         [1],
     ),
     "the same id after a gap": ([line(0, 0, 0)], [line(0, 3, 0)], [[0], [-1], [0]], [0], [1]),
+    # After the gap the last track is 0.8 m off, and another one 0.1 m.
+    "somebody nearer after a gap": (
+        [line(0, 0, 0, 0)],
+        [line(0.8, 3, 0.8, 0.8), line(9, 9, 0.1, 0.1)],
+        [[0], [-1], [0], [0]],
+        [0],
+        [1],
+    ),
+    "somebody nearer after an absence": (
+        [line(0, None, 0)],
+        [line(0.8, 0.8, 0.8), line(9, 9, 0.1)],
+        [[0], [-1], [0]],
+        [0],
+        [0],
+    ),
     "lost for good": ([line(0, 0, 0)], [line(0, 3, 3)], [[0], [-1], [-1]], [0], [0]),
     "found late": ([line(0, 0, 0)], [line(3, 0, 0)], [[-1], [0], [0]], [0], [0]),
     "there and back": (
@@ -76,51 +91,6 @@ def test_matches_switches_and_fragmentations_are_those_counted_by_hand(people, t
     found = find_correspondence(paths(*tracks), people, 1.0)
     assert found.tolist() == matches and count_switches(found).tolist() == switched
     assert count_fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
-
-
-# People, tracks; matches and switches if correspondences outlast gaps, and if only those of the scan before go on.
-GAPS = {
-    # After the gap the last track is 0.8 m off, and another one 0.1 m.
-    "somebody nearer after a gap": (
-        [line(0, 0, 0, 0)],
-        [line(0.8, 3, 0.8, 0.8), line(9, 9, 0.1, 0.1)],
-        ([[0], [-1], [0], [0]], [0]),
-        ([[0], [-1], [1], [1]], [1]),
-    ),
-    "nobody else after a gap": (
-        [line(0, 0, 0)],
-        [line(0.8, 3, 0.8)],
-        ([[0], [-1], [0]], [0]),
-        ([[0], [-1], [0]], [0]),
-    ),
-    "an absence is a gap": (
-        [line(0, None, 0)],
-        [line(0.8, 0.8, 0.8), line(9, 9, 0.1)],
-        ([[0], [-1], [0]], [0]),
-        ([[0], [-1], [1]], [1]),
-    ),
-    "without a gap": (
-        [line(0, 0)],
-        [line(0.8, 0.8), line(9, 0.1)],
-        ([[0], [0]], [0]),
-        ([[0], [0]], [0]),
-    ),
-    # A switch is one against the last track, however long ago.
-    "another id after a gap": (
-        [line(0, 0, 0)],
-        [line(0, None, None), line(None, None, 0)],
-        ([[0], [-1], [1]], [1]),
-        ([[0], [-1], [1]], [1]),
-    ),
-}
-
-
-@pytest.mark.parametrize(("people", "tracks", "lasting", "adjacent"), GAPS.values(), ids=GAPS)
-def test_both_rules_of_gaps_match_cases_counted_by_hand(people, tracks, lasting, adjacent):
-    for over_gaps, (matches, switched) in ((True, lasting), (False, adjacent)):
-        found = find_correspondence(paths(*tracks), paths(*people), 1.0, over_gaps=over_gaps)
-        assert (found.tolist(), count_switches(found).tolist()) == (matches, switched)
-    assert np.array_equal(find_correspondence(paths(*tracks), paths(*people), 1.0), np.array(lasting[0]))
 
 
 def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():

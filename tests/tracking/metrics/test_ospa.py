@@ -210,79 +210,6 @@ def test_ospa_gospa_and_ospa2_are_metrics(kind, distance):
     holds()
 
 
-def root(distances, p: float, count: float = 1.0) -> float:
-    """The p-th root of the sum of p-th powers over `count`, with powers of shares of the largest."""
-    most = max(distances, default=0.0)
-    if most in (0.0, math.inf) or p == math.inf:
-        return most
-    return most * (sum((d / most) ** p for d in distances) / count) ** (1 / p)
-
-
-def enumerated(X, Y, c: float, p: float) -> tuple[float, float]:
-    """OSPA and GOSPA by enumeration of all pairings, at any order and cut-off."""
-    few, many = sorted((list(X), list(Y)), key=len)
-    pairings = [
-        [min(c, math.dist(x, many[j])) for x, j in zip(few, order, strict=False)]
-        for order in itertools.permutations(range(len(many)))
-    ]
-    alone = len(many) - len(few)
-    ours = min(root([*pairs, *[c] * alone], p, max(len(many), 1)) for pairs in pairings)
-    half = c if p == math.inf else c * 0.5 ** (1 / p)
-    return ours, min(root([*pairs, *[half] * alone], p) for pairs in pairings)
-
-
-def alone(X):
-    """The set at one instant, as `ospa2` takes it."""
-    return np.array(X, dtype=float).reshape(1, -1, 2)
-
-
-# Estimates, truths, c, p; OSPA and GOSPA.
-EXTREMES = [
-    ([[0, 0]], [[0.3, 0]], 0.5, math.inf, 0.3, 0.3),
-    ([[0, 0]], [], 50, math.inf, 50, 50),
-    ([[0, 0]], [[3, 0]], 50, math.inf, 3, 3),
-    ([[0, 0]], [[3, 0]], math.inf, 2, 3, 3),
-    ([[0, 0]], [[3, 0]], math.inf, math.inf, 3, 3),
-    ([[0, 0]], [], math.inf, 2, math.inf, math.inf),
-    ([], [], math.inf, math.inf, 0, 0),
-    ([[0, 0]], [[3, 0]], 50, 200, 3, 3),
-    ([[0, 0]], [], 50, 200, 50, 50 * 0.5**0.005),
-    ([[0, 0]], [[0.01, 0]], 1, 200, 0.01, 0.01),
-    ([[0, 0]], [[80, 0]], 50, 1e6, 50, 50),
-    # Nearest in sum are 0 and 3, nearest at the farthest 2 and 2.
-    ([[0, 0], [2, 0]], [[2, 0], [0, 2]], 50, math.inf, 2, 2),
-]
-
-
-@pytest.mark.parametrize(("X", "Y", "c", "p", "ours", "general"), EXTREMES)
-def test_infinite_and_large_orders_and_cut_offs_match_closed_forms(X, Y, c, p, ours, general):
-    assert ospa(X, Y, c, p).distance == pytest.approx(ours, rel=1e-12)
-    assert ospa2(alone(X), alone(Y), c, p).distance == pytest.approx(ours, rel=1e-12)
-    assert gospa(X, Y, c, p).distance == pytest.approx(general, rel=1e-12)
-
-
-@pytest.mark.parametrize("p", [1.0, 2.0, 7.0, 40.0, 200.0, 5000.0, math.inf])
-@pytest.mark.parametrize("c", [1e-3, 20.0, 1e5, math.inf])
-def test_every_order_and_cut_off_matches_enumeration(c, p):
-    rng = np.random.default_rng(6)
-    for _ in range(40):
-        X, Y = (random_set(rng, 4) * rng.choice([1e-3, 1.0, 1e3]) for _ in range(2))
-        one, general = enumerated(X, Y, c, p)
-        found, parts = ospa(X, Y, c, p), gospa(X, Y, c, p)
-        # A large order raises rounding errors by as much as it lowers them again.
-        assert found.distance == pytest.approx(one, rel=1e-11)
-        assert ospa2(alone(X), alone(Y), c, p).distance == pytest.approx(one, rel=1e-11)
-        assert parts.distance == pytest.approx(general, rel=1e-11)
-        assert root(found[1:], p) == pytest.approx(found.distance, rel=1e-11)
-        assert root(parts[1:], p) == pytest.approx(parts.distance, rel=1e-11)
-
-
-def test_the_largest_distance_of_gospa_leaves_out_no_more_than_it_must():
-    X, Y = [[0, 0], [0, 5], [100, 0]], [[1, 0], [0, 3]]
-    assert gospa(X, Y, 10, math.inf) == (10, 2, 0, 10)
-    assert gospa([*X, [0, 6]], [*Y, [200, 0], [0, 6]], 10, math.inf) == (10, 2, 10, 10)
-
-
 @pytest.mark.parametrize("distance", [ospa, gospa])
 @pytest.mark.parametrize("wrong", [[[[0, 0]]], [0.0, 0.0], [[0, 0, 0]], [[0]], np.zeros((1, 0, 2)), 1.0])
 def test_positions_of_other_shapes_are_refused(distance, wrong):
@@ -290,9 +217,7 @@ def test_positions_of_other_shapes_are_refused(distance, wrong):
     for name, sets in (("estimates", (wrong, NONE)), ("truths", (NONE, wrong))):
         with pytest.raises(ValueError, match=f"^{name} must be \\(A, 2\\), are {shape}$"):
             distance(*sets)
-    assert distance([], []).distance == 0.0
-    with pytest.raises(ValueError, match=r"^truths\[0\] is beyond 1e\+150 m$"):
-        distance(NONE, [[0, -1e160]])
+    assert distance([], np.zeros((0, 4))).distance == 0.0
 
 
 @pytest.mark.parametrize("distance", [ospa, gospa])
@@ -302,10 +227,10 @@ def test_positions_that_are_not_finite_are_named(distance):
             distance(*sets)
 
 
-@pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (-1.0, 2.0), (50.0, 0.5), (math.nan, 2.0)])
+@pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (math.inf, 2.0), (50.0, 0.5), (50.0, math.inf), (math.nan, 2.0)])
 def test_a_cut_off_or_order_without_meaning_is_refused(c, p):
     for distance, nothing in ((ospa, NONE), (gospa, NONE), (ospa2, NONE[None])):
-        with pytest.raises(ValueError, match="c must be positive"):
+        with pytest.raises(ValueError, match="c must be from 1e-9 to 1e9 and p from 1 to 10"):
             distance(nothing, nothing, c, p)
 
 
