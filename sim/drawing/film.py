@@ -26,7 +26,6 @@ from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
 from sim.recording.atomic_files import make_part_path
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 
@@ -58,7 +57,7 @@ class Film:
         labelled: False if people are unknown; the film then shows detections on the map, and no OSPA.
         """
         self._labelled = labelled
-        self._cameras = [camera_of(uav) for uav in scenario.uavs]
+        self._cameras = [uav.true_camera for uav in scenario.uavs]
         self._layout = lay_out_parts(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
         self._map = MapView(scenario, forest, (room.width, room.height))

@@ -21,7 +21,7 @@ from sim.evaluation.score import ELLIPSE
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_of, true_view_of
+from sim.sensing.cameras import true_view_of
 from sim.world.contacts import Contact, describe_body
 from tracking.geometry.camera import Camera, Pose, meet_plane
 from tracking.geometry.visibility import Forest, at_target_height
@@ -267,7 +267,7 @@ class MapView:
 
 def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
     """Outline (N, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
-    camera = camera_of(scenario.uavs[uav])
+    camera = scenario.uavs[uav].true_camera
     if scenario.sensing.field_of_view == "unlimited":
         return None
     rays = camera.rays(pose, camera.outline)

@@ -15,7 +15,7 @@ from sim.flights.flight_tables import CameraRow, LoggedFrame, Poses, interpolate
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
-from sim.sensing.cameras import camera_of, view_of
+from sim.sensing.cameras import view_of
 from sim.world.recorded_people import read_trajectories, resample
 from sim.world.trajectories import Trajectories
 from tracking.detection.detection_errors import whole_covariances
@@ -88,7 +88,7 @@ def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
     for i, frames in files.people.items():
         log, times = files.poses[i], np.array([frame.time for frame in frames])
         for frame, pose in zip(frames, interpolate(log, np.clip(times, *log.times[[0, -1]])), strict=True):
-            places = _find_places(frame, Pose(pose[:3], pose[3:]), camera_of(setting.uavs[i]))
+            places = _find_places(frame, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera)
             for detection, place in zip(frame.detections, places, strict=True):
                 found[detection.person].setdefault(round(frame.time * rate), place)
     times, slowest = np.array(setting.scan_times), max(measure_gap(frames) for frames in files.people.values())
@@ -111,7 +111,7 @@ def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories 
     observed: dict[tuple[int, int], tuple[Scan, Array]] = {}
     rounded, lost = 0.0, 0
     for i, log in files.poses.items():
-        camera, edges = camera_of(setting.uavs[i]), log.times[[0, -1]]
+        camera, edges = setting.uavs[i].true_camera, log.times[[0, -1]]
         poses[:, i] = interpolate(log, np.clip(times, *edges))
         taken = [frame for frame in files.fleet[i] if round(frame.time * rate) < len(times)]
         at = np.array([frame.time for frame in taken])

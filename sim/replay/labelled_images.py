@@ -14,7 +14,6 @@ from sim.recording.atomic_files import make_new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.frame_panels import encode_png
 from sim.replay.frames.rerender import Rerenderer
-from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
 from tracking.numerics.arrays import Flags
 
@@ -45,7 +44,7 @@ class LabelledImage:
     @property
     def camera(self) -> Camera:
         """The camera that took it."""
-        return camera_of(self.recording.setting.uavs[self.uav])
+        return self.recording.setting.uavs[self.uav].true_camera
 
     @property
     def name(self) -> str:

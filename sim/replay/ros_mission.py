@@ -20,7 +20,6 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import PERSON_RADIUS
 from sim.replay.ros_bag import Message, RosBag
 from sim.replay.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
-from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
@@ -52,7 +51,7 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
             snapshot = number_snapshot(recording, k)
             _write_poses(bag, recording, k, odometry)
             for i, markers in enumerate(scene.draw(snapshot)):
-                _write_camera(bag, snapshot, i, camera_of(recording.setting.uavs[i]), first=k == 0)
+                _write_camera(bag, snapshot, i, recording.setting.uavs[i].true_camera, first=k == 0)
                 if again and snapshot.frames[i]:
                     _write_image(bag, time, i, again.image(k, i))
                 _write_tracks(bag, snapshot, i)

@@ -15,7 +15,6 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.frames.sightings import PERSON_RADIUS
 from sim.replay.ros_bag import Message
-from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -82,7 +81,7 @@ class UavScene:
 
     def __init__(self, recording: Recording) -> None:
         self._intents = Intents(recording.setting)
-        self._cameras = [camera_of(uav) for uav in recording.setting.uavs]
+        self._cameras = [uav.true_camera for uav in recording.setting.uavs]
 
     def draw(self, snapshot: Snapshot) -> Iterator[Message]:
         """For each UAV its name, view, intent, detections and tracks; of a broken one only its name."""

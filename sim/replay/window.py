@@ -11,7 +11,6 @@ import numpy as np
 from sim.drawing.palette import uav_colour
 from sim.recording.recording import Recording
 from sim.scenario.environment import Area
-from sim.sensing.cameras import camera_of
 from sim.world.engine import Engine, explain_failure, pybullet, silence, silence_c_code
 from sim.world.world import World
 from tracking.errors import InputError
@@ -43,7 +42,7 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
     setting = recording.setting
     with _open_world(recording) as world:
-        cones = [_add_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(setting.uavs)]
+        cones = [_add_cone(world.engine, uav.true_camera, uav.altitude, i) for i, uav in enumerate(setting.uavs)]
         _set_scene(world.engine, setting.area)
         say("Q or Esc closes it, the space bar pauses; turn the view with Ctrl and the mouse, zoom with the wheel.")
         try:

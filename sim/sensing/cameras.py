@@ -12,13 +12,8 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import cos, sin
 
 
-def camera_of(uav: Uav) -> Camera:
-    """The camera that a UAV of the scenario carries, as it is."""
-    return uav.true_camera
-
-
 def true_view_of(uav: Uav, scenario: Scenario) -> Camera:
-    """The camera that sees: `camera_of`, or one with an unlimited field of view."""
+    """The camera that sees: that of the UAV, or one with an unlimited field of view."""
     return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else uav.true_camera
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from sim.scenario.sensing import make_detectors
-from sim.sensing.cameras import camera_of
 from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, match_detections
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
@@ -31,7 +30,7 @@ class RenderedMode:
         self._setup = setup
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
-        self._cameras = [camera_of(uav) for uav in setup.scenario.uavs]
+        self._cameras = [uav.true_camera for uav in setup.scenario.uavs]
         self._last: dict[tuple[int, bool], Glimpse] = {}  # of each camera with a rolling shutter, true and believed
         self._calibrated = sensing.noise == "camera"
         forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))

@@ -19,7 +19,6 @@ from sim.scenario.environment import Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_of
 from sim.sensing.culling import find_in_frustum
 from sim.sensing.renderer import Renderer, capture
 from sim.world.world import World
@@ -44,7 +43,7 @@ class View:
 
     @property
     def camera(self):
-        return camera_of(SCENARIO.uavs[self.uav])
+        return SCENARIO.uavs[self.uav].true_camera
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +107,7 @@ def test_frames_among_750_trees_against_75(judged):
     """With the same trees in view."""
     near = [Tree(10.0 * i - 70, 20.0 * j - 40, 4.5) for i in range(15) for j in range(5)]
     far = [Tree(10.0 * i + 150, 20.0 * j, 4.5) for i in range(27) for j in range(25)]
-    pose, camera = Pose.level(0.0, 10.0, 19.0), camera_of(SCENARIO.uavs[0])
+    pose, camera = Pose.level(0.0, 10.0, 19.0), SCENARIO.uavs[0].true_camera
     with World(SCENARIO, Forest(tuple(near)), 0) as few, World(SCENARIO, Forest((*near, *far)), 0) as many:
         a, b = Renderer(few), Renderer(many)
         assert a.render(camera, pose).image.tobytes() == b.render(camera, pose).image.tobytes()

@@ -12,7 +12,6 @@ from sim.drawing.lettering import Image
 from sim.recording.recording import Recording
 from sim.scenario.loading import change_settings
 from sim.scenario.scenario import encode_scenario
-from sim.sensing.cameras import camera_of
 
 if TYPE_CHECKING:
     from sim.sensing.renderer import Rendered
@@ -47,7 +46,7 @@ class Rerenderer(ExitStack):
         r = self.recording
         self._world.place_people(r.people[k], r.headings[k])
         self._world.place_uavs(r.poses_at(k))
-        camera = camera_of(r.setting.uavs[uav])
+        camera = r.setting.uavs[uav].true_camera
         return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav), self._find_sweep(k, uav))
 
     def _find_sweep(self, k: int, uav: int) -> "Sweep | None":
@@ -69,7 +68,7 @@ class Rerenderer(ExitStack):
         others = np.arange(r.people.shape[1]) != person
         bare._world.place_people(np.where(others[:, None], np.nan, r.people[k]), r.headings[k])
         bare._world.place_uavs([r.poses_at(k)[uav]] * r.poses.shape[1])  # before the near plane, where none shows
-        return int(np.sum(bare._renderer.find_people(camera_of(r.setting.uavs[uav]), r.camera_at(k, uav)) >= 0))
+        return int(np.sum(bare._renderer.find_people(r.setting.uavs[uav].true_camera, r.camera_at(k, uav)) >= 0))
 
     @cached_property
     def _treeless(self) -> "Rerenderer":

@@ -9,7 +9,6 @@ import numpy as np
 from sim.drawing.labels import number_snapshot
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
-from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
@@ -102,7 +101,7 @@ class Sight:
     @staticmethod
     def of(recording: Recording, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
-        camera = camera_of(recording.setting.uavs[uav])
+        camera = recording.setting.uavs[uav].true_camera
         people = Sighting.all_of(recording, k, uav, camera)
         if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)

@@ -13,7 +13,6 @@ from sim.drawing.tiles import draw_broken
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import find_broken
 from sim.replay.tracking_replay import replay_tracking
-from sim.sensing.cameras import camera_of
 from tracking.account import Association
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
@@ -63,7 +62,7 @@ class Cameras:
         tile = np.empty((_TILE, _TILE, 3), dtype=np.uint8)
         draw_broken(tile, uav)
         self._log_image(
-            uav, np.asarray(cv2.resize(tile, camera_of(self._uavs[uav]).size, interpolation=cv2.INTER_AREA), np.uint8)
+            uav, np.asarray(cv2.resize(tile, self._uavs[uav].true_camera.size, interpolation=cv2.INTER_AREA), np.uint8)
         )
         root = f"world/camera/{uav}"
         for path in (f"{root}/detections", f"{root}/tracks", f"{root}/association", f"association/{uav}"):
@@ -71,7 +70,7 @@ class Cameras:
 
     def _project(self, k: int, uav: int, places: Array) -> Array:
         """Pixels (N, 2) of the mid-height of people at places (N, 2 or more) m; NaN outside the image."""
-        camera, pose = camera_of(self._uavs[uav]), self._recording.believed_camera_at(k, uav)
+        camera, pose = self._uavs[uav].true_camera, self._recording.believed_camera_at(k, uav)
         points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 

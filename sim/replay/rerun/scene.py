@@ -18,7 +18,6 @@ from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.flight import Flight
-from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
@@ -58,7 +57,7 @@ def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
     if len(recording.trees):
         _log_trees(stream, recording.forest)
     for i, uav in enumerate(scenario.uavs):
-        camera, colour = camera_of(uav), uav_colour(i)
+        camera, colour = uav.true_camera, uav_colour(i)
         lens = rr.Pinhole(
             focal_length=(camera.optics.fx, camera.optics.fy),
             principal_point=(camera.optics.cx, camera.optics.cy),

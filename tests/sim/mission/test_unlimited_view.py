@@ -20,7 +20,7 @@ from sim.replay.export import export
 from sim.replay.frames.frame_panels import write_frames
 from sim.running.results import run_mission
 from sim.scenario.loading import load
-from sim.sensing.cameras import camera_of, noise_of, view_of
+from sim.sensing.cameras import noise_of, view_of
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
 
@@ -59,7 +59,7 @@ def test_a_uav_sees_in_all_directions_with_the_noise_of_its_own_camera():
         free = load("forest", [*ALL, f"sensing.noise={noise}"])
         for uav in free.uavs:
             assert noise_of(uav, free) == noise_of(uav, limited)
-            assert view_of(uav, limited) == camera_of(uav) and view_of(uav, free).fov == ALL_ROUND
+            assert view_of(uav, limited) == uav.true_camera and view_of(uav, free).fov == ALL_ROUND
 
 
 @pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])

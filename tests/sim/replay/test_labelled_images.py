@@ -11,7 +11,7 @@ from helpers.flights import filmed, recorded
 from sim.flights.coco import read_coco
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.labelled_images import _choose_frames, write_labelled_images
-from sim.sensing.cameras import camera_of
+from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
@@ -103,7 +103,7 @@ def test_the_visible_share_is_that_of_the_person_alone_in_the_world(flights, out
         with World(first.setting, Forest(()), 1, first.seed) as world:
             world.place_people(first.people[k, [m]], first.headings[k, [m]])
             world.place_uavs([Pose.level(1000.0 + 10 * j, 0.0, 20.0) for j in range(len(first.setting.uavs))])
-            alone = Renderer(world).render(camera_of(first.setting.uavs[i]), first.camera_at(k, i)).people
+            alone = Renderer(world).render(first.setting.uavs[i].true_camera, first.camera_at(k, i)).people
         assert annotation["visible_share"] == annotation["area"] / np.sum(alone == 0)
         shares.append(annotation["visible_share"])
     assert len(shares) > 10 and min(shares) < 0.9 and max(shares) == 1.0
@@ -112,7 +112,7 @@ def test_the_visible_share_is_that_of_the_person_alone_in_the_world(flights, out
 def test_the_whole_of_a_person_behind_another_is_what_it_shows_alone(flights):
     (_, tilted), _ = flights
     pose, people = tilted.camera_at(0, 0), np.full_like(tilted.people, np.nan)
-    towards = camera_of(tilted.setting.uavs[0]).ground_points(pose, np.array([[64.0, 64.0]]))[0]
+    towards = tilted.setting.uavs[0].true_camera.ground_points(pose, np.array([[64.0, 64.0]]))[0]
     people[:, 0], people[:, 1] = towards, towards + np.array([0.4, 0.0])  # the camera looks east
     one = np.where([[False], [True], [False], [False]], people, np.nan)
     both, alone = (dataclasses.replace(tilted, people=p) for p in (people, one))
@@ -123,7 +123,7 @@ def test_the_whole_of_a_person_behind_another_is_what_it_shows_alone(flights):
 
 def test_the_whole_of_a_person_below_another_uav_is_what_it_shows_without_it():
     recording = recorded(BELOW, "trees.density=0", duration=1)
-    pose, camera = recording.camera_at(0, 0), camera_of(recording.setting.uavs[0])
+    pose, camera = recording.camera_at(0, 0), recording.setting.uavs[0].true_camera
     people = np.full_like(recording.people, np.nan)
     people[:, 0] = camera.ground_points(pose, camera.project(pose, recording.poses[0, 1, :3])[0], 1.0)[0]
     covered = dataclasses.replace(recording, people=people)
@@ -151,8 +151,7 @@ def test_intrinsics_and_pose_project_people_into_their_boxes(flights, out):
 
 def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkeypatch):
     camera = Camera.calibrated(160, 120, (130.0, 128.0), (82.0, 58.0), (-0.3, 0.08, 0.001, -0.002, 0.0))
-    for module in ("frames.rerender", "labelled_images"):
-        monkeypatch.setattr(f"sim.replay.{module}.camera_of", lambda uav: camera)
+    monkeypatch.setattr(Uav, "true_camera", camera)
     write_labelled_images(flights[0][:1], "coco", tmp_path / "coco", splits={}, every=0.4)
     coco, checked = load(tmp_path / "coco" / "annotations" / "instances_train.json"), 0
     for annotation in coco.anns.values():

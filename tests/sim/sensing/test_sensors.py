@@ -13,7 +13,6 @@ from sim.scenario.environment import People, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Uav
-from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Renderer
 from sim.sensing.sensors import Clutter, Sensors
 from sim.sensing.stopwatch import Stopwatch
@@ -149,7 +148,7 @@ def test_absent_people_are_never_seen(mode):
 def test_noise_models_are_those_that_the_scenario_names():
     for noise, expected in (
         ("range_bearing", [NoiseModel.range_bearing(uav.alpha) for uav in FLEET]),
-        ("camera", [NoiseModel.camera(camera_of(uav), uav.altitude) for uav in FLEET]),
+        ("camera", [NoiseModel.camera(uav.true_camera, uav.altitude) for uav in FLEET]),
     ):
         setting = scenario("ideal", noise)
         with World(setting, OPEN, 0) as world:

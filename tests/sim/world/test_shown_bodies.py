@@ -7,7 +7,6 @@ import pybullet
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Renderer
 from sim.world.shown_bodies import _KEPT
 from sim.world.world import World
@@ -23,7 +22,7 @@ PEOPLE = np.array([[12.0 * k + 6.0, -2.0] for k in range(60)])
 def picture(world, renderer, x):
     """Bytes of the image from above a place on the row, and of its mask of people who walk on from view to view."""
     world.place_people(PEOPLE + 0.01 * x, np.full(len(PEOPLE), 0.02 * x))
-    view = renderer.render(camera_of(UAV), Pose.level(x, 0.0, UAV.altitude))
+    view = renderer.render(UAV.true_camera, Pose.level(x, 0.0, UAV.altitude))
     return view.image.tobytes(), view.people.tobytes()
 
 

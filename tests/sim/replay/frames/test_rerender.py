@@ -21,7 +21,6 @@ from sim.replay.frames.annotation import annotate
 from sim.replay.frames.frame_panels import _describe_view, _draw_panel, find_scans, write_frames
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight, Sighting
-from sim.sensing.cameras import camera_of
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
@@ -72,7 +71,7 @@ def scene(*, tracks=(), people=(), trees=(), pose=None):
     trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
     first = next(synthetic.snapshots(setting, trees, 1))
     snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
-    return Sight(camera_of(setting.uavs[0]), trees, snapshot, 0, ())
+    return Sight(setting.uavs[0].true_camera, trees, snapshot, 0, ())
 
 
 def bare(seen):
