@@ -13,7 +13,7 @@ import numpy as np
 
 from planning.made_up_teams import break_contact, keep_contact, lose_plans, make_flying_team, slow_down
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan
-from planning.planner_loading import is_stateful, load_planner, make_planner, read_exchange, reset_planner
+from planning.planner_loading import load_planner, make_planner, read_exchange, reset_planner
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
 from tracking.plugins.findings import Finding, Untried, describe_time, require, require_untouched, try_checks
@@ -103,7 +103,7 @@ def _check_memory(make: Maker) -> str:
     """Check that a planner has no memory or, if it is stateful, that `reset` clears its memory."""
     planner, calls = make(), (TEAM, OTHER, TEAM)
     before = [_plan(planner, team) for team in calls]
-    if not is_stateful(planner):
+    if not getattr(planner, "stateful", False):
         _compare(before[0], before[-1], "without stateful = True, but after another situation")
         return "a situation, another one, the first again: equal"
     reset_planner(planner, _SEED)
@@ -153,7 +153,7 @@ def _check_claim(make: Maker) -> str:
 
 def _plan_late(planner: Planner, team: Sequence[Situation]) -> list[Plan]:
     """Plans for a team, in the second decision if the planner is stateful."""
-    if is_stateful(planner):
+    if getattr(planner, "stateful", False):
         _plan(planner, team)
     return _plan(planner, team)
 

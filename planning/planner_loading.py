@@ -40,7 +40,7 @@ def make_planner(make: Callable[..., object], name: str, options: Mapping[str, A
     """The planner that a class or function makes; InputError about the planner of that name if it fails."""
     with ANY_PLANNER.errors(name, "be made", make, "__init__"):
         planner = make(**options)
-    return check_methods(planner, name)
+    return _check_methods(planner, name)
 
 
 def resolve_planner(given: object) -> Planner:
@@ -49,10 +49,10 @@ def resolve_planner(given: object) -> Planner:
         return load_planner(given)
     if isinstance(given, type):
         raise InputError(f"planner: {given.__qualname__} is a class; give an object of it")
-    return check_methods(given, type(given).__qualname__)
+    return _check_methods(given, type(given).__qualname__)
 
 
-def check_methods(planner: object, name: str) -> Planner:
+def _check_methods(planner: object, name: str) -> Planner:
     """The planner of that name; InputError unless it has the method plan(team, rng)."""
     ANY_PLANNER.check_methods(name, planner)
     return cast("Planner", planner)
@@ -134,11 +134,6 @@ def give_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner 
         if not callable(getattr(informed, "plan", None)):
             raise Unusable("what it returns has no method plan(team, rng)")
     return cast("Planner", informed), True
-
-
-def is_stateful(planner: object) -> bool:
-    """True if a planner declares that it has a memory; InputError if it lacks `reset`."""
-    return ANY_PLANNER.is_stateful(type(planner).__qualname__, planner)
 
 
 def reset_planner(planner: object, seed: int) -> None:

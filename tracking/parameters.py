@@ -104,16 +104,14 @@ class TrackerParameters:
         settings: Tracking = _DEFAULTS,
         *,
         fusion: str = "hcmci",
-        forget_after: float = 30.0,
         **changed: Any,  # noqa: ANN401 - as many types as settings
     ) -> None:
         """Parameters with the settings, of which some may be changed by name: `TrackerParameters(m, survival=0.9)`.
 
-        fusion: rule of fusion, see `tracking.fusion.rule`; forget_after: s for which the fleet remembers that it
-        deleted a track. InputError if a changed setting is unknown or out of its bounds.
+        fusion: rule of fusion, see `tracking.fusion.rule`. InputError if a changed setting is unknown or out of its
+        bounds.
         """
-        self.motion, self.fusion, self.forget_after = motion, fusion, forget_after
-        self.settings = settings
+        self.motion, self.fusion, self.settings = motion, fusion, settings
         if changed:
             plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in changed.items()}
             self.settings = read_settings(msgspec.structs.asdict(settings) | plain, Tracking)

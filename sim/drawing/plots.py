@@ -84,10 +84,10 @@ def order_by_rows(entries: Sequence[Artist], columns: int) -> list[Artist]:
     return [entry for column in range(columns) for entry in entries[column::columns]]
 
 
-def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
-    """Draw the mean OSPA of the working UAVs over time and a line at 1 m; `width` of the curve in points."""
+def draw_mean(axes: Axes, times: Array, ospa: Array) -> None:
+    """Draw the mean OSPA of the working UAVs over time and a line at 1 m."""
     mean = average_ospa(ospa)[:, 0]
-    axes.plot(times, mean, color=rgb(INK), lw=width, marker=_choose_marker(times))
+    axes.plot(times, mean, color=rgb(INK), lw=1.5, marker=_choose_marker(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
     axes.set_ylabel("mean OSPA [m],\nlogarithmic above 1")
 

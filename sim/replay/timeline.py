@@ -93,7 +93,7 @@ def draw_timeline(history: History, ospa: Array, events: Sequence[Event]) -> Fig
         _name_rows(above, history, places)
         above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
         above.set_title(_write_title(history), loc="left", fontsize=12, fontweight="bold")
-        draw_mean(below, history.times, ospa, width=1.5)
+        draw_mean(below, history.times, ospa)
         below.set_xlim(*find_ends(history.times, 0, len(history.times) - 1))
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)

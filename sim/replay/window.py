@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from sim.drawing.palette import uav_colour
+from sim.flights.flight_tables import Poses, interpolate
 from sim.recording.recording import Recording
 from sim.scenario.environment import Area
 from sim.world.engine import Engine, explain_failure, pybullet, silence, silence_c_code
@@ -120,16 +121,13 @@ def _place(world: World, cones: Sequence[int], recording: Recording, moment: flo
     people = recording.people[k] + share * (recording.people[after] - recording.people[k])
     people = np.where(np.isnan(people), recording.people[k], people)
     world.place_people(people, recording.headings[k])
-    world.place_uavs(_interpolate_poses(recording.poses[k], recording.poses[after], share))
-    for i, pose in enumerate(_interpolate_poses(recording.cameras[k], recording.cameras[after], share)):
+    world.place_uavs(_find_poses(recording.poses, recording.times, moment))
+    for i, pose in enumerate(_find_poses(recording.cameras, recording.times, moment)):
         place = pose.position if recording.working[k, i] else np.array([0.0, 0.0, -1000.0])
         world.engine.resetBasePositionAndOrientation(cones[i], place.tolist(), pose.quaternion.tolist())
 
 
-def _interpolate_poses(rows: Array, following: Array, share: float) -> list[Pose]:
-    """Poses at a share of the way from rows (n, 7) to the following ones."""
-    same = np.sign(np.sum(rows[:, 3:] * following[:, 3:], axis=1, keepdims=True))
-    turned = (1 - share) * rows[:, 3:] + share * same * following[:, 3:]
-    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-    places = (1 - share) * rows[:, :3] + share * following[:, :3]
-    return [Pose(place, quaternion) for place, quaternion in zip(places, turned, strict=True)]
+def _find_poses(rows: Array, times: Array, moment: float) -> list[Pose]:
+    """Poses of all UAVs at a moment, from rows (K, n, 7) at times (K,) s."""
+    found = [interpolate(Poses(times, own), np.array([moment]))[0] for own in rows.swapaxes(0, 1)]
+    return [Pose(row[:3], row[3:]) for row in found]

@@ -18,6 +18,7 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters 
 # Probability from which on a detection is a sighting. If two tracks share the measurements of one person, at most one
 # has a sighting. The other is lost, and its person may turn up elsewhere.
 SURE = 0.99
+_FORGET_AFTER = 30.0  # s for which the fleet remembers that it deleted a track
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # least existence probability that counts as 1, because messages keep log-odds finite
 # Times and sighting of a track that is new or known at the start; it counts as sighted in its first scan.
@@ -40,7 +41,7 @@ class Messenger:
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
         self.uav, self.scans, self.time = uav, 0, -math.inf
-        self._rule, self._forget_after = make_fusion_rule(parameters.fusion), parameters.forget_after
+        self._rule = make_fusion_rule(parameters.fusion)
         self._partition = Partition(0, -math.inf)  # as last heard
         self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
 
@@ -74,7 +75,7 @@ class Messenger:
     def accept(self, message: Message) -> None:
         """Take over the fleet's partition and deletions."""
         # Old deletions are dropped. A partition that was cut off for longer may bring such a track back for a while.
-        self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
+        self._deleted = {id: until for id, until in message.deleted if self.time - until <= _FORGET_AFTER}
         self._partition = message.partition
 
 

@@ -178,8 +178,9 @@ def test_the_tracks_of_a_silent_uav_are_handed_over(fusion):
     np.testing.assert_allclose(trackers[2].tracks[0].belief.mean, [5.7, 0, 1.5, 0], atol=0.1)
 
 
-def test_deletions_are_remembered_for_a_time():
-    trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
+def test_deletions_are_remembered_for_a_time(monkeypatch):
+    monkeypatch.setattr("tracking.fusion.exchange._FORGET_AFTER", 2.0)
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
     remembered = []
     for k in range(20):
         for t in trackers:
@@ -190,9 +191,10 @@ def test_deletions_are_remembered_for_a_time():
 
 
 @pytest.mark.parametrize(("cut", "held"), [(12, 0), (25, 1)])
-def test_a_track_of_a_forgotten_deletion_comes_back_and_is_deleted_again(cut, held):
+def test_a_track_of_a_forgotten_deletion_comes_back_and_is_deleted_again(cut, held, monkeypatch):
     """UAV 1 looks elsewhere and keeps what UAV 0 has refuted; the two meet again after `cut` scans."""
-    trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
+    monkeypatch.setattr("tracking.fusion.exchange._FORGET_AFTER", 2.0)
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
     counts = []
     for k in range(cut + 6):
         trackers[0].step(scan(k, uav=0))
