@@ -66,10 +66,7 @@ WRONG = {
     "no such folder": ("nowhere --to yolo", "nowhere does not exist", ""),
     "one broken recording": ("a broken --to coco", "broken", "holds no mission.npz"),
     "flight from elsewhere": ("a real.npz --to coco", "DIR: real.npz was not flown here", "expected a mission"),
-    "unknown scenario": ("forst --to coco --seeds 0", "scenario: 'forst'", "did you mean forest?"),
     "unknown planner": ("forest --to coco --seeds 0 --planner gredy", "'gredy'", "did you mean greedy?"),
-    "wrong setting": ("forest --to coco --seeds 0 --set trees.densty=3", "trees.densty", "did you mean density?"),
-    "impossible world": ("forest --to coco --seeds 0 --set trees.density=160", "trees.density", "fit into"),
     "seeds": ("forest --to coco --seeds 9-0", "--seeds: '9-0' is not allowed", "0-9"),
     "unknown seed": ("a b --to coco --val 3", "--val: no flight has the seed 3; allowed are 1, 2", ""),
     "seed in two splits": ("a b --to coco --val 2 --test 1-2", "--test: 2 is in --val, too", "one of them"),
@@ -78,7 +75,6 @@ WRONG = {
     "split of tables": ("a --to csv --val 1", "--val: not allowed together with --to csv", "--to coco and yolo"),
     "several recordings as tables": ("a b --to csv", "DIR: 'b' is one too many", "one recording"),
     "pause": ("a --to coco --every 0", "--every: '0' is not allowed", "more than 0 s"),
-    "folder that is used": ("a --to coco --out a", "--out: a ", "not an empty folder"),
     "unknown format": ("a --to coko", "--to: 'coko' is unknown", "did you mean coco?"),
 }
 

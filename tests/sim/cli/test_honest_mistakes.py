@@ -15,15 +15,11 @@ import os
 import signal
 import sys
 import time
-from dataclasses import replace
 
 import numpy as np
 
 from planning.planner import Plan
-from sim.evaluation.metric import Metric
-from sim.world.walks import Waypoints
-from tracking.detection.detector import Detections
-from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fusion.kla import KullbackLeiblerAverage
 from tracking.tracker import Tracker
 
@@ -36,7 +32,6 @@ DETECTOR = "--planner hover --set sensing.detector=mine:Mine"
 MOTION = f"--planner hover {IDEAL} --set tracking.motion=mine:Mine"
 RULE = f"--planner hover {IDEAL} --set network.fusion=mine:Mine"
 WALK = f'--planner hover {IDEAL} --set people.walks=["mine:Mine"]'
-METRIC = f"--planner hover {IDEAL} --metric mine:Mine"
 
 
 def plan(line):
@@ -49,17 +44,6 @@ def result(line):
     return f"class Mine:\n    def plan(self, team, rng):  # here\n        {line}\n"
 
 
-def tracks(change):
-    """A tracker that changes each of its tracks, which its property `tracks` gives."""
-    code = "class Mine(Tracker):\n    @property\n    def tracks(self):\n"
-    return f"{code}        return [replace(t, {change}) for t in super().tracks]\n"
-
-
-def detections(ground="[[1, 1]]", covariances="[np.eye(2)]"):
-    code = "class Mine:\n    def detect(self, frame):  # here\n"
-    return f"{code}        return Detections([[9, 9]], {ground}, {covariances})\n"
-
-
 # By mistake: the code, the arguments of `run`, and what the line says. "# here" marks the line that it names.
 REFUSED = {
     "no such module": ("", "--planner mind:Mine", "No module named 'mind'; did you mean mine?"),
@@ -70,10 +54,8 @@ REFUSED = {
     "a syntax error": ("def plan(", PLANNER, "cannot be imported: SyntaxError: '(' was never closed (mine.py, line "),
     "an exception in the module": ("1 / 0  # here", PLANNER, "imported: ZeroDivisionError: division by zero"),
     "a script that exits": ("sys.exit(0)", PLANNER, "mine calls sys.exit when it is imported"),
-    "a missing method": ("class Mine: pass", PLANNER, "'mine:Mine' has no method plan(team, rng)"),
     "a misspelt method": ("class Mine:\n    def plann(self, team, rng): pass", PLANNER, "; did you mean plann?"),
     "a wrong signature": ("class Mine:\n    def plan(self, team): pass", PLANNER, "(team); it must take (team, rng)"),
-    "an async method": ("class Mine:\n    async def plan(self, team, rng): pass", PLANNER, "'mine:Mine' is async"),
     "a constructor with an argument": (
         "class Mine:\n    def __init__(self, weights): pass  # here\n    def plan(self, team, rng): pass",
         PLANNER,
@@ -83,19 +65,6 @@ REFUSED = {
         "class Mine(Tracker):\n    def step(self, scan):\n        {}['table']  # here",
         TRACKER,
         "tracking.tracker: 'mine:Mine' cannot take a scan: KeyError: 'table'",
-    ),
-    "a mean is NaN": (tracks("belief=Gaussian(t.belief.mean * np.nan, np.eye(4))"), TRACKER, "means of tracks are not"),
-    "an id is negative": (tracks("id=-1 - t.id"), TRACKER, "ids of tracks are below 0: [-1"),
-    "an id is there twice": (tracks("id=7"), TRACKER, "ids of tracks are there twice: [7]"),
-    "a covariance is not positive definite": (
-        tracks("belief=Gaussian(t.belief.mean, -np.eye(4))"),
-        TRACKER,
-        "covariances of tracks are not symmetric and positive definite",
-    ),
-    "a message is None": (
-        "class Mine(Tracker):\n    def message(self, degree):  # here\n        pass",
-        TRACKER,
-        "cannot give a message: it is no tracking.fusion.message.Message but NoneType",
     ),
     "a motion model without dt": (
         "class Mine:\n    def __init__(self, *given): self.predict_all = max",
@@ -120,16 +89,11 @@ REFUSED = {
         WALK,
         "cannot walk: waypoints are not n x 2 finite numbers within",
     ),
-    "a function in place of a metric": ("def Mine(outcome): return 1.0", METRIC, "is not a metric; expected a"),
 }
 FAULTS = {
     "an exception": (plan("raise KeyError('gone')  # here"), PLANNER, "KeyError: 'gone'"),
     "nothing is returned": (result("pass"), PLANNER, "None in place of plans for 3 UAVs"),
-    "too few plans": (result("return [Plan([[0, 0]])]"), PLANNER, "1 plans for 3 UAVs"),
-    "controls in one row": (result("return [Plan([0, 0]) for _ in team]"), PLANNER, "controls of shape (2,), not"),
-    "controls that are NaN": (result("return [Plan([[0, np.nan]]) for _ in team]"), PLANNER, "controls are not finite"),
     "controls in words": (result("return [Plan([['0', '1']]) for _ in team]"), PLANNER, "controls are not numbers"),
-    "velocities, no plans": (result("return [[1, 0] for _ in team]"), PLANNER, "it is no Plan but of type list"),
     "too fast": (plan("return [Plan([[50, 0]]) for _ in team]"), PLANNER, "speed 50 m/s exceeds 5 m/s; clipped"),
     "a detector raises": (
         "class Mine:\n    def detect(self, frame):\n        frame.picture  # here",
@@ -140,13 +104,6 @@ FAULTS = {
         "class Mine:\n    def detect(self, frame):  # here\n        pass",
         DETECTOR,
         "detector: it is not Detections but of type NoneType",
-    ),
-    "detections of a wrong shape": (detections(ground="[[1, 1, 0]]"), DETECTOR, "ground of shape (1, 3), not (1, 2)"),
-    "an indefinite covariance": (detections(covariances="[[[1, 2], [2, 1]]]"), DETECTOR, "are not symmetric and pos"),
-    "a metric raises": (
-        "def ratio(outcome):\n    return 1 / 0  # here\nMine = Metric('ratio', ratio)",
-        METRIC,
-        "metric mine:Mine: ZeroDivisionError: division by zero",
     ),
 }
 

@@ -142,7 +142,6 @@ REFUSED = {
         {"scenario_toml": ["tracking.initial_tracks = 'known'"]},
         'tracking.initial_tracks: "known" needs the people',
     ),
-    "an unknown key": ({"scenario_toml": ["tracking.sigma = 1"]}, "tracking.sigma: unknown key"),
     "heights below people": (
         {"poses": [PLACES[1], *(f"{t},{i},0,0,0" for t in (0, 9) for i in (0, 1))]},
         "UAV 0, column z_m: is 0 m in the median",
