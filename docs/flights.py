@@ -1,0 +1,83 @@
+"""Table and figure of docs/results/flights.md: `python docs/flights.py runs/flights`, a folder of the study `flights`.
+
+Several folders count as one, if the study was flown in parts.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sim.analysis.intervals import Estimate, estimate_means
+from sim.analysis.metric_choice import find_shown_metric
+from sim.study.store import read_rows
+from sim.study.study import read_study
+from sim.study.tasks import Row
+
+PICTURE = Path(__file__).parent / "media" / "flights.png"
+STUDY = read_study("flights")
+FLIGHTS, TRACKERS = map(list, STUDY.factors.values())
+METRICS = [find_shown_metric(name) for name in ("gospa.mean_m", "ospa.share_under_1m", "nees.position.mean")]
+AXES = {
+    "drift": "drift of positions [m]",
+    "yaw": "bias of yaws [deg]",
+    "clock": "clock offset [s]",
+    "delay": "delay [s]",
+}
+COLOURS = ("#d55e00", "#0072b2", "#009e73")
+
+
+def estimate(rows: Sequence[Row]) -> dict[tuple[str, str], list[Estimate]]:
+    """Mean of each metric over the maps, by flight and tracker, with its interval."""
+    found: dict[tuple[str, str], dict[int, list[float]]] = {}
+    for row in rows:
+        place, values = dict(row.factors), [row.metrics.get(metric.name, math.nan) for metric in METRICS]
+        found.setdefault((place["flight"], place["pose_errors"]), {})[row.seed] = values
+    return {place: estimate_means(np.array(list(maps.values()))) for place, maps in found.items()}
+
+
+def write_table(found: dict[tuple[str, str], list[Estimate]]) -> str:
+    """A line a flight, a column a tracker: mean GOSPA [m], in brackets share of scans with OSPA under 1 m [%], NEES."""
+    lines = [["flight", *(f"`{tracker}`" for tracker in TRACKERS)], ["---"] * (1 + len(TRACKERS))]
+    for flight in FLIGHTS:
+        of = [found.get((flight, tracker)) for tracker in TRACKERS]
+        texts = [[m.text(e.value) for m, e in zip(METRICS, one, strict=True)] if one else None for one in of]
+        lines.append([flight, *(f"{text[0]} ({text[1]}; {text[2]})" if text else "" for text in texts)])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def draw(found: dict[tuple[str, str], list[Estimate]]) -> Figure:
+    """One panel an axis: mean GOSPA over the size of what errs, a line a tracker."""
+    figure = Figure(figsize=(11.0, 3.2), layout="constrained")
+    panels = figure.subplots(1, len(AXES), sharey=True)
+    for axes, (axis, label) in zip(panels, AXES.items(), strict=True):
+        sizes = {flight: float(flight.split()[1]) for flight in FLIGHTS if flight.startswith(f"{axis} ")}
+        for tracker, colour in zip(TRACKERS, COLOURS, strict=True):
+            places = [(0.0, ("none", "ignore")), *((size, (flight, tracker)) for flight, size in sizes.items())]
+            line = [(size, found[place][0]) for size, place in places if place in found]
+            if len(line) < 2:
+                continue
+            x, y = [size for size, _ in line], [gospa.value for _, gospa in line]
+            axes.plot(x, y, "o-", color=colour, label=tracker)
+            axes.fill_between(x, [g.low for _, g in line], [g.high for _, g in line], color=colour, alpha=0.15, lw=0)
+        axes.set(xlabel=label, xlim=(0, None), ylim=(0, None))
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.axes[0].set_ylabel(METRICS[0].title)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def main(folders: Sequence[str]) -> None:
+    """Print the table and draw the figure."""
+    found = estimate([row for folder in folders for row in read_rows(folder) if row.status == "done"])
+    print(write_table(found))
+    draw(found).savefig(PICTURE, dpi=100, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
