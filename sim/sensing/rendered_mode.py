@@ -31,7 +31,7 @@ class RenderedMode:
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
         self._cameras = [uav.true_camera for uav in setup.scenario.uavs]
-        self._last: dict[tuple[int, bool], Glimpse] = {}  # of each camera with a rolling shutter, true and believed
+        self._last: dict[tuple[int, bool], Glimpse] = {}  # of each camera, true and believed
         self._calibrated = sensing.noise == "camera"
         forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
         self._detectors = make_detectors(sensing.detector, forest, uavs, setup.rng)
@@ -60,11 +60,8 @@ class RenderedMode:
         )
 
     def _find_sweep(self, uav: int, now: Glimpse, *, believed: bool) -> Sweep | None:
-        readout = self._setup.scenario.uavs[uav].readout
-        if not readout:
-            return None
         before, self._last[uav, believed] = self._last.get((uav, believed)), now
-        return Sweep.between(before, now, readout)
+        return Sweep.between(before, now, self._setup.scenario.uavs[uav].readout)
 
     def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
         """Detections and the faults of the detector; a frame with a fault has no detections."""

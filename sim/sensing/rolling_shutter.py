@@ -36,8 +36,10 @@ class Sweep:
     people: Array  # (M, 2) m/s
 
     @staticmethod
-    def between(before: Glimpse | None, now: Glimpse, readout: float) -> "Sweep":
-        """The sweep of a frame, given the one before; without motion if there is none."""
+    def between(before: Glimpse | None, now: Glimpse, readout: float) -> "Sweep | None":
+        """The sweep of a frame, given the one before; without motion if there is none. None without a readout."""
+        if not readout:
+            return None
         if before is None:
             return Sweep(readout, np.zeros(3), np.zeros(3), np.zeros_like(now.people))
         elapsed = now.time - before.time

@@ -53,14 +53,12 @@ class Rerenderer(ExitStack):
         """The motion while the image was read out, as in the mission."""
         from sim.sensing.rolling_shutter import Glimpse, Sweep
 
-        r, readout = self.recording, self.recording.setting.uavs[uav].readout
-        if not readout:
-            return None
+        r = self.recording
         earlier = np.flatnonzero(r.frames_taken[:k, uav])[-1:].tolist()
         before, now = (
             [Glimpse(float(r.times[j]), r.camera_at(j, uav), r.people[j]) for j in rows] for rows in (earlier, [k])
         )
-        return Sweep.between(before[0] if before else None, now[0], readout)
+        return Sweep.between(before[0] if before else None, now[0], r.setting.uavs[uav].readout)
 
     def count_whole(self, k: int, uav: int, person: int) -> int:
         """Number of pixels of one person in the same image if nothing hid it."""
