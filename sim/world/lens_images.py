@@ -10,8 +10,9 @@ from tracking.geometry.camera import Camera
 from tracking.numerics.arrays import Array
 
 # Pixels of the straight image along one of a bent image, whose sampling moves by up to half of one: more if there are
-# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2, 1.65 with 1; in 640 x 480 of 0.92.
-_FINER, _FEW_FINER, _FEW = 2, 3, 100_000
+# few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2, 1.65 with 1; in 400 x 300 of 1.00 with
+# 1.5 and with 2, in 640 x 480 of 0.87 and 0.91.
+_FINER, _FEW_FINER, _FEW = 1.5, 3.0, 100_000
 
 
 class View(NamedTuple):

@@ -173,7 +173,7 @@ def test_frames_through_a_lens_against_straight_ones(flown, judged):
                     rounds=10 if judged else 1,
                 )
             )
-    report("frame of 640 x 480 pixels, bent by a lens", *np.mean(times, axis=0), 6.0, judged)
+    report("frame of 640 x 480 pixels, bent by a lens", *np.mean(times, axis=0), 4.0, judged)
 
 
 def lines(trees, judged):

@@ -19,6 +19,7 @@ from tracking.numerics.distances import squared_distance
 
 BARREL = Camera.calibrated(160, 120, (140.0, 138.0), (82.0, 59.0), (-0.3, 0.09, 0.001, -0.001))
 PINCUSHION = Camera.calibrated(320, 180, (240.0, 240.0), (160.0, 91.0), (0.14, -0.2, 0.0005, 0.0005, 0.1))
+LARGE = Camera.calibrated(400, 300, (350.0, 350.0), (200.0, 150.0), (-0.25, 0.05))
 PEOPLE = 8
 SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
 
@@ -37,7 +38,7 @@ def views(camera: Camera, rng: np.random.Generator, frames: int):
         yield pose, people
 
 
-@pytest.mark.parametrize("camera", [BARREL, PINCUSHION], ids=["barrel", "pincushion"])
+@pytest.mark.parametrize("camera", [BARREL, PINCUSHION, LARGE], ids=["barrel", "pincushion", "large"])
 def test_detections_in_bent_images_are_unbiased_on_the_ground(camera):
     rng, detector, rows = np.random.default_rng(1), BlobDetector(Forest(())), []
     with World(SCENARIO, Forest(()), PEOPLE) as world:
@@ -105,7 +106,7 @@ def test_rectangular_straight_images_agree_with_square_ones():
 
 
 def test_a_straight_image_has_every_pixel_of_the_bent_one():
-    for camera in (BARREL, PINCUSHION):
+    for camera in (BARREL, PINCUSHION, LARGE):
         view = straighten(camera)
         width, height = view.straight.size
         assert view.sources.shape == (camera.size[1], camera.size[0])
