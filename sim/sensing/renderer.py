@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from sim.installation import ASSETS
 from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE, find_hidden_people, find_hidden_trunks, find_in_frustum
-from sim.sensing.rolling_shutter import Sweep, cut_strip
+from sim.sensing.rolling_shutter import Sweep
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
-from sim.world.lens_images import View, straighten
+from sim.world.lens_images import View, cut_rows, straighten
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array, Flags
@@ -154,7 +154,7 @@ class Renderer:
 
     def render(self, camera: Camera, pose: Pose) -> Rendered:
         """The view of a camera at a pose, without blur, exposure and noise."""
-        return self._render(camera, pose, self.in_view(camera, pose))
+        return self._render(straighten(camera), pose, self.in_view(camera, pose))
 
     def _render_strips(self, camera: Camera, pose: Pose, sweep: Sweep) -> Rendered:
         """The view of a camera in strips of rows, each at the time of its middle."""
@@ -163,16 +163,15 @@ class Renderer:
         delays = sweep.delays(middles, camera.size[1]).tolist()
         seen = np.logical_or.reduce([self.in_view(camera, sweep.pose_at(pose, t)) for t in (delays[0], delays[-1])])
         positions, headings = self._world.people
-        strips = []
+        strips, view = [], straighten(camera)
         for (top, bottom), delay in zip(pairwise(edges), delays, strict=True):
             self._world.place_people(positions + delay * sweep.people, headings)
-            strips.append(self._render(cut_strip(camera, top, bottom), sweep.pose_at(pose, delay), seen))
+            strips.append(self._render(cut_rows(view, top, bottom), sweep.pose_at(pose, delay), seen))
         self._world.place_people(positions, headings)
         return Rendered(np.vstack([s.image for s in strips]), np.vstack([s.people for s in strips]))
 
-    def _render(self, camera: Camera, pose: Pose, seen: Flags) -> Rendered:
-        """The view of a camera with some of the bodies (B,)."""
-        view = straighten(camera)
+    def _render(self, view: View, pose: Pose, seen: Flags) -> Rendered:
+        """A view with some of the bodies (B,)."""
         found, people = self._capture(view, pose, seen)
         self._ground.draw(found.image, found.bodies, view, pose)
         return Rendered(found.image, people)

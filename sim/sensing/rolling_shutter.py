@@ -85,9 +85,3 @@ class Sweep:
 def cross(a: Array, b: Array) -> Array:
     """Cross product (3,) of two vectors (3,)."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def cut_strip(camera: Camera, top: int, bottom: int) -> Camera:
-    """The camera of the rows from `top` to `bottom` alone."""
-    o = camera.optics
-    return Camera.calibrated(o.width, bottom - top, (o.fx, o.fy), (o.cx, o.cy - top), o.distortion)
