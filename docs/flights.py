@@ -1,6 +1,6 @@
-"""Table and figure of docs/results/flights.md: `python docs/flights.py runs/flights`, a folder of the study `flights`.
+"""Table and figure of docs/results/flights.md, from the study `flights` in runs/flights: `python docs/flights.py`.
 
-Several folders count as one, if the study was flown in parts.
+If the study was flown in parts, `python docs/flights.py FOLDER...` takes all of them.
 """
 
 from __future__ import annotations
@@ -80,4 +80,4 @@ def main(folders: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.argv[1:] or ["runs/flights"])
