@@ -45,7 +45,7 @@ class Sweep:
         elapsed = now.time - before.time
         a, b = before.pose.quaternion, now.pose.quaternion
         # Vector and scalar of the turn b a*; twice the vector is the angle, if that is small.
-        vector = a[3] * b[:3] - b[3] * a[:3] - cross(b[:3], a[:3])
+        vector = a[3] * b[:3] - b[3] * a[:3] - np.cross(b[:3], a[:3])
         scalar = a[3] * b[3] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
         return Sweep(
             readout,
@@ -80,8 +80,3 @@ class Sweep:
         ]
         apart = np.array(moved).reshape(-1, 2) - camera.ground_points(pose, pixels, TARGET_HEIGHT)
         return np.nan_to_num(apart)
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Cross product (3,) of two vectors (3,)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
