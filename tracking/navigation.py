@@ -1,9 +1,13 @@
 """Errors of a UAV's navigation: what its camera's pose is believed to be, in place of what it is."""
 
+import math
 from typing import Annotated
 
+import numpy as np
 from msgspec import Meta, Struct
 
+from tracking.numerics.arrays import Array
+from tracking.numerics.exponential import exp
 from tracking.settings import DAY
 
 _Metres = Annotated[float, Meta(ge=0, le=1000)]
@@ -31,6 +35,32 @@ class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
     # s, deviation of the clock offset, which is drawn once: a pose with this offset is of so much later than its image
     clock_deviation: Annotated[float, Meta(ge=0, le=DAY)] = 0.0
     clock_offset: Annotated[float, Meta(ge=-DAY, le=DAY)] | None = None  # s, in place of one that is drawn
+
+    @property
+    def noises(self) -> Array:
+        """Deviations (6,) of the noise of a position [m] and of turns about the axes of the world [rad]."""
+        return np.array([self.horizontal_noise, self.horizontal_noise, self.vertical_noise, 0.0, 0.0, 0.0])
+
+    @property
+    def biases(self) -> Array:
+        """Deviations (6,) of the biases, in the same order."""
+        return self._list_deviations(0.0, 0.0, self.tilt_bias_deg, self.yaw_bias_deg)
+
+    @property
+    def drifts(self) -> Array:
+        """Deviations (6,) of the drifts."""
+        return self._list_deviations(
+            self.horizontal_drift, self.vertical_drift, self.tilt_drift_deg, self.yaw_drift_deg
+        )
+
+    def kept(self, elapsed: float) -> Array:
+        """Correlation (6,) of the drifts with those `elapsed` s before."""
+        return np.repeat([exp(-elapsed / time) for time in (self.position_time, self.attitude_time)], 3)
+
+    @staticmethod
+    def _list_deviations(horizontal: float, vertical: float, tilt_deg: float, yaw_deg: float) -> Array:
+        tilt = math.radians(tilt_deg)
+        return np.array([horizontal, horizontal, vertical, tilt, tilt, math.radians(yaw_deg)])
 
 
 # RTK: 1 cm + 1 ppm horizontally and 1.5 cm + 1 ppm vertically, and headings from two antennas, as data sheets of

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from tracking.filter.motion import MotionModel
+from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.exponential import log, power
 from tracking.settings import Density, Expected, Scans, Speed, Time, read_settings
 
@@ -104,14 +105,15 @@ class TrackerParameters:
         settings: Tracking = _DEFAULTS,
         *,
         fusion: str = "hcmci",
+        navigation: Navigation = NAVIGATION["exact"],
         **changed: Any,  # noqa: ANN401 - as many types as settings
     ) -> None:
         """Parameters with the settings, of which some may be changed by name: `TrackerParameters(m, survival=0.9)`.
 
-        fusion: rule of fusion, see `tracking.fusion.rule`. InputError if a changed setting is unknown or out of its
-        bounds.
+        fusion: rule of fusion, see `tracking.fusion.rule`; navigation: errors of the UAV's pose. InputError if a
+        changed setting is unknown or out of its bounds.
         """
-        self.motion, self.fusion, self.settings = motion, fusion, settings
+        self.motion, self.fusion, self.navigation, self.settings = motion, fusion, navigation, settings
         if changed:
             plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in changed.items()}
             self.settings = read_settings(msgspec.structs.asdict(settings) | plain, Tracking)

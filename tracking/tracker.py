@@ -25,6 +25,7 @@ from tracking.measurement_update import predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
+from tracking.registration.registration import make_registration
 from tracking.track import (
     DETECTED_AT,
     EXPECTED_AT,
@@ -75,6 +76,7 @@ class Tracker:
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
+        self._registration = make_registration(parameters.navigation, parameters.pose_errors, known=bool(known))
         self._first, self._steps = 0.0, 0.0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
@@ -86,7 +88,7 @@ class Tracker:
     def copy(self) -> "Tracker":
         """As `Member.copy`; scans replace whatever they change, except for sightings in the first one."""
         made = copy(self)
-        made._messenger = copy(self._messenger)
+        made._messenger, made._registration = copy(self._messenger), copy(self._registration)
         made._table = replace(self._table, sightings=self._table.sightings.copy())
         return made
 
@@ -95,7 +97,10 @@ class Tracker:
         """Confirmed tracks by ascending id."""
         if self._tracks is None:
             table = self._table
-            self._tracks = make_tracks(table.ids, table.means, table.covariances, table.existence, table.sightings)
+            covariances = table.covariances
+            if self._registration:
+                covariances = covariances + self._registration.find_added(table.ids.tolist(), table.means)
+            self._tracks = make_tracks(table.ids, table.means, covariances, table.existence, table.sightings)
         return self._tracks
 
     def step(self, scan: Scan) -> None:
@@ -104,6 +109,9 @@ class Tracker:
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = check_scan(scan)
+        if self._registration:
+            scan = self._registration.correct(scan)
+            z, R = scan.measurements, scan.covariances
         between, lens = (self._messenger.time, scan.time), self._camera.lens(scan.pose)
         views = self._predict(scan.time, lens)
         table = self._table
@@ -114,6 +122,8 @@ class Tracker:
         after = update_scan(before, z, R, turned, p)
         self.account.association = Association(table.ids, before, z, R, after)
         self._evidence = ScanEvidence(beliefs, z, after.gates)
+        if self._registration:
+            self._registration.note(table.ids, beliefs, scan, after.gates, after.weights)
         detected = 1.0 - after.missed
         hits = detected >= SEEN
         if p.management == "m_of_n":
@@ -174,6 +184,8 @@ class Tracker:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p, now, scans = self.parameters, self._messenger.time, self._messenger.scans
         means, covariances = self._apply_negative_information(message)
+        if self._registration:
+            self._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
         existence = message.existence() if p.management == "existence" else np.ones(len(means))
         misses = count_misses(message.misses, message.times, now, p.delete[1])
         if p.management == "existence":

@@ -45,7 +45,7 @@ def track_flight(
         scans = {i: log.observed[k, i][0] for i in working if log.frames[k, i]}
         links = draw_links(network, time, log.poses[k, :, :3], radio)
         sent = trackers.step(time, scans, links, working)
-        tracks = [trackers.tracks(i) if i in working else () for i in uavs]
+        tracks = [trackers[i].tracks if i in working else () for i in uavs]
         views = [_find_people(log, cameras[i], scans.get(i), people[k]) for i in uavs]
         nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
         snapshot = Snapshot(

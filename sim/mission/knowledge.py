@@ -67,7 +67,7 @@ class Knowledge:
             for item in received:
                 if isinstance(item.content, Scan) and self._scenario.decides(item.k):
                     views.append((self._cameras[item.uav], item.content.pose))
-        return [self.trackers.tracks(i) if i in working else () for i in range(len(looks))], sent
+        return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 
     def make_situations(
         self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
@@ -84,14 +84,14 @@ class Knowledge:
                 (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
             ]
             looks, self._late_views[i] = looks + self._late_views[i], []
-            self._undetected[i].step(time, looks, self.trackers.tracks(i), self._forest)
+            self._undetected[i].step(time, looks, self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(
                 Situation(
                     time=time,
                     own=fleet[i],
                     neighbours=(),
-                    tracks=self.trackers.tracks(i),
+                    tracks=self.trackers[i].tracks,
                     forest=self._known_forest,
                     area=self._area,
                     motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),

@@ -5,7 +5,6 @@ from copy import deepcopy
 
 import numpy as np
 
-from sim.mission.fleet_registration import FleetRegistration
 from sim.mission.radio import RadioLinks
 from sim.mission.scan_relay import ScanRelay, Sent
 from sim.mission.tracker_setup import make_tracker_parameters
@@ -24,7 +23,7 @@ def make_trackers(scenario: Scenario, forest: Forest, initial: Sequence[Track]) 
     """One tracker per UAV; each has its own parameters and tracks, because a plug-in may change them."""
     name = scenario.tracking.tracker
     return [
-        make_tracker(name, i, view_of(uav, scenario), forest, make_tracker_parameters(scenario), deepcopy(initial))
+        make_tracker(name, i, view_of(uav, scenario), forest, make_tracker_parameters(scenario, i), deepcopy(initial))
         for i, uav in enumerate(scenario.uavs)
     ]
 
@@ -39,12 +38,9 @@ class TrackerFleet:
         hold = max(round(self._network.holds * scenario.rates.sensing), 1)
         uavs = range(len(self._trackers) if self._network.takes_time else 0)
         self._logs = [ScanLog(i, start, hold) for i in uavs]
-        known = scenario.navigation_errs and scenario.tracking.pose_errors != "ignore"
-        self._registration = FleetRegistration(scenario, initial) if known else None
-        self._told: dict[int, tuple[Track, ...]] = {}  # tracks of the working UAVs, if there is a registration
 
     def __getitem__(self, uav: int) -> Member:
-        """A UAV's tracker after the last scan, which takes all errors of poses for known."""
+        """A UAV's tracker after the last scan."""
         return self._logs[uav].tracker if self._logs else self._trackers[uav]
 
     def step(self, time: float, scans: Mapping[int, Scan], links: RadioLinks, working: Sequence[int]) -> Indices:
@@ -53,10 +49,6 @@ class TrackerFleet:
         scans: by UAV, of those that took a frame.
         """
         sent = np.zeros(len(self._trackers), dtype=np.int64)
-        if self._registration:
-            sent += self._registration.count_bytes(scans, links, working)
-            members = {i: self[i] for i in working}
-            scans = self._registration.correct(time, scans, members, links)
         if self._logs:
             for i in working:
                 for received in self.relay.receive(i, time):
@@ -81,10 +73,4 @@ class TrackerFleet:
                 time=time,
             )
         self._k += 1
-        if self._registration:
-            self._told = {i: self._registration.tell(self[i]) for i in working}
         return sent
-
-    def tracks(self, uav: int) -> tuple[Track, ...]:
-        """A working UAV's tracks after the last scan, with the errors of poses that are left in them."""
-        return self._told[uav] if self._registration else self[uav].tracks

@@ -13,10 +13,10 @@ from tracking.parameters import TrackerParameters
 from tracking.track import Track
 
 
-def make_tracker_parameters(scenario: Scenario) -> TrackerParameters:
-    """Parameters of a scenario's trackers."""
-    motion = _make_motion(scenario, scenario.tracking.motion)
-    return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion)
+def make_tracker_parameters(scenario: Scenario, uav: int = 0) -> TrackerParameters:
+    """Parameters of the tracker of a scenario's UAV."""
+    motion, navigation = _make_motion(scenario, scenario.tracking.motion), scenario.uavs[uav].navigation_errors
+    return TrackerParameters(motion, scenario.tracking, fusion=scenario.network.fusion, navigation=navigation)
 
 
 def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:

@@ -77,7 +77,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             trackers.step(time, scans, links, working)
             for i in working:  # as plans that are sent keep scans waiting
                 trackers.relay.senders[i].send(time, int(recording.plan_bytes[k, i]))
-            if any(_read_bits(trackers.tracks(i)) != _read_bits(recording.tracks_at(k, i)) for i in working):
+            if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")
             states.append({i: _read_state(trackers[i]) for i in working})

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.world.attitude import rotate
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Camera, Pose, rotate
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 

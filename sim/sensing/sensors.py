@@ -11,7 +11,6 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import SENSOR_MODES, Sensing
 from sim.sensing.cameras import noise_of, view_of
 from sim.sensing.fault import Fault
-from sim.sensing.navigation import move_to_believed
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
 from sim.sensing.sensor_output_check import check_matches, check_output
 from sim.sensing.stopwatch import Stopwatch
@@ -24,6 +23,7 @@ from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.stacks import cholesky_factors
+from tracking.registration.pose_errors import move_to_believed
 from tracking.track import Scan
 
 

@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, merged
-from tracking.numerics.trigonometry import cos, sin
+from tracking.numerics.compiled import compiled
 
 
 @compiled
@@ -50,29 +49,4 @@ def settle(quaternions: Array) -> Array:
             out[i, 3] = (m[c, b] - m[b, c]) * half
             out[i, b] = (m[b, a] + m[a, b]) * half
             out[i, c] = (m[c, a] + m[a, c]) * half
-    return out
-
-
-@merged
-def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
-    """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
-
-    Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
-    because its sine and cosine are those of the C library.
-    """
-    rate = math.sqrt(spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2])
-    scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    x, y, z, w = scale * spin[0], scale * spin[1], scale * spin[2], cos(0.5 * rate * dt)
-    a, b, c, d = quaternion
-    out = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        ]
-    )
-    norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3])
-    for j in range(4):
-        out[j] /= norm
     return out

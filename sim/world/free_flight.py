@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from sim.world.attitude import matrix_of, rotate, settle
+from sim.world.attitude import matrix_of, settle
 from sim.world.quadrotor import DRAG, GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts, steady_thrusts
+from tracking.geometry.camera import rotate
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.trigonometry import arctan2, cos, sin

@@ -10,9 +10,9 @@ import numpy as np
 from tracking.geometry.distortion import Distortion, find_reach
 from tracking.geometry.lens import Lens, Optics, focal_length, in_image, plane_pixel, plane_point
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.matrices import apply
-from tracking.numerics.trigonometry import arctan2, tan
+from tracking.numerics.trigonometry import arctan2, cos, sin, tan
 
 ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directions; it has no image
 EDGE_POINTS = 16  # on each bent edge of an image
@@ -52,6 +52,31 @@ def rotation(quaternion: Array) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+@merged
+def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
+    """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
+
+    Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
+    because its sine and cosine are those of the C library.
+    """
+    rate = math.sqrt(spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2])
+    scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
+    x, y, z, w = scale * spin[0], scale * spin[1], scale * spin[2], cos(0.5 * rate * dt)
+    a, b, c, d = quaternion
+    out = np.array(
+        [
+            w * a + x * d + y * c - z * b,
+            w * b + y * d + z * a - x * c,
+            w * c + z * d + x * b - y * a,
+            w * d - x * a - y * b - z * c,
+        ]
+    )
+    norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3])
+    for j in range(4):
+        out[j] /= norm
+    return out
 
 
 @dataclass(frozen=True)

@@ -1,213 +1,177 @@
-"""Registration of a fleet: errors of poses estimated from the people that UAVs see, and what they add to tracks."""
+"""Registration of one UAV: what its tracker knows about the errors of the camera's pose."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian
-from tracking.filter.motion import MotionModel, count_steps, predict_steps
-from tracking.navigation import Navigation
-from tracking.numerics.arrays import Array
-from tracking.numerics.assignment import pairs_within
-from tracking.numerics.distances import gaussian_costs, squared_distance
-from tracking.numerics.exponential import log
+from tracking.geometry.camera import Pose, rotate
+from tracking.navigation import NAVIGATION, Navigation
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import apply, product
-from tracking.registration.pose_errors import ERRORS, ErrorModel, error_slopes, sandwich
-from tracking.track import Scan, Track, beliefs_of
+from tracking.registration.pose_errors import CLOCK, ERRORS, error_slopes, move_to_believed, sandwich
+from tracking.track import Beliefs, Scan
 
-_OTHERS = 1e-3  # 1/m², density of people without a track
-_SUREST = -2.0 * log(_OTHERS * math.tau)  # largest of `gaussian_costs` of a measurement that is likelier the track's
-_LAG = 0.4  # m, deviation by which tracks are off, scan after scan alike, because people do not move as predicted
-_OWN = 0.8  # share of a track from which on it has the errors of the UAVs that see it
-_UNKNOWN = 10.0  # m, deviation of a place of which nothing is known
+_SURE = 0.9  # probability of an association from which on a residual tells of the pose
+_TRACK_TIME = 1.0  # s for which the error of a track stays about the same
 
 
 class _Residual(NamedTuple):
-    """A measurement near the predicted track of a person."""
+    """A measurement that is surely of a track, before fusion."""
 
-    track: int  # row
-    block: slice  # of the errors of its UAV
-    slopes: Array  # (2, 7 n) of the measurement by all errors
-    z: Array  # (2,) m
-    R: Array  # (2, 2) m²
-    sole: bool  # it can be of no other track, and no other measurement can be of this one
+    id: int
+    covariance: Array  # (4, 4), of the track before the scan
+    offset: Array  # (2,) m, of the measurement from the track
+    noise: Array  # (2, 2) m², covariance without the errors of the pose that stay
+    inflated: Array  # (2, 2) m², as the tracker has it
+    slopes: Array  # (2, 7)
 
 
-class _Rows(NamedTuple):
-    """Beliefs of T tracks as if no errors of poses were left, and what such errors do to them."""
+def make_registration(navigation: Navigation, pose_errors: str, *, known: bool) -> "Registration | None":
+    """Registration as `tracking.pose_errors` says; None if there is nothing to register.
 
-    means: Array  # (T, 4)
-    covariances: Array  # (T, 4, 4)
-    sensitivities: Array  # (T, 4, 7 n) to the errors that are left
-    shifts: Array  # (T, 4), error that has become known since
-
-    def take(self, r: _Residual, errors: Array) -> None:
-        """Update a track with a measurement that is corrected by estimated errors."""
-        t, P = r.track, self.covariances[r.track].copy()
-        gain = product(P[:, :2], inverses((P[:2, :2] + r.R)[None])[0])
-        self.means[t] += apply(gain, r.z - apply(r.slopes, errors) - self.means[t, :2])
-        self.covariances[t] = P - product(gain, P[:2])
-        self.sensitivities[t] += product(gain, r.slopes - self.sensitivities[t, :2])
-        self.shifts[t] -= apply(gain, self.shifts[t, :2])
+    known: True if the fleet knows at the start where people are.
+    """
+    if pose_errors == "ignore" or navigation == NAVIGATION["exact"]:
+        return None
+    return Registration(navigation, estimates=pose_errors == "estimate", known=known)
 
 
 class Registration:
-    """What one UAV knows of the errors of all poses of its fleet, by a two-stage Kalman filter ([Friedland69]).
+    """Kalman filter of the errors of a camera's pose, relative to the poses that the fleet's tracks imply.
 
-    Trackers filter measurements corrected by the estimated errors, as if none were left. The sensitivity of a track is
-    what it has taken over of the errors left. So a residual measures these errors without counting anything twice, and
-    a track is told with its whole error. What all UAVs have in common shows only in tracks of known people.
+    Its measurements are the residuals of a scan from the tracks. Tracks contain earlier scans with the same errors, so
+    each has a cross-covariance C with them, which follows from the gains of the fused track ([Schmidt66]). The tracker
+    takes what remains for noise of measurements. Without estimation only this is done.
+
+    Note: those parts are approximate that would need the other UAVs' filters. They are taken to be like this one, and
+    to drift apart, and residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another.
     """
 
-    def __init__(
-        self, navigations: Sequence[Navigation], initial: Sequence[Track], gate: float, *, learns: bool = True
-    ) -> None:
-        """`gate`: squared distance within which a measurement may be of a track.
-
-        learns: False to add the errors to the covariances of measurements, as if they were new at each scan.
-        """
-        self._models, self.learns, self._gate = [ErrorModel(n) for n in navigations], learns, gate
-        self._variances = np.concatenate([model.variances for model in self._models])
-        size = len(self._variances)
-        self.errors, self.covariance = np.zeros(size), np.diag(self._variances)
-        self._time = 0.0  # s, of the last scan
-        self._seen: dict[int, tuple[float, Array]] = {}  # time [s] and place (2,) m of each UAV's last scan
-        self._velocities: dict[int, Array] = {}  # (2,) m/s, of each UAV's camera at its last scan
-        self._near: list[tuple[Array, Array]] = []  # places (N, 2) m and slopes (N, 2, 7 n) of the last measurements
-        self._tracks = {track.id: (np.zeros((4, size)), np.zeros(4)) for track in initial}
-
-    def observe(self, time: float, scans: Mapping[int, Scan], tracks: Sequence[Track], motion: MotionModel) -> None:
-        """Learn from this UAV's scan and those that it received, given its tracks at the time of the last scan."""
-        self._follow(scans)
-        elapsed, self._time = time - self._time, time
-        if not self.learns:
-            return
-        kept = np.concatenate([model.correlation(elapsed) for model in self._models])
-        self.errors = kept * self.errors
-        self.covariance = kept[:, None] * self.covariance * kept + np.diag(self._variances * (1.0 - kept * kept))
-        rows = self._predict(tracks, motion, elapsed)
-        self._near = []
-        residuals = [residual for scan in scans.values() for residual in self._find_residuals(scan, rows)]
-        before = self.errors
-        self._learn(residuals, rows)
-        rows.shifts[:] += apply(rows.sensitivities, self.errors - before)
-        for residual in residuals:
-            rows.take(residual, self.errors)
-        parts = zip(tracks, rows.sensitivities, rows.shifts, strict=True)
-        self._tracks = {track.id: (sensitivity, shift) for track, sensitivity, shift in parts}
+    def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
+        """Begin with the figures; `known` as in `make_registration`."""
+        self._navigation, self._estimates, self._known = navigation, estimates, known
+        # An offset that is given is unknown to trackers, but not its size.
+        clock = navigation.clock_deviation if navigation.clock_offset is None else navigation.clock_offset
+        self._stay, self._vary = np.square([*navigation.biases, clock]), np.square([*navigation.drifts, 0.0])
+        self.errors, self.covariance = np.zeros(ERRORS), np.diag(self._stay + self._vary)
+        self._common: Array | None = None  # (7, 7), covariance of what no residual tells: the whole fleet has it
+        self._crosses: dict[int, Array] = {}  # C (4, 7) of the state of each track and the errors
+        self._pose, self._time, self._fleet, self._same = Pose.level(0.0, 0.0, 0.0), -np.inf, 1, 1.0
+        self._believed, self._velocity, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
+        self._mean: Array | None = None  # (2,) m/s, mean believed velocity before the last scan
+        self._residuals: list[_Residual] = []
 
     def correct(self, scan: Scan) -> Scan:
-        """A scan of the time of the last `observe` without the errors that are known of it."""
-        slopes, model = self._find_slopes(scan), self._models[scan.uav]
-        added = sandwich(slopes, np.diag(model.noise if self.learns else model.noise + model.variances))
-        known = apply(slopes, self.errors[_block(scan.uav)])
-        return replace(scan, measurements=scan.measurements - known, covariances=scan.covariances + added)
+        """A scan seen from the estimated pose, with covariances that include the errors of the pose."""
+        self._predict(scan)
+        pose, z, clock = scan.pose, scan.measurements, self.errors[CLOCK]
+        if self._estimates:
+            # The believed velocity is that at the offset of the clock.
+            moved = clock * (self._velocity - clock * self._acceleration)
+            back = self.errors[:3] + np.append(moved, 0.0)
+            pose = Pose(pose.position - back, rotate(pose.quaternion, -self.errors[3:CLOCK], 1.0))
+            z = move_to_believed(z, scan.pose, pose)
+        self._pose = pose
+        bent = np.sqrt(3.0) * self.covariance[CLOCK, CLOCK] * self._acceleration  # m, what is not linear in the offset
+        noise = np.diag(np.square([*self._navigation.noises, 0.0]))
+        slopes = self._find_slopes(pose, z)
+        self._noise = scan.covariances + sandwich(slopes, noise) + np.outer(bent, bent)
+        return replace(scan, pose=pose, measurements=z, covariances=self._noise + sandwich(slopes, self.covariance))
 
-    def tell(self, tracks: Sequence[Track]) -> tuple[Track, ...]:
-        """Tracks after the scan of the last `observe`, with the errors of poses that they have taken over."""
-        if not self.learns:
-            return tuple(tracks)
-        self._tracks = {track.id: self._tracks.get(track.id) or self._begin(track) for track in tracks}
-        told = []
-        for track in tracks:
-            sensitivity, shift = self._tracks[track.id]
-            whole = track.belief.covariance + sandwich(sensitivity[None], self.covariance)[0]
-            told.append(replace(track, belief=Gaussian(track.belief.mean - shift, 0.5 * (whole + whole.T))))
-        return tuple(told)
+    def _find_slopes(self, pose: Pose, points: Array) -> Array:
+        """Derivatives (N, 2, 7) of measurements at points (N, 2) m by the errors, near what is known of these."""
+        return error_slopes(points, pose, self._velocity - 2.0 * self.errors[CLOCK] * self._acceleration)
 
-    def _follow(self, scans: Mapping[int, Scan]) -> None:
-        """Find the velocities of cameras since their last scans."""
-        for uav, scan in scans.items():
-            place = scan.pose.position[:2]
-            time, before = self._seen.get(uav, (-math.inf, place))
-            self._velocities[uav] = (place - before) / (scan.time - time)
-            self._seen[uav] = scan.time, place
+    def _predict(self, scan: Scan) -> None:
+        """Predict the errors to a scan; drifts lose their correlation, and biases keep it."""
+        elapsed, place = scan.time - self._time, scan.pose.position[:2]
+        if np.isfinite(elapsed):
+            mean = (place - self._believed) / elapsed
+            self._acceleration = (mean - (mean if self._mean is None else self._mean)) / elapsed
+            self._mean, self._velocity = mean, mean + 0.5 * elapsed * self._acceleration
+            self._same = max(_TRACK_TIME / elapsed, 1.0)
+            whole = self._stay + self._vary
+            kept = np.append(self._navigation.kept(elapsed), 1.0)
+            kept = (self._stay + kept * self._vary) / np.where(whole > 0.0, whole, 1.0)
+            new = np.diag(whole * (1.0 - kept * kept)) * self._estimates
+            if self._estimates:
+                self.errors = kept * self.errors
+                self.covariance = kept[:, None] * self.covariance * kept + new
+            self._crosses = {id: cross * kept for id, cross in self._crosses.items()}
+            if self._common is not None:
+                self._common = kept[:, None] * self._common * kept + new
+        self._time, self._believed = scan.time, place
 
-    def _find_slopes(self, scan: Scan) -> Array:
-        """Derivatives (N, 2, 7) of a scan's measurements by the errors of its UAV."""
-        return error_slopes(scan.measurements, scan.pose, self._velocities[scan.uav])
+    def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
+        """Note how a corrected scan was associated with tracks, whose beliefs are those before it."""
+        slopes = self._find_slopes(scan.pose, scan.measurements)
+        self._residuals = [
+            _Residual(
+                int(ids[t]),
+                beliefs.covariances[t],
+                scan.measurements[j] - beliefs.means[t, :2],
+                self._noise[j],
+                scan.covariances[j],
+                slopes[j],
+            )
+            for t, j in gates[weights > _SURE].tolist()
+        ]
 
-    def _predict(self, tracks: Sequence[Track], motion: MotionModel, elapsed: float) -> _Rows:
-        means, covariances = beliefs_of(tracks)
-        if tracks:
-            means, covariances = predict_steps(motion, means, covariances, count_steps(motion, elapsed))
-        known = [self._tracks[track.id] for track in tracks]
-        sensitivities = np.array([part for part, _ in known]).reshape(-1, 4, len(self.errors))
-        shifts = np.array([part for _, part in known]).reshape(-1, 4)
-        for part in (sensitivities, shifts):
-            part[:, :2] += elapsed * part[:, 2:]
-        return _Rows(np.array(means), np.array(covariances), sensitivities, shifts)
+    def learn(self, ids: Indices, covariances: Array, fleet: int) -> None:
+        """Update by the residuals noted; ids (T,) and covariances (T, 4, 4) of the tracks after fusion.
 
-    def _find_residuals(self, scan: Scan, rows: _Rows) -> list[_Residual]:
-        """The nearest pairs of tracks and measurements, within the gate."""
-        block, z = _block(scan.uav), scan.measurements
-        slopes = np.zeros((len(z), 2, len(self.errors)))
-        slopes[:, :, block] = self._find_slopes(scan)
-        corrected = z - apply(slopes, self.errors)
-        self._near.append((corrected, slopes))
-        R = scan.covariances + sandwich(slopes[:, :, block], np.diag(self._models[scan.uav].noise))
-        places = (rows.means - rows.shifts)[:, :2]
-        if not len(z) or not len(places):
-            return []
-        S = sandwich(slopes[None] - rows.sensitivities[:, None, :2], self.covariance)
-        S += rows.covariances[:, None, :2, :2] + R[None]
-        away = corrected[None] - places[:, None]
-        distance = squared_distance(away, S)
-        # A measurement teaches only if it is likelier to be of the track's person than of one without a track.
-        sole, within = gaussian_costs(away, S) < _SUREST, distance <= self._gate
-        sole &= (within.sum(axis=1, keepdims=True) == 1) & (within.sum(axis=0) == 1)
-        found = []
-        for t, j in pairs_within(distance, self._gate):
-            # At the measurement, its noise would be in both slopes and residual, and bias the height.
-            at = np.zeros((2, len(self.errors)))
-            at[:, block] = error_slopes(places[t : t + 1], scan.pose, self._velocities[scan.uav])[0]
-            found.append(_Residual(t, block, at, z[j], R[j], bool(sole[t, j])))
-        return found
-
-    def _learn(self, residuals: Sequence[_Residual], rows: _Rows) -> None:
-        """Learn from the residuals of one scan.
-
-        A track's lag behind its person would pass for errors of poses. So where UAVs see a track of their own, only the
-        differences of their measurements teach. Other tracks teach until the errors are as well known as tracks are.
-        Covariances with axes by the measurement itself, as of [Li22] eq. (4), would bias the residuals, as well.
+        fleet: number of UAVs that fuse, this one included.
         """
-        rows = _Rows(*(part.copy() for part in rows))
-        shares = np.zeros(len(rows.means))  # of each track that is from the UAVs that see it now
-        for r in residuals:
-            shares[r.track] += np.trace(rows.sensitivities[r.track, :2, r.block]) / 2.0
-        for t, a in np.ndindex(len(rows.means), 2):
-            rows.covariances[t, a, a] += _UNKNOWN * _UNKNOWN if shares[t] > _OWN else _LAG * _LAG
-        taken = set[int]()
-        for given in residuals:
-            r, t = given._replace(R=np.trace(given.R) / 2.0 * np.eye(2)), given.track
-            H = r.slopes - rows.sensitivities[t, :2]
-            PH = product(self.covariance, H.T)
-            left = product(H, PH)
-            own = shares[t] > _OWN
-            if r.sole and (t in taken if own else np.trace(left) > 2.0 * _LAG * _LAG):
-                nu = r.z - apply(r.slopes, self.errors) - (rows.means - rows.shifts)[t, :2]
-                K = product(PH, inverses((left + rows.covariances[t, :2, :2] + r.R)[None])[0])
-                change, P = apply(K, nu), self.covariance - product(K, PH.T)
-                self.errors, self.covariance = self.errors + change, 0.5 * (P + P.T)
-                rows.shifts[:] += apply(rows.sensitivities, change)
-            rows.take(r, self.errors)
-            taken.add(t)
+        residuals, self._residuals, self._fleet = self._residuals, [], fleet
+        if not self._estimates:
+            return
+        if self._common is None:
+            self._common = np.diag(np.zeros(ERRORS) if self._known else (self._stay + self._vary) / fleet)
+        fused = dict(zip(ids.tolist(), covariances, strict=True))
+        self._crosses = {id: cross for id, cross in self._crosses.items() if id in fused}
+        for residual in residuals:
+            if residual.id in fused:
+                self._update(residual, fused[residual.id])
 
-    def _begin(self, track: Track) -> tuple[Array, Array]:
-        """Sensitivity and shift of a new track: those of the nearest measurement."""
-        nearest, found = math.inf, np.zeros((4, len(self.errors)))
-        for places, slopes in self._near:
-            for place, slope in zip(places, slopes, strict=True):
-                east, north = (place - track.belief.mean[:2]).tolist()
-                if east * east + north * north < nearest:
-                    nearest, found[:2] = east * east + north * north, slope
-        return found, np.zeros(4)
+    def _update(self, residual: _Residual, posterior: Array) -> None:
+        """Update the errors and the cross-covariances by one residual; posterior (4, 4): of its track after fusion."""
+        id, P, offset, R, inflated, G = residual
+        B, C = self.covariance, self._crosses.pop(id, np.zeros((4, ERRORS)))
+        BG, CG = product(B, G.T), product(C, G.T)  # (7, 2), (4, 2)
+        whole = P + self._find_shared(C, _invert(B))
+        S = whole[:2, :2] + CG[:2] + CG[:2].T + product(G, BG) + R + (self._same - 1.0) * (P[:2, :2] + R)
+        with_error = C[:2].T + BG  # (7, 2), covariance of the errors with the residual
+        K = product(with_error, inverses(0.5 * (S + S.T)[None])[0])
+        # The error of the fused track is D times that of the track before, less L times that of the measurement.
+        L = product(posterior[:, :2], inverses(inflated[None])[0])
+        D = product(posterior, inverses(P[None])[0])
+        with_fused = product(D, whole[:, :2] + CG) - product(L, product(G, BG) + CG[:2].T + R)
+        self.errors = self.errors + apply(K, offset)
+        B = B - product(K, with_error.T)
+        self.covariance = 0.5 * (B + B.T)
+        self._crosses = {other: held - product(product(held, G.T), K.T) for other, held in self._crosses.items()}
+        self._crosses[id] = product(D, C) - product(L, BG.T) - product(with_fused, K.T)
+
+    def _find_shared(self, cross: Array, inverse: Array) -> Array:
+        """Covariance (4, 4) of a track by the errors of the poses of the fleet, which the tracker takes for noise."""
+        return np.asarray(self._fleet * product(product(cross, inverse), cross.T))
+
+    def find_added(self, ids: Sequence[int], means: Array) -> Array:
+        """Covariances (T, 4, 4) that tracks with means (T, 4) have in addition, as errors of poses stay."""
+        added = np.zeros((len(ids), 4, 4))
+        if self._common is None or not len(ids):
+            return added
+        added[:, :2, :2] = sandwich(self._find_slopes(self._pose, means[:, :2]), self._common)
+        inverse = _invert(self.covariance)
+        for t, id in enumerate(ids):
+            if id in self._crosses:
+                added[t] += self._find_shared(self._crosses[id], inverse)
+        return added
 
 
-def _block(uav: int) -> slice:
-    """The errors of a UAV among those of its fleet."""
-    return slice(ERRORS * uav, ERRORS * (uav + 1))
+def _invert(B: Array) -> Array:
+    """Inverse (7, 7) of a covariance, in which some errors may be known."""
+    return np.asarray(inverses((B + 1e-12 * np.eye(ERRORS))[None])[0])

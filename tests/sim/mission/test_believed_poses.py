@@ -7,8 +7,8 @@ from helpers.flights import fly, fly_ideal
 
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, encode_scenario
-from sim.sensing.navigation import move_to_believed
 from tracking.geometry.camera import Pose
+from tracking.registration.pose_errors import move_to_believed
 
 ERRING = ("uavs.0.navigation=consumer", "uavs.1.navigation=gnss")
 

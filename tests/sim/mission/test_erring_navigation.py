@@ -14,8 +14,8 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.tracking_replay import replay_tracking
 from sim.scenario.loading import load
 from sim.scenario.scenario import encode_scenario
-from sim.sensing.navigation import move_to_believed
 from tracking.errors import InputError
+from tracking.registration.pose_errors import move_to_believed
 
 ERRING = ("duration=3", "trees.density=15", "uavs.1.navigation=consumer", "uavs.2.navigation.clock_offset=0.4")
 

@@ -8,10 +8,11 @@ import pytest
 from helpers.poses import tilted
 from helpers.views import CAMERA
 
-from sim.sensing.navigation import NavigationErrors, move_to_believed
+from sim.sensing.navigation import NavigationErrors
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.navigation import NAVIGATION, Navigation
+from tracking.registration.pose_errors import move_to_believed
 
 STILL = np.zeros(3)
 

@@ -9,7 +9,6 @@ from planning.prediction.response import mean_velocities, response
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.vehicles import vehicle_of
-from sim.world.attitude import rotate
 from sim.world.quadrotor import (
     _ATTITUDE_GAINS,
     COMMAND_LAG,
@@ -26,7 +25,7 @@ from sim.world.quadrotor import (
     rotor_thrusts,
 )
 from sim.world.world import World
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Pose, rotate
 from tracking.geometry.visibility import Forest
 
 LEVEL = [0.0, 0.0, 0.0, 1.0]

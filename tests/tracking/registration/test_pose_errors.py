@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from helpers.poses import tilted
 
-from sim.sensing.navigation import NavigationErrors, move_to_believed
-from sim.world.attitude import rotate
-from tracking.geometry.camera import Pose
+from sim.sensing.navigation import NavigationErrors
+from tracking.geometry.camera import Pose, rotate
 from tracking.navigation import NAVIGATION
-from tracking.registration.pose_errors import ERRORS, ErrorModel, error_slopes, sandwich
+from tracking.registration.pose_errors import ERRORS, ErrorModel, error_slopes, move_to_believed, sandwich
 
 VELOCITY = np.array([3.0, -1.0])
 
