@@ -132,9 +132,11 @@ class Registration:
             self._common = np.diag(np.zeros(ERRORS) if self._known else (self._stay + self._vary) / fleet)
         fused = dict(zip(ids.tolist(), covariances, strict=True))
         self._crosses = {id: cross for id, cross in self._crosses.items() if id in fused}
+        noted = self.errors
         for residual in residuals:
             if residual.id in fused:
-                self._update(residual, fused[residual.id])
+                offset = residual.offset - apply(residual.slopes, self.errors - noted)
+                self._update(residual._replace(offset=offset), fused[residual.id])
 
     def _update(self, residual: _Residual, posterior: Array) -> None:
         """Update the errors and the cross-covariances by one residual; posterior (4, 4): of its track after fusion."""

@@ -7,7 +7,9 @@ from helpers.poses import tilted
 from sim.sensing.navigation import NavigationErrors
 from tracking.geometry.camera import Pose, rotate
 from tracking.navigation import NAVIGATION
-from tracking.registration.pose_errors import ERRORS, ErrorModel, error_slopes, move_to_believed, sandwich
+from tracking.registration.pose_errors import ERRORS, error_slopes, move_to_believed
+from tracking.registration.registration import make_registration
+from tracking.track import Scan
 
 VELOCITY = np.array([3.0, -1.0])
 
@@ -35,24 +37,12 @@ def test_covariances_are_those_of_sampled_errors(name):
     drawn = [NavigationErrors(NAVIGATION[name], np.random.default_rng(seed)) for seed in range(6000)]
     believed = [errors.mislead(true, np.append(VELOCITY, 0.0), np.zeros(3)) for errors in drawn]
     moved = np.array([move_to_believed(points, true, pose) for pose in believed]) - points
-    model = ErrorModel(NAVIGATION[name])
-    expected = sandwich(error_slopes(points, true, VELOCITY), np.diag(model.variances + model.noise))
-    for k in range(len(points)):
-        scale = np.trace(expected[k])
-        np.testing.assert_allclose(np.cov(moved[:, k].T), expected[k], atol=0.05 * scale)
+    registration = make_registration(NAVIGATION[name], "inflate", known=True)
+    for time in (0.0, 0.2, 0.4):  # the velocity is that from scan to scan
+        pose = Pose(true.position + (time - 0.4) * np.append(VELOCITY, 0.0), true.quaternion)
+        scan = registration.correct(Scan(0, time, pose, points, np.zeros((3, 2, 2))))
+    np.testing.assert_array_equal(scan.measurements, points)
+    for k, expected in enumerate(scan.covariances):
+        scale = np.trace(expected)
+        np.testing.assert_allclose(np.cov(moved[:, k].T), expected, atol=0.05 * scale)
         assert np.abs(moved[:, k].mean(axis=0)).max() < 5 * np.sqrt(scale / 6000)
-
-
-def test_correlations_are_those_of_sampled_errors():
-    """Yaw of consumer UAVs, whose bias stays while its drift goes."""
-    pairs = []
-    for seed in range(4000):
-        errors = NavigationErrors(NAVIGATION["consumer"], np.random.default_rng(seed))
-        pair = []
-        for _ in range(2):
-            pair.append(errors.mislead(Pose.level(0, 0, 20), np.zeros(3), np.zeros(3)).quaternion[2])
-            errors.advance(60.0)
-        pairs.append(pair)
-    assert np.corrcoef(np.array(pairs).T)[0, 1] == pytest.approx(
-        ErrorModel(NAVIGATION["consumer"]).correlation(60.0)[5], abs=0.01
-    )
