@@ -17,7 +17,6 @@ from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
-from sim.sensing.navigation import move_to_believed
 from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Glimpse, Sweep
 from sim.sensing.sensors import Sensors
@@ -28,6 +27,7 @@ from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.registration.pose_errors import move_to_believed
 
 BARREL = Camera.calibrated(160, 120, (140.0, 138.0), (82.0, 59.0), (-0.3, 0.09, 0.001, -0.001))
 SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
