@@ -47,7 +47,7 @@ _LENSES = (
 )
 _ERRORS = (
     *(f"uavs.{i}.navigation={name}" for i, name in enumerate(("consumer", "gnss", "rtk"))),
-    *("tracking.pose_errors=inflate", "sensing.noise=camera", "sensing.false_alarms=0.2", "wind.gust=1.5"),
+    *("sensing.noise=camera", "sensing.false_alarms=0.2", "wind.gust=1.5"),
 )
 _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "seed 0": (0, ()),
