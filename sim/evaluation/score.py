@@ -14,6 +14,7 @@ from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import most_pairs, pairs_within
 from tracking.numerics.distances import length, squared_distance
+from tracking.registration.pose_errors import move_to_believed
 
 FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
 ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
@@ -82,33 +83,43 @@ def owners_of(measurements: Array, people: Array, detected: Indices) -> Indices:
 
 
 @lru_cache(maxsize=1)  # because each UAV's score asks for the same
-def _find_owners(recording: Recording) -> Indices:
-    """Index (D,) of the person of each measurement of a recording, -1 for a false alarm."""
+def _find_owners(recording: Recording) -> tuple[Indices, Array]:
+    """Index (D,) of the person of each measurement, -1 for a false alarm, and the measurements from true poses."""
     scans, uavs, _ = recording.matched.shape
-    found = [np.zeros(0, dtype=np.int64)]
+    found, places = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 2))]
     for k, i in product(range(scans), range(uavs)):
-        detected = np.flatnonzero(recording.matched[k, i])
-        found.append(owners_of(recording.scan_at(k, i).measurements, recording.people[k], detected))
-    return np.concatenate(found)
+        detected, scan = np.flatnonzero(recording.matched[k, i]), recording.scan_at(k, i)
+        z = scan.measurements
+        if recording.believed is not None:
+            z = move_to_believed(z, scan.pose, recording.camera_at(k, i))
+        places.append(z)
+        found.append(owners_of(z, recording.people[k], detected))
+    return np.concatenate(found), np.concatenate(places)
 
 
-def _find_holders(recording: Recording, tracks: Array) -> Indices:
-    """Index (K, M) of the track that is of each person at each scan, -1 for none; tracks (K, A, 2) m.
+def _find_holders(recording: Recording, held: Held) -> Indices:
+    """Index (K, M) of the track that is of each person at each scan, -1 for none.
 
     It is the track that took the person's last detection, by any UAV, and no later one of somebody else. Which one took
     a detection is told as in CLEAR MOT, with distances in the detection's noise instead of distances from people. At
-    the first scan tracks that hold a person were known.
+    the first scan tracks that hold a person were known. Detections that trackers correct by estimated errors of poses
+    count where they are from the true pose, and in the noise of the track, too.
     """
-    owners, (_, uavs, people) = _find_owners(recording), recording.matched.shape
+    (owners, true), (_, uavs, people) = _find_owners(recording), recording.matched.shape
+    tracks = held.means[:, :, :2]
+    estimates = recording.believed is not None and recording.setting.tracking.pose_errors == "estimate"
+    taken_at = true if estimates else recording.measurements
     ends = recording.measurement_offsets[::uavs].tolist()
     matcher, holder = Matcher(people, 1.0), np.full(people, -1)
     found = np.empty(recording.people.shape[:2], dtype=np.int64)
     for k, places in enumerate(tracks):
         rows = np.arange(*ends[k : k + 2])
         rows = rows[owners[rows] >= 0]
-        gaps = places[:, None] - recording.measurements[rows]
+        gaps, covariances = places[:, None] - taken_at[rows], recording.measurement_covariances[rows]
+        if estimates:
+            covariances = covariances + recording.track_covariances[held.rows[k], None, :2, :2]
         squares = np.full((len(places), people), np.nan)
-        np.fmin.at(squares.T, owners[rows], squared_distance(gaps, recording.measurement_covariances[rows]).T)
+        np.fmin.at(squares.T, owners[rows], squared_distance(gaps, covariances).T)
         known = [length(places[:, None] - recording.people[0]) / recording.setting.loss_distance] if k == 0 else []
         for distances in (*known, np.sqrt(squares / _TAKEN)):
             taken = matcher.match(distances)
@@ -135,7 +146,7 @@ def score(recording: Recording, uav: int) -> Score:
     present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, estimate_velocities(recording)[on]], axis=2)
-    holders = _find_holders(recording, believed.means[:, :, :2])[on]
+    holders = _find_holders(recording, believed)[on]
     there = np.take_along_axis(np.pad(reported, ((0, 0), (0, 1))), holders, axis=1)  # the last column is for none
     k, m = np.nonzero(present & there)
     column = holders[k, m]

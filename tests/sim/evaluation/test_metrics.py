@@ -163,6 +163,25 @@ def test_nees_pairs_a_track_with_the_person_whose_detection_it_took_last():
     assert (len(between.position_nees), between.left_out) == (0, 4)
 
 
+@pytest.mark.parametrize(("pose_errors", "off"), [("ignore", 3.0), ("estimate", 0.0)])
+def test_a_detection_is_of_the_track_that_believes_or_corrects_it(pose_errors, off):
+    """A pose that errs by 3 m: tracks of exchanged people err alike, or their tracker has found the error."""
+    people = np.zeros((4, 2, 2))
+    people[:, 1, 0] = 4.0
+    here, there = (off, 0.5, 0.0, 0.0), (4.0 + off, 0.5, 0.0, 0.0)
+    tracks = [[{1: here, 2: there}]] * 2 + [[{1: there, 2: here}]] * 2
+    exact = recorded(people, tracks, found=[(k, 0, m, people[k, m] + [3.0, 0.0]) for k in range(4) for m in (0, 1)])
+    tracking = msgspec.structs.replace(exact.setting.tracking, pose_errors=pose_errors)
+    cameras = np.tile([0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 1.0], (4, 1, 1))
+    erring = dataclasses.replace(
+        exact,
+        scenario=encode_scenario(msgspec.structs.replace(exact.setting, tracking=tracking)),
+        cameras=cameras,
+        believed=cameras + np.append([3.0], np.zeros(6)),
+    )
+    np.testing.assert_allclose(score(erring, 0).position_nees, np.full(8, 1.0 + 4.0 * off**2), atol=1e-9)
+
+
 def test_a_track_known_at_the_start_is_of_its_person_however_far_it_coasts():
     people = np.zeros((4, 1, 2))
     tracks = [[{3: (x, 0.0, 0.0, 0.0), 4: (x, 9.0, 0.0, 0.0)}] for x in (0.5, 0.5, 5.0, 50.0)]
