@@ -21,6 +21,7 @@ from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
+from planning.prediction.escapes import Escapes
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
@@ -104,6 +105,9 @@ class Composed:
     cutoff: Annotated[float, Range(0, 1e6)] = 0.0
     # weight of a learned cost-to-go: errors of tracks in the 15 s after the plan; 0: none
     cost_to_go: Annotated[float, Range(0, 1e6)] = 0.0
+    # mean time [s] until people out of sight turn, so that they are searched for wherever they can have walked to since
+    # they were last detected, and no frame shows them; 0: they go on as tracks predict
+    escape: Annotated[float, Range(0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -121,7 +125,24 @@ class Composed:
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
+        if self.escape:
+            lost = [self._escapes.setdefault(situation.own.id, Escapes(self.escape)) for situation in team]
+            team = [replace(s, tracks=escapes.split(s)) for s, escapes in zip(team, lost, strict=True)]
         return self.scheme.make_plans([self._apply_models(situation) for situation in team], self, rng)
+
+    @property
+    def stateful(self) -> bool:
+        """True if plans depend on earlier frames."""
+        return self.escape > 0.0
+
+    def reset(self, seed: int) -> None:
+        """Forget earlier frames."""
+        self._escapes.clear()
+
+    @cached_property
+    def _escapes(self) -> dict[int, Escapes]:
+        """What each UAV knows about people out of sight, by id."""
+        return {}
 
     @property
     def exchange(self) -> Exchange:

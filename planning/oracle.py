@@ -43,7 +43,7 @@ class Oracle(Composed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("propagation", "visibility", "search"):
+        for name in ("propagation", "visibility", "search", "escape"):
             if (value := getattr(self, name)) != getattr(Composed, name):
                 raise ValueError(f"{name}={value} is not for an oracle, which knows where people will be")
 
@@ -94,6 +94,7 @@ class _KnowingFound:
 
     def reset(self, seed: int) -> None:
         self.found = set()
+        self.planner.reset(seed)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         for situation in team:
