@@ -42,7 +42,9 @@ def test_people_turn_at_a_constant_rate_while_nobody_looks(situation):
     means = np.array([part.belief.mean for part in turned])
     assert np.mean(means[:, :2], axis=0) == pytest.approx(PLACE, abs=1e-9)
     assert means[:, :2] - PLACE == pytest.approx(10.5 * means[:, 2:])  # they have walked straight on since
-    assert np.array_equal(kept.belief.mean, situation.tracks[0].belief.mean)
+    before = situation.tracks[0].belief
+    assert np.array_equal(kept.belief.mean, before.mean)
+    assert kept.belief.covariance == pytest.approx(0.6 * before.covariance)  # the rest is that of people who turn
     assert [part.id for part in (kept, *turned)] == list(range(7))
 
 
