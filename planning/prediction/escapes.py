@@ -28,9 +28,9 @@ _LONGEST = 60.0  # s out of sight, after which a person may be anywhere
 _DETECTION = 0.99  # probability that a person in plain view is detected
 _NEARLY_ONE = 1.0 - 1e-6  # largest probability of existence
 _LEAST = 0.01  # least probability of a target
-# Share of a track's covariance that people have who do not turn; the rest stands for turns. Chosen on `forest` with
-# λ = 75 (seeds 8100-8119) and `crowd` (8100-8109), where it makes beliefs about people out of sight calibrated.
-_WITHOUT_TURNS = 0.6
+# Share of a track's covariance that people have who do not turn; the rest stands for turns. Chosen with a mean time of
+# 40 s until people turn, so that beliefs are about calibrated in `forest` with λ = 75 and in `crowd` (seeds 8100-8119).
+_WITHOUT_TURNS = 0.7
 
 
 class _Lost(NamedTuple):
@@ -48,8 +48,8 @@ class Escapes:
     """One UAV's account of people who turned, or changed their speed, where nobody looked.
 
     People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected: in any
-    direction and at any speed up to 3 m/s, as far as no frame at a decision has shown them. Frames that show the belief of
-    the track lower its probability of existence, and so raise the probability that the person has turned.
+    direction and at any speed up to 3 m/s, as far as no frame at a decision has shown them. Frames that show the belief
+    of the track lower its probability of existence, and so raise the probability that the person has turned.
 
     Source: [Williams15], recycling, with the time since the last detection for the probability of existence.
     Note: people are taken to turn right after they were last detected; frames between decisions do not count.

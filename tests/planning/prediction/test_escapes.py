@@ -44,7 +44,7 @@ def test_people_turn_at_a_constant_rate_while_nobody_looks(situation):
     assert means[:, :2] - PLACE == pytest.approx(10.5 * means[:, 2:])  # they have walked straight on since
     before = situation.tracks[0].belief
     assert np.array_equal(kept.belief.mean, before.mean)
-    assert kept.belief.covariance == pytest.approx(0.6 * before.covariance)  # the rest is that of people who turn
+    assert kept.belief.covariance == pytest.approx(0.7 * before.covariance)  # the rest is that of people who turn
     assert [part.id for part in (kept, *turned)] == list(range(7))
 
 
