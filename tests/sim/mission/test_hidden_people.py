@@ -140,7 +140,7 @@ def probability_integrals(seed: int, world: str, overrides: list[str]) -> Iterat
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "overrides", "seeds", "stated"),
-    [("forest", ["trees.density=75"], range(8300, 8340), 0.17), ("crowd", [], range(8300, 8315), 0.17)],
+    [("forest", ["trees.density=75"], range(8300, 8340), 0.146), ("crowd", [], range(8300, 8315), 0.124)],
 )
 def test_beliefs_about_hidden_people_are_nearly_calibrated_with_escapes_alone(world, overrides, seeds, stated):
     """With escapes Kolmogorov's distance is below 0.1; that of tracks alone is as docs/explanation/tracks.md says."""
@@ -153,4 +153,4 @@ def test_beliefs_about_hidden_people_are_nearly_calibrated_with_escapes_alone(wo
             print(
                 f"; {name} {distance:.3f}, {np.mean(levels < 0.5):.1%} below 0.5, {np.mean(levels > 0.99):.1%}", end=""
             )
-    assert distances[0] == pytest.approx(stated, abs=0.04) and distances[1] < 0.1
+    assert distances[0] == pytest.approx(stated, abs=0.01) and distances[1] < 0.1
