@@ -129,7 +129,10 @@ class Registration:
         if not self._estimates:
             return
         if self._common is None:
-            self._common = np.diag(np.zeros(ERRORS) if self._known else (self._stay + self._vary) / fleet)
+            spread = (self._stay + self._vary) / fleet
+            if self._known:  # but what UAVs that fly alike have in common of their clocks, known people tell too late
+                spread[:CLOCK] = 0.0
+            self._common = np.diag(spread)
         fused = dict(zip(ids.tolist(), covariances, strict=True))
         self._crosses = {id: cross for id, cross in self._crosses.items() if id in fused}
         noted = self.errors
