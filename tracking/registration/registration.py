@@ -73,7 +73,8 @@ class Registration:
             moved = clock * (self._velocity - clock * self._acceleration)
             back = self.errors[:3] + np.append(moved, 0.0)
             pose = Pose(pose.position - back, rotate(pose.quaternion, -self.errors[3:CLOCK], 1.0))
-            z = move_to_believed(z, scan.pose, pose)
+            seen = move_to_believed(z, scan.pose, pose)
+            z = np.where(np.isnan(seen), z, seen)  # above the horizon
         self._pose = pose
         bent = np.sqrt(3.0) * self.covariance[CLOCK, CLOCK] * self._acceleration  # m, what is not linear in the offset
         noise = np.diag(np.square([*self._navigation.noises, 0.0]))

@@ -120,6 +120,15 @@ def test_an_offset_of_the_clock_is_known_in_turns_of_the_flight():
         assert abs(known - offset) < 4 * deviation + abs(offset) ** 3 * rate**2, found  # of third order
 
 
+def test_measurements_that_a_correction_takes_above_the_horizon_stay():
+    registration = make_registration(NAVIGATION["consumer"], "estimate", known=True)
+    registration.errors[3:5] = 0.2  # rad; seen from 20 m, these are 4 degrees below the horizon
+    points = np.array([[300.0, 0.0], [0.0, 300.0], [-300.0, 0.0], [0.0, -300.0], [1.0, 2.0]])
+    found = registration.correct(Scan(0, 0.0, ABOVE, points, np.tile(np.eye(2), (5, 1, 1)))).measurements
+    kept = (found == points).all(axis=1)
+    assert np.isfinite(found).all() and kept.any() and not kept[-1]
+
+
 def test_exact_navigation_has_nothing_to_register():
     assert make_registration(Navigation(), "estimate", known=True) is None
     assert make_registration(NAVIGATION["gnss"], "ignore", known=True) is None
