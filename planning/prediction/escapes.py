@@ -45,14 +45,16 @@ class _Lost(NamedTuple):
 
 
 class Escapes:
-    """One UAV's account of people who turned, or changed their speed, where nobody looked.
+    """What one UAV knows of people who turned, or changed their speed, where nobody looked.
 
     People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected: in any
     direction and at any speed up to 3 m/s, as far as no frame at a decision has shown them. Frames that show the belief
     of the track lower its probability of existence, and so raise the probability that the person has turned.
 
     Source: [Williams15], recycling, with the time since the last detection for the probability of existence.
-    Note: people are taken to turn right after they were last detected; frames between decisions do not count.
+    Note: people are taken to turn right after they were last detected; only frames at decisions count, and every UAV
+    that is heard is taken to have one, which is too much of slow cameras. Where messages come late, all people are out
+    of sight to the planner. After `_LONGEST` only the track is left.
     """
 
     def __init__(self, time: float) -> None:

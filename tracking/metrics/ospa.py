@@ -24,7 +24,7 @@ class Ospa(NamedTuple):
 def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """Optimal subpattern assignment distance between estimates (A, 2) and truths (B, 2), all in m.
 
-    c is the cut-off [m] and the cost of a missing or false estimate, p the order, from 1 to 10.
+    c is the cut-off [m], from 1e-9 to 1e9, and the cost of a missing or false estimate; p the order, from 1 to 10.
     Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p, which the definition has.
     """

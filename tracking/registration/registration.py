@@ -44,10 +44,12 @@ class Registration:
 
     Its measurements are the residuals of a scan from the tracks. Tracks contain earlier scans with the same errors, so
     each has a cross-covariance C with them, which follows from the gains of the fused track ([Schmidt66]). The tracker
-    takes what remains for noise of measurements. Without estimation only this is done.
+    takes what remains for noise of measurements. Without estimation all errors are such noise.
 
     Note: those parts are approximate that would need the other UAVs' filters. They are taken to be like this one, and
     to drift apart, and residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another.
+    Bias and drift of an angle are one state, whose correlation falls by that of their sum over a scan, so a bias is
+    forgotten too soon: of `consumer` tilts 0.91 is kept over 40 s and 0.50 over 300 s, where 0.93 and 0.86 would be.
     """
 
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
@@ -63,6 +65,7 @@ class Registration:
         self._believed, self._velocity, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
         self._mean: Array | None = None  # (2,) m/s, mean believed velocity before the last scan
         self._residuals: list[_Residual] = []
+        self._noise = np.zeros((0, 2, 2))  # m², covariances of the last scan without the errors of the pose that stay
 
     def correct(self, scan: Scan) -> Scan:
         """A scan seen from the estimated pose, with covariances that include the errors of the pose."""
@@ -87,7 +90,7 @@ class Registration:
         return error_slopes(points, pose, self._velocity - 2.0 * self.errors[CLOCK] * self._acceleration)
 
     def _predict(self, scan: Scan) -> None:
-        """Predict the errors to a scan; drifts lose their correlation, and biases keep it."""
+        """Predict the errors to a scan; drifts lose their correlation, and what has no drift keeps it."""
         elapsed, place = scan.time - self._time, scan.pose.position[:2]
         if np.isfinite(elapsed):
             mean = (place - self._believed) / elapsed

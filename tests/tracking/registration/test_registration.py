@@ -92,10 +92,24 @@ def test_errors_return_to_their_prior_without_measurements():
     registration.correct(Scan(0, 0.0, ABOVE, *nothing))
     registration.errors, registration.covariance = np.ones(7), 0.01 * prior
     registration.correct(Scan(0, 1e5, ABOVE, *nothing))
-    drifts, biased = [0, 1, 2], [5, 6]
+    drifts = [0, 1, 2]
     np.testing.assert_allclose(registration.errors[drifts], 0.0, atol=1e-9)
     np.testing.assert_allclose(np.diag(registration.covariance)[drifts], np.diag(prior)[drifts], rtol=1e-6)
-    assert (registration.errors[biased] > 0.9).all() and registration.errors[6] == 1.0
+    assert registration.errors[6] == 1.0
+
+
+@pytest.mark.parametrize(("seconds", "least"), [(40, 0.97), (300, 0.55)])
+def test_angles_with_a_bias_and_a_drift_are_forgotten_no_later_than_they_change(seconds, least):
+    """And in a mission of 40 s hardly sooner."""
+    figures = NAVIGATION["consumer"]
+    registration = make_registration(figures, "estimate", known=True)
+    registration.correct(Scan(0, 0.0, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))))
+    registration.errors = np.ones(7)
+    for k in range(1, 5 * seconds + 1):
+        registration.correct(Scan(0, k / 5, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))))
+    stay, vary = np.square(figures.biases)[3:], np.square(figures.drifts)[3:]
+    exact = (stay + vary * np.exp(-seconds / figures.attitude_time)) / (stay + vary)
+    assert np.all(registration.errors[3:6] <= exact) and np.all(registration.errors[3:6] >= least * exact)
 
 
 def test_an_offset_of_the_clock_is_known_in_turns_of_the_flight():
