@@ -45,7 +45,8 @@ class RenderedMode:
         with clock.measure("detection"):
             frame = Frame(uav, time, camera, self._setup.believed.get(uav, pose), rendered.image)
             found, faults = self._detect(frame, rendered)
-            if believed := self._find_sweep(uav, Glimpse(time, frame.pose, people), believed=True):
+            # What the UAV believes holds its own motion, and nothing of people.
+            if believed := self._find_sweep(uav, Glimpse(time, frame.pose, people[:0]), believed=True):
                 found = replace(found, ground=found.ground + believed.corrections(camera, frame.pose, found.pixels))
         return SensorOutput(
             ground=found.ground,

@@ -83,7 +83,7 @@ def test_tracks_of_hidden_people_are_as_near_as_a_particle_filters_means():
     assert np.mean(tracks > 2.0) < np.mean(particles > 2.0)
 
 
-class Witness:
+class KeepingBeliefs:
     """The default planner; keeps what UAV 0 believes of each person at the last decision: its track, and escapes."""
 
     stateful = True
@@ -119,9 +119,9 @@ def probability_integrals(seed: int, world: str, overrides: list[str]) -> Iterat
     A calibrated belief makes these levels uniform on [0, 1]. They are 1 of a person whose track has ended. People are
     left out whose track was not within 1 m of them at the last detection, or was given to somebody else since.
     """
-    witness, rng = Witness(), np.random.default_rng(seed)
+    planner, rng = KeepingBeliefs(), np.random.default_rng(seed)
     last: dict[int, float] = {}
-    for snapshot in Mission(load(world, overrides), witness, seed).fly():
+    for snapshot in Mission(load(world, overrides), planner, seed).fly():
         tracks = {track.id: track for track in snapshot.tracks[0]}
         for person, place in enumerate(snapshot.people):
             track = tracks.get(person)
@@ -129,12 +129,12 @@ def probability_integrals(seed: int, world: str, overrides: list[str]) -> Iterat
             if snapshot.matched[:, person].any():
                 last[person] = snapshot.time if off < HELD else np.inf
             unseen = snapshot.time - last.get(person, np.inf)
-            if not 1.0 <= unseen <= 20.0 or witness.time != snapshot.time:
+            if not 1.0 <= unseen <= 20.0 or planner.time != snapshot.time:
                 continue
             if track is None:
                 yield unseen, 1.0, 1.0
             elif track.sighting[2] < last[person] + 0.3:
-                yield (unseen, *(find_level(parts, place, rng) for parts in witness.beliefs[person]))
+                yield (unseen, *(find_level(parts, place, rng) for parts in planner.beliefs[person]))
 
 
 @pytest.mark.slow
