@@ -16,7 +16,7 @@ from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
 from tracking.geometry.line_of_sight import Grid, free_share
 from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import hypot
@@ -74,56 +74,132 @@ class Connectivity:
 
     weight: float
 
-    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
-        """As `planning.objective.objective.Term.objective`."""
+    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
+        """As `planning.objective.objective.Term.objective`; None where radios reach everywhere."""
+        reach = float(situation.radio_range)
+        if math.isinf(reach):
+            return None
         now, chosen = np.array([v.position for v in situation.vehicles], dtype=float), np.asarray(uavs, dtype=np.int64)
-        fleet = camera_paths(now, velocities, situation.step)
+        others = np.delete(camera_paths(now, velocities, situation.step), chosen, axis=0)
+        groups, own, step = _find_groups(others, reach), now[chosen], situation.step
+        return lambda candidates: self.weight * _count_unreached(candidates, own, step, (others, *groups), reach)
 
-        def cost(candidates: Array) -> Array:
-            own = camera_paths(now[chosen], candidates, situation.step)
-            return self.weight * _count_unreached(own, fleet, chosen, float(situation.radio_range))
 
-        return cost
+def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
+    """Group (H, n) of each UAV at each step of the paths (n, H, 3) m, its least row, and the size of that group.
+
+    A chain of links joins the UAVs of a group.
+    """
+    places = np.moveaxis(paths, 1, 0)
+    joined = length(places[:, :, None] - places[:, None]) <= reach
+    for _ in range(len(paths).bit_length()):  # each time for chains of twice as many links
+        joined = np.matmul(joined, joined, dtype=np.float32) > 0.0
+    return joined.argmax(axis=-1) if len(paths) else joined.sum(axis=-1), joined.sum(axis=-1)
 
 
 @compiled
-def _count_unreached(own: Array, fleet: Array, uavs: Indices, reach: float) -> Array:
+def _count_unreached(
+    candidates: Array, now: Array, step: float, others: tuple[Array, Indices, Indices], reach: float
+) -> Array:
     """Number (N,) of UAVs beyond any chain of links from a deciding UAV, summed over steps, mean over deciding UAVs.
 
-    own (N, k, H, 3) m: paths of the deciding UAVs; fleet (n, H, 3) m: those of all, where the rows `uavs` do not count.
+    candidates (N, k, H, 2) m/s: mean velocities of the deciding UAVs, which are at `now` (k, 3) m; others: paths
+    (n, H, 3) m of the rest, and their groups and sizes as from `_find_groups`.
     """
-    found, places = np.zeros(len(own)), np.empty((len(fleet), 3))
-    order = np.empty(len(fleet), np.int64)
-    for c in range(len(own)):
-        for h in range(fleet.shape[1]):
-            for axis in range(3):  # to assign the rows would take seconds to compile
-                for m in range(len(fleet)):
-                    places[m, axis] = fleet[m, h, axis]
-                for j in range(len(uavs)):
-                    places[uavs[j], axis] = own[c, j, h, axis]
-            for first in uavs:
-                found[c] += len(fleet) - _count_reached(places, order, first, reach)
-    return found / len(uavs)
+    paths, groups, sizes = others
+    k, n, found = len(now), len(paths), np.zeros(len(candidates))
+    places = np.empty((k, len(candidates), 3))
+    for j in range(k):
+        places[j] = now[j]
+    certain, perhaps = np.empty((k, n), np.bool_), np.empty((k, n), np.int64)
+    counts, reached, order = np.empty(k, np.int64), np.empty(n, np.bool_), np.empty(k, np.int64)
+    for h in range(paths.shape[1]):
+        for j in range(k):
+            for c in range(len(candidates)):
+                for axis in range(2):
+                    places[j, c, axis] += step * candidates[c, j, h, axis]
+            counts[j] = _sort_links(places[j], paths[:, h], groups[h], reach, certain[j], perhaps[j])
+        for c in range(len(candidates)):
+            for first in range(k):
+                for j in range(k):
+                    order[j] = j
+                order[0], order[first] = first, 0
+                found[c] += (
+                    k
+                    + n
+                    - _count_reached(
+                        places[:, c],
+                        (paths[:, h], groups[h], sizes[h]),
+                        (certain, perhaps, counts),
+                        reach,
+                        order,
+                        reached,
+                    )
+                )
+    return found / k
+
+
+@compiled
+def _sort_links(places: Array, others: Array, groups: Indices, reach: float, certain: Flags, perhaps: Indices) -> int:
+    """Set flags (n,) of the groups that are linked to all places (N, 3) m; list UAVs whose groups may be to some.
+
+    others (n, 3) m are in `groups` (n,). Returns the number of those listed in `perhaps` (n,).
+    """
+    west, east, south, north = places[:, 0].min(), places[:, 0].max(), places[:, 1].min(), places[:, 1].max()
+    count, certain[:] = 0, False
+    for m in range(len(others)):
+        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
+        far = hypot(max(x - west, east - x), max(y - south, north - y))
+        certain[groups[m]] |= far * far + z * z <= reach * reach
+    for m in range(len(others)):
+        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
+        near = hypot(max(west - x, x - east, 0.0), max(south - y, y - north, 0.0))
+        if not certain[groups[m]] and near * near + z * z <= reach * reach:
+            perhaps[count] = m
+            count += 1
+    return count
 
 
 @inlined
-def _count_reached(places: Array, order: Indices, first: int, reach: float) -> int:
-    """Number of UAVs at places (n, 3) m in the connected component of the `first`; order (n,) is overwritten."""
-    for m in range(len(order)):
-        order[m] = m
-    order[0], order[first] = first, 0
-    reached, k = 1, 0  # the first UAVs in `order` are reached; those before k have been asked for others
-    while k < reached:
-        for m in range(reached, len(order)):
-            square = 0.0
-            for axis in range(3):
-                gap = places[order[k], axis] - places[order[m], axis]
-                square += gap * gap
-            if square <= reach * reach:
-                order[reached], order[m] = order[m], order[reached]
-                reached += 1
-        k += 1
-    return reached
+def _count_reached(
+    own: Array,
+    others: tuple[Array, Indices, Indices],
+    links: tuple[Flags, Indices, Indices],
+    reach: float,
+    order: Indices,
+    reached: Flags,
+) -> int:
+    """Number of UAVs that links join to the first in `order` (k,), itself included; `reached` (n,) is overwritten.
+
+    Of `order`, the rows of deciding UAVs, the first become those that are reached.
+    """
+    (places, groups, sizes), (certain, perhaps, counts) = others, links
+    reached[:] = False  # groups
+    count, asked, total = 1, 0, 1  # the first UAVs in `order` are reached; those before `asked` were asked for others
+    while asked < count:
+        i = order[asked]
+        for m in range(len(places)):
+            if certain[i, m] and not reached[m]:
+                reached[m], total = True, total + sizes[m]
+        for e in range(counts[i]):
+            m = perhaps[i, e]
+            if not reached[groups[m]] and _are_linked(own[i], places[m], reach):
+                reached[groups[m]], total = True, total + sizes[m]
+        for j in range(count, len(order)):
+            joined = _are_linked(own[i], own[order[j]], reach)
+            for m in range(len(places)):
+                joined |= reached[groups[m]] and _are_linked(own[order[j]], places[m], reach)
+            if joined:
+                order[count], order[j] = order[j], order[count]
+                count, total = count + 1, total + 1
+        asked += 1
+    return total
+
+
+@inlined
+def _are_linked(one: Array, other: Array, reach: float) -> bool:
+    x, y, z = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    return x * x + y * y + z * z <= reach * reach
 
 
 _SPACING = 5.0  # m, between the places whose views are computed
