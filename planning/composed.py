@@ -21,14 +21,15 @@ from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.options import Range, check_options
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.escapes import Escapes
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import MonteCarlo, Nominal, Propagation, nominal_positions
 from planning.prediction.response import mean_velocities, response
 from planning.prediction.surroundings import find_surroundings
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.geometry.visibility import Forest
+from tracking.management.escapes import Escapes
 from tracking.numerics.arrays import Array
+from tracking.track import Track
 
 # Options that have an effect only if another option has this value.
 _NEEDS = {
@@ -126,9 +127,14 @@ class Composed:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
         if self.escape:
-            lost = [self._escapes.setdefault(situation.own.id, Escapes(self.escape)) for situation in team]
-            team = [replace(s, tracks=escapes.split(s)) for s, escapes in zip(team, lost, strict=True)]
+            team = [replace(s, tracks=self._split_lost_tracks(s)) for s in team]
         return self.scheme.make_plans([self._apply_models(situation) for situation in team], self, rng)
+
+    def _split_lost_tracks(self, s: Situation) -> tuple[Track, ...]:
+        """The tracks of a situation, with people who may have turned out of sight as further ones."""
+        escapes = self._escapes.setdefault(s.own.id, Escapes(self.escape))
+        parts = escapes.split(s.time, s.tracks, s.looks, s.forest, s.area)
+        return tuple(part.renumber(n) for n, part in enumerate(parts))
 
     @property
     def stateful(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.geometry.camera import Camera
+from tracking.geometry.camera import Camera, Look
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
@@ -85,6 +85,7 @@ class Situation:
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
     reception: tuple[tuple[int, ...], ...] | None = None
     undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
+    looks: tuple[Look, ...] = ()  # frames at this decision, own and others that it has heard of, or earlier if late
     radio_range: float = math.inf  # m, distance beyond which UAVs do not hear each other
 
     @property

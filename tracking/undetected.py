@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.geometry.camera import ALL_ROUND, Camera, Look, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -61,7 +61,7 @@ class UndetectedIntensity:
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 
-    def step(self, time: float, frames: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
+    def step(self, time: float, frames: Sequence[Look], tracks: Sequence[Track], forest: Forest) -> None:
         """Predict to a time [s] and thin by frames (camera and pose each), whose detections are among the tracks."""
         elapsed, self._time = time - self._time, time
         people = self.belief.people

@@ -199,7 +199,7 @@ def _count_reached(
 @inlined
 def _are_linked(one: Array, other: Array, reach: float) -> bool:
     x, y, z = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    return x * x + y * y + z * z <= reach * reach
+    return bool(x * x + y * y + z * z <= reach * reach)
 
 
 _SPACING = 5.0  # m, between the places whose views are computed

@@ -15,7 +15,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.sensors import Observation
 from sim.sensing.vehicles import vehicle_of
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Look, Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.track import Scan, Track
@@ -55,7 +55,7 @@ class Knowledge:
         ]
         self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay.senders)
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
-        self._late_views: list[list[tuple[Camera, Pose]]] = [[] for _ in self._cameras]
+        self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
     def track(
         self, time: float, looks: Sequence[Observation], links: RadioLinks, working: Sequence[int]
@@ -66,7 +66,7 @@ class Knowledge:
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
                 if isinstance(item.content, Scan) and self._scenario.decides(item.k):
-                    views.append((self._cameras[item.uav], item.content.pose))
+                    views.append(Look(self._cameras[item.uav], item.content.pose))
         return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
 
     def make_situations(
@@ -78,13 +78,13 @@ class Knowledge:
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         # In a network that takes time, nobody knows yet what others see now.
         contact, team = links.contact & (not self._scenario.network.takes_time), [fleet[j] for j in working]
+        looks = dict[int, list[Look]]()
         for i in working:
             known = [v for v in team if v.id == i or contact[i, v.id]]
-            looks = [
-                (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
-            ]
-            looks, self._late_views[i] = looks + self._late_views[i], []
-            self._undetected[i].step(time, looks, self.trackers[i].tracks, self._forest)
+            taken = [v for v in known if self._scenario.has_frame(v.id, k)]
+            now = [Look(self._cameras[v.id], Pose(v.position, v.attitude)) for v in taken]
+            looks[i], self._late_views[i] = now + self._late_views[i], []
+            self._undetected[i].step(time, looks[i], self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(
                 Situation(
@@ -96,6 +96,7 @@ class Knowledge:
                     area=self._area,
                     motion=make_planned_motion(self._scenario, getattr(self.trackers[i], "motion", None)),
                     undetected=self._undetected[i].belief,
+                    looks=tuple(looks[i]),
                     radio_range=self._scenario.network.range,
                 )
             )

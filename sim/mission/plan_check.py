@@ -10,6 +10,7 @@ from planning.planner import Plan, Planner, Situation, check_count, copy_plan, l
 from sim.sensing.fault import Fault
 from tracking.errors import InputError, spell
 from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.array_checks import check_numbers
@@ -99,6 +100,8 @@ def copy_situation(situation: Situation) -> Situation:
     for track in situation.tracks:
         belief = Gaussian(track.belief.mean.copy(), track.belief.covariance.copy())
         copies[id(track)] = Track(track.id, belief, track.existence, track.sighting.copy())
+    for camera, pose in situation.looks:
+        copies[id(camera)], copies[id(pose)] = camera, Pose(pose.position.copy(), pose.quaternion.copy())
     return deepcopy(situation, copies)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -229,6 +230,13 @@ def meet_plane(pose: Pose, rays: Array, height: float = 0.0) -> Array:
     down = height - pose.position[2]
     scale = down / np.where(rays[:, 2] * down > 0.0, rays[:, 2], np.nan)
     return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
+
+
+class Look(NamedTuple):
+    """What a frame may show: the camera that took it, and its pose then."""
+
+    camera: Camera
+    pose: Pose
 
 
 def _outline(optics: Optics, *, closed: bool = False) -> Array:

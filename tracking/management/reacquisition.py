@@ -15,6 +15,8 @@ from tracking.track import SIGHTED_AT
 # m, largest sum of the errors of the last and the present measurement.
 _MARGIN = 1.0
 _TURN = 10.0  # s, mean time until people turn or change speed as no motion model predicts; 3 to 20 s work as well
+# Standard deviation of people's velocities after a turn along each axis, as a share of their largest speed.
+TURNED_SPEED = 0.5
 
 
 def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
@@ -34,7 +36,8 @@ def turned_density(
 
     sightings (T, 3) as in `find_lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
     `TrackerParameters.loss`.
-    After a turn a person is near the last place, with a standard deviation of half the distance within reach.
+    After a turn a person walks straight on from the last place, at velocities of `TURNED_SPEED`; `Escapes` has those
+    that no frame has ruled out, which this leaves out.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
     """
@@ -43,7 +46,7 @@ def turned_density(
         if not loss.after < times[0] - sightings[t, SIGHTED_AT] < np.inf:
             continue
         unseen = times[1] - sightings[t, SIGHTED_AT]
-        turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * loss.max_speed * unseen
+        turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), TURNED_SPEED * loss.max_speed * unseen
         for j in range(len(z)):
             x, y = z[j, 0] - sightings[t, 0], z[j, 1] - sightings[t, 1]
             xx, xy, yy = reach * reach + R[j, 0, 0], R[j, 0, 1], reach * reach + R[j, 1, 1]

@@ -5,7 +5,6 @@ calibration, and prints what docs/explanation/tracks.md says of them.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,13 +13,13 @@ from scipy.stats import kstest, multivariate_normal
 
 from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
-from planning.prediction.escapes import Escapes
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.management.escapes import Escapes
 
 COUNT = 3000
 HELD, LOST = 1.0, 10.0  # m, where a particle filter may start, and beyond which an error is of no belief
@@ -93,13 +92,13 @@ class KeepingBeliefs:
         self.reset(0)
 
     def reset(self, seed: int) -> None:
-        self.time, self.escapes, self.beliefs = -1.0, {}, {}
+        self.time, self.escapes, self.beliefs = -1.0, Escapes(20.0), {}
 
     def plan(self, team, rng):
-        situation, self.time = team[0], team[0].time
-        for track in situation.tracks:
-            escapes = self.escapes.setdefault(track.id, Escapes(40.0))
-            self.beliefs[track.id] = (track,), escapes.split(replace(situation, tracks=(track,)))
+        s, self.time = team[0], team[0].time
+        parts = self.escapes.split(s.time, s.tracks, s.looks, s.forest, s.area)
+        for track in s.tracks:
+            self.beliefs[track.id] = (track,), [part for part in parts if part.id == track.id]
         return self.planner.plan(team, rng)
 
 
