@@ -77,7 +77,7 @@ class Connectivity:
     def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
         """As `planning.objective.objective.Term.objective`; None where radios reach everywhere."""
         reach = float(situation.radio_range)
-        if math.isinf(reach):
+        if reach == math.inf:
             return None
         now, chosen = np.array([v.position for v in situation.vehicles], dtype=float), np.asarray(uavs, dtype=np.int64)
         others = np.delete(camera_paths(now, velocities, situation.step), chosen, axis=0)
@@ -92,8 +92,8 @@ def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
     """
     places = np.moveaxis(paths, 1, 0)
     joined = length(places[:, :, None] - places[:, None]) <= reach
-    for _ in range(len(paths).bit_length()):  # each time for chains of twice as many links
-        joined = np.matmul(joined, joined, dtype=np.float32) > 0.0
+    for m in range(len(paths)):  # chains by way of UAV m: Warshall's algorithm
+        joined |= joined[:, :, m, None] & joined[:, m, None, :]
     return joined.argmax(axis=-1) if len(paths) else joined.sum(axis=-1), joined.sum(axis=-1)
 
 
