@@ -24,13 +24,14 @@ _VELOCITIES = np.column_stack([cos_each(_ANGLES), sin_each(_ANGLES)]) * _PACES[:
 _VELOCITIES = _VELOCITIES.reshape(_SECTORS, -1, 2)  # shares of the largest speed
 _LIKELY = _PACES * exp_each(-0.5 * np.square(_PACES / TURNED_SPEED))  # a ring's area grows with its radius
 _LIKELY = (_LIKELY / _LIKELY.cumsum()[-1]).reshape(_SECTORS, -1)  # probabilities of the velocities
+TURN_TIME = 20.0  # s, mean time until people turn; with `_WITHOUT_TURNS` beliefs are calibrated
 _HELD = 0.3  # s since the last detection, up to which a person is not lost
 _LONGEST = 60.0  # s out of sight, after which a person may be anywhere
 _DETECTION = 0.99  # probability that a person in plain view is detected
 _NEARLY_ONE = 1.0 - 1e-6  # largest probability of existence
 _LEAST = 0.01  # least probability of a part
-# Share of a track's covariance that people have who do not turn; the rest stands for turns. Chosen with a mean time of
-# 20 s until people turn, so that beliefs are calibrated in `forest` with λ = 75 and in `crowd` (seeds 8100-8239).
+# Share of a track's covariance that people have who do not turn; the rest stands for turns. Chosen with `TURN_TIME` in
+# `forest` with λ = 75 (seeds 8100-8119, 8200-8239) and in `crowd` (8100-8107, 8200-8214).
 _WITHOUT_TURNS = 0.5
 
 
@@ -57,7 +58,7 @@ class Escapes:
     Note: people are taken to turn right after they were last detected. After `_LONGEST` only the track is left.
     """
 
-    def __init__(self, time: float, max_speed: float = 3.0) -> None:
+    def __init__(self, time: float = TURN_TIME, max_speed: float = 3.0) -> None:
         """`time` s: mean time until people turn as no motion model predicts; `max_speed` m/s: of people."""
         self._time, self._velocities, self._lost = time, max_speed * _VELOCITIES, dict[int, _Lost]()
 

@@ -20,7 +20,7 @@ from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
-from tracking.track import UNLIKELY
+from tracking.track import UNLIKELY, Track
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 _LEAST = 0.005  # least probability of a measurement that gets a line
@@ -45,9 +45,12 @@ def _tell_person(facts: PersonFacts) -> list[str]:
     walks = ""
     vx, vy = estimate_velocities(facts.flight.recording)[facts.k, facts.person].tolist()
     if not math.isnan(vx):
-        eighth = round(math.atan2(vy, vx) / (math.pi / 4)) % 8
-        walks = f" and walks {math.hypot(vx, vy):.1f} m/s to the {_COMPASS[eighth]}"
+        walks = f" and walks {math.hypot(vx, vy):.1f} m/s to the {_name_direction(vx, vy)}"
     return [f"is at {format_place(facts.place)}{walks}", *_tell_holding(facts), _tell_detections(facts)]
+
+
+def _name_direction(east: float, north: float) -> str:
+    return _COMPASS[round(math.atan2(north, east) / (math.pi / 4)) % 8]
 
 
 def _tell_holding(facts: PersonFacts) -> list[str]:
@@ -168,7 +171,21 @@ def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     if not math.isnan(holder.existence):
         unreported = "" if holder.existence > UNLIKELY else ", so it is not reported"
         lines.append(f"existence {holder.existence:.4f}{unreported}")
-    return lines
+    return [*lines, *_tell_turns(holder.parts)]
+
+
+def _tell_turns(parts: Sequence[Track]) -> list[str]:
+    """Probabilities that the person of a lost track has turned out of sight, and where to."""
+    kept, *turned = parts
+    if not turned:
+        return []
+    turned.sort(key=lambda part: -part.existence)
+    ways = [f"{_name_direction(*part.belief.mean[2:])} {format_percent(part.existence)}" for part in turned]
+    share = format_percent(math.fsum(part.existence for part in turned))
+    return [
+        f"the person goes on as predicted with {format_percent(kept.existence)}, or has turned out of sight "
+        f"where no frame has looked with {share}: {', '.join(ways)}"
+    ]
 
 
 def _find_events(facts: PersonFacts) -> list[Event]:

@@ -8,11 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from sim.recording.recording import Recording
+from sim.replay.explain.escaped import find_parts
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.planned_visibility import PlannedVisibility, find_planned_visibility
 from sim.replay.flight import Flight
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
+from tracking.track import Track
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +26,7 @@ class HoldingTrack:
     elsewhere: dict[int, int]  # other people for whom it stands now, by UAV
     since: float  # s, time of its first scan
     belief: Gaussian | None  # None if no UAV has the track any more
+    parts: list[Track]  # as from `find_parts`; none if no UAV has the track any more
     existence: float  # existence probability; NaN if it is not estimated
     until: float  # s, time of the last scan at which it stood for the person
 
@@ -105,6 +108,7 @@ def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> Ho
         elsewhere={uav: other for uav, other in np.argwhere(standing).tolist() if other != person},
         since=float(recording.times[first // recording.poses.shape[1]]),
         belief=found[1] if found else None,
+        parts=find_parts(recording, k, found[0], id_) if found else [],
         existence=found[2] if found else math.nan,
         until=float(recording.times[last]),
     )
