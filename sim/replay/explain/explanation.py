@@ -183,8 +183,8 @@ def _tell_turns(parts: Sequence[Track]) -> list[str]:
     ways = [f"{_name_direction(*part.belief.mean[2:])} {format_percent(part.existence)}" for part in turned]
     share = format_percent(math.fsum(part.existence for part in turned))
     return [
-        f"the person goes on as predicted with {format_percent(kept.existence)}, or has turned out of sight "
-        f"where no frame has looked with {share}: {', '.join(ways)}"
+        f"walks on as predicted with {format_percent(kept.existence)}, or turned out of sight, to where no frame "
+        f"looked, with {share}: {', '.join(ways)}"
     ]
 
 
