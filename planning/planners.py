@@ -38,8 +38,9 @@ _INFORMATIVE: dict[str, Any] = {
 # Beyond the paper: visibility is expected over beliefs, and undetected people count (docs/explanation/planning.md).
 # There are fewer evaluations with these options and in mcr, because each takes longer.
 _EXPECTED: dict[str, Any] = {"search": 0.1, "visibility": "expected", "evaluations": 9_216}
-# Errors are cut off at GOSPA's usual distance, and tracks have no cost-to-go (docs/explanation/planning.md says why).
-_GOSPA: dict[str, Any] = {"cutoff": 10.0, "beta": 0.0}
+# Errors are cut off at GOSPA's usual distance c, a UAV out of touch costs c² a step, and tracks have no cost-to-go
+# (docs/explanation/planning.md says why).
+_GOSPA: dict[str, Any] = {"cutoff": 10.0, "beta": 0.0, "connectivity": 100.0}
 
 PLANNERS = {
     "sma-nbo-gospa": _compose("SMA-NBO on squared errors up to a cut-off, as in GOSPA", **_GOSPA, **_EXPECTED),
