@@ -7,6 +7,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from planning.objective.objective import Objective
 from planning.planner import Situation
@@ -90,11 +92,24 @@ def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
 
     A chain of links joins the UAVs of a group.
     """
-    places = np.moveaxis(paths, 1, 0)
-    joined = length(places[:, :, None] - places[:, None]) <= reach
-    for m in range(len(paths)):  # chains by way of UAV m: Warshall's algorithm
-        joined |= joined[:, :, m, None] & joined[:, m, None, :]
-    return joined.argmax(axis=-1) if len(paths) else joined.sum(axis=-1), joined.sum(axis=-1)
+    n, steps, _ = paths.shape
+    step, one, other = np.nonzero(_find_links(paths, reach))
+    links = csr_array((np.ones(len(step)), (step * n + one, step * n + other)), shape=(steps * n,) * 2)
+    _, groups = connected_components(links, directed=False)
+    _, first, sizes = np.unique(groups, return_index=True, return_counts=True)
+    return first[groups].reshape(steps, n) % max(n, 1), sizes[groups].reshape(steps, n)
+
+
+@compiled
+def _find_links(paths: Array, reach: float) -> Flags:
+    """Flags (H, n, n) of the pairs of UAVs that are linked at each step of the paths (n, H, 3) m."""
+    n, steps, _ = paths.shape
+    linked = np.empty((steps, n, n), np.bool_)
+    for h in range(steps):
+        for one in range(n):
+            for other in range(n):
+                linked[h, one, other] = _are_linked(paths[one, h], paths[other, h], reach)
+    return linked
 
 
 @compiled
@@ -112,13 +127,18 @@ def _count_unreached(
     for j in range(k):
         places[j] = now[j]
     certain, perhaps = np.empty((k, n), np.bool_), np.empty((k, n), np.int64)
-    counts, reached, order = np.empty(k, np.int64), np.empty(n, np.bool_), np.empty(k, np.int64)
+    counts, sure, order = np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
+    reached = np.empty(n, np.bool_)
     for h in range(paths.shape[1]):
         for j in range(k):
             for c in range(len(candidates)):
                 for axis in range(2):
                     places[j, c, axis] += step * candidates[c, j, h, axis]
             counts[j] = _sort_links(places[j], paths[:, h], groups[h], reach, certain[j], perhaps[j])
+            sure[j] = sizes[h][certain[j]].sum()
+        if k == 1 and counts[0] == 0:  # as in most decisions: all plans are alike
+            found += n - sure[0]
+            continue
         for c in range(len(candidates)):
             for first in range(k):
                 for j in range(k):
