@@ -68,7 +68,7 @@ def time_until_found(place, planner, seed, folder):
 def test_people_who_turn_unseen_are_found_within_15_s_in_eight_of_ten_cases(place, tmp_path):
     """By the planner that searches for escaped people; the default's times are printed beside."""
     found = {}
-    for planner in (DEFAULT_PLANNER, f"{DEFAULT_PLANNER}(escape=40)"):
+    for planner in (DEFAULT_PLANNER, f"{DEFAULT_PLANNER}(escape=20)"):
         waits = np.array([time_until_found(place, planner, seed, tmp_path) for seed in range(10)])
         print(f"\n{place}, {planner}: out of sight for {np.sort(waits).round(1).tolist()} s")
         found[planner] = np.sum(waits <= 15.0)
