@@ -139,10 +139,10 @@ def probability_integrals(seed: int, world: str, overrides: list[str]) -> Iterat
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "overrides", "seeds", "stated"),
-    [("forest", ["trees.density=75"], range(8400, 8440), 0.146), ("crowd", [], range(8400, 8415), 0.124)],
+    [("forest", ["trees.density=75"], range(8400, 8440), 0.195), ("crowd", [], range(8400, 8415), 0.167)],
 )
 def test_beliefs_about_hidden_people_are_nearly_calibrated_with_escapes_alone(world, overrides, seeds, stated):
-    """With escapes Kolmogorov's distance is below 0.1; that of tracks alone is as docs/explanation/tracks.md says."""
+    """With escapes Kolmogorov's distance is below 0.07; that of tracks alone is as docs/explanation/tracks.md says."""
     found = np.array([row for seed in seeds for row in probability_integrals(seed, world, overrides)])
     for low, high in ((1, 3), (3, 6), (6, 10), (10, 20), (1, 20)):
         rows = found[(low <= found[:, 0]) & (found[:, 0] <= high)]
@@ -152,4 +152,4 @@ def test_beliefs_about_hidden_people_are_nearly_calibrated_with_escapes_alone(wo
             print(
                 f"; {name} {distance:.3f}, {np.mean(levels < 0.5):.1%} below 0.5, {np.mean(levels > 0.99):.1%}", end=""
             )
-    assert distances[0] == pytest.approx(stated, abs=0.01) and distances[1] < 0.1
+    assert distances[0] == pytest.approx(stated, abs=0.01) and distances[1] < 0.07
