@@ -11,10 +11,11 @@ import numpy as np
 from planning.coordination.decision import Coordination
 from planning.coordination.rounds import SequentialPartitions
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
+from planning.objective.connectivity import Connectivity
 from planning.objective.cost_to_go import LATEST, cost_to_go
 from planning.objective.nbo import Measure, make_objective
 from planning.objective.objective import Term
-from planning.objective.terms import Connectivity, Search, Separation
+from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns

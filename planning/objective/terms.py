@@ -1,4 +1,4 @@
-"""Terms of the objective besides that of tracks: separation and connectivity of UAVs, and search, compiled."""
+"""Terms of the objective besides that of tracks: separation of UAVs, and search, compiled."""
 
 import math
 from collections.abc import Sequence
@@ -7,8 +7,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from planning.objective.objective import Objective
 from planning.planner import Situation
@@ -18,7 +16,7 @@ from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
 from tracking.geometry.line_of_sight import Grid, free_share
 from tracking.geometry.visibility import TARGET_HEIGHT, detectable_share
-from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import hypot
@@ -63,163 +61,6 @@ def _find_least_lengths(relative: Array) -> Array:
     start, way = relative[:, :-1], np.diff(relative, axis=1)
     along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
     return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))
-
-
-@dataclass(frozen=True)
-class Connectivity:
-    """Cost of `weight` [m²] for each step and each UAV that no chain of links joins to the deciding UAV.
-
-    UAVs are linked within the radio's range, whatever links the network has. UAVs that are not in the situation do not
-    count, such as those that have been out of contact for longer than their last plans. In joint plans the mean over
-    the deciding UAVs counts.
-    """
-
-    weight: float
-
-    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """As `planning.objective.objective.Term.objective`; None where radios reach everywhere."""
-        reach = float(situation.radio_range)
-        if reach == math.inf:
-            return None
-        now, chosen = np.array([v.position for v in situation.vehicles], dtype=float), np.asarray(uavs, dtype=np.int64)
-        others = np.delete(camera_paths(now, velocities, situation.step), chosen, axis=0)
-        groups, own, step = _find_groups(others, reach), now[chosen], situation.step
-        return lambda candidates: self.weight * _count_unreached(candidates, own, step, (others, *groups), reach)
-
-
-def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
-    """Group (H, n) of each UAV at each step of the paths (n, H, 3) m, its least row, and the size of that group.
-
-    A chain of links joins the UAVs of a group.
-    """
-    n, steps, _ = paths.shape
-    step, one, other = np.nonzero(_find_links(paths, reach))
-    links = csr_array((np.ones(len(step)), (step * n + one, step * n + other)), shape=(steps * n,) * 2)
-    _, groups = connected_components(links, directed=False)
-    _, first, sizes = np.unique(groups, return_index=True, return_counts=True)
-    return first[groups].reshape(steps, n) % max(n, 1), sizes[groups].reshape(steps, n)
-
-
-@compiled
-def _find_links(paths: Array, reach: float) -> Flags:
-    """Flags (H, n, n) of the pairs of UAVs that are linked at each step of the paths (n, H, 3) m."""
-    n, steps, _ = paths.shape
-    linked = np.empty((steps, n, n), np.bool_)
-    for h in range(steps):
-        for one in range(n):
-            for other in range(n):
-                linked[h, one, other] = _are_linked(paths[one, h], paths[other, h], reach)
-    return linked
-
-
-@compiled
-def _count_unreached(
-    candidates: Array, now: Array, step: float, others: tuple[Array, Indices, Indices], reach: float
-) -> Array:
-    """Number (N,) of UAVs beyond any chain of links from a deciding UAV, summed over steps, mean over deciding UAVs.
-
-    candidates (N, k, H, 2) m/s: mean velocities of the deciding UAVs, which are at `now` (k, 3) m; others: paths
-    (n, H, 3) m of the rest, and their groups and sizes as from `_find_groups`.
-    """
-    paths, groups, sizes = others
-    k, n, found = len(now), len(paths), np.zeros(len(candidates))
-    places = np.empty((k, len(candidates), 3))
-    for j in range(k):
-        places[j] = now[j]
-    certain, perhaps = np.empty((k, n), np.bool_), np.empty((k, n), np.int64)
-    counts, sure, order = np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
-    reached = np.empty(n, np.bool_)
-    for h in range(paths.shape[1]):
-        for j in range(k):
-            for c in range(len(candidates)):
-                for axis in range(2):
-                    places[j, c, axis] += step * candidates[c, j, h, axis]
-            counts[j] = _sort_links(places[j], paths[:, h], groups[h], reach, certain[j], perhaps[j])
-            sure[j] = sizes[h][certain[j]].sum()
-        if k == 1 and counts[0] == 0:  # as in most decisions: all plans are alike
-            found += n - sure[0]
-            continue
-        for c in range(len(candidates)):
-            for first in range(k):
-                for j in range(k):
-                    order[j] = j
-                order[0], order[first] = first, 0
-                found[c] += (
-                    k
-                    + n
-                    - _count_reached(
-                        places[:, c],
-                        (paths[:, h], groups[h], sizes[h]),
-                        (certain, perhaps, counts),
-                        reach,
-                        order,
-                        reached,
-                    )
-                )
-    return found / k
-
-
-@compiled
-def _sort_links(places: Array, others: Array, groups: Indices, reach: float, certain: Flags, perhaps: Indices) -> int:
-    """Set flags (n,) of the groups that are linked to all places (N, 3) m; list UAVs whose groups may be to some.
-
-    others (n, 3) m are in `groups` (n,). Returns the number of those listed in `perhaps` (n,).
-    """
-    west, east, south, north = places[:, 0].min(), places[:, 0].max(), places[:, 1].min(), places[:, 1].max()
-    count, certain[:] = 0, False
-    for m in range(len(others)):
-        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
-        far = hypot(max(x - west, east - x), max(y - south, north - y))
-        certain[groups[m]] |= far * far + z * z <= reach * reach
-    for m in range(len(others)):
-        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
-        near = hypot(max(west - x, x - east, 0.0), max(south - y, y - north, 0.0))
-        if not certain[groups[m]] and near * near + z * z <= reach * reach:
-            perhaps[count] = m
-            count += 1
-    return count
-
-
-@inlined
-def _count_reached(
-    own: Array,
-    others: tuple[Array, Indices, Indices],
-    links: tuple[Flags, Indices, Indices],
-    reach: float,
-    order: Indices,
-    reached: Flags,
-) -> int:
-    """Number of UAVs that links join to the first in `order` (k,), itself included; `reached` (n,) is overwritten.
-
-    Of `order`, the rows of deciding UAVs, the first become those that are reached.
-    """
-    (places, groups, sizes), (certain, perhaps, counts) = others, links
-    reached[:] = False  # groups
-    count, asked, total = 1, 0, 1  # the first UAVs in `order` are reached; those before `asked` were asked for others
-    while asked < count:
-        i = order[asked]
-        for m in range(len(places)):
-            if certain[i, m] and not reached[m]:
-                reached[m], total = True, total + sizes[m]
-        for e in range(counts[i]):
-            m = perhaps[i, e]
-            if not reached[groups[m]] and _are_linked(own[i], places[m], reach):
-                reached[groups[m]], total = True, total + sizes[m]
-        for j in range(count, len(order)):
-            joined = _are_linked(own[i], own[order[j]], reach)
-            for m in range(len(places)):
-                joined |= reached[groups[m]] and _are_linked(own[order[j]], places[m], reach)
-            if joined:
-                order[count], order[j] = order[j], order[count]
-                count, total = count + 1, total + 1
-        asked += 1
-    return total
-
-
-@inlined
-def _are_linked(one: Array, other: Array, reach: float) -> bool:
-    x, y, z = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    return bool(x * x + y * y + z * z <= reach * reach)
 
 
 _SPACING = 5.0  # m, between the places whose views are computed

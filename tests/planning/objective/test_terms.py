@@ -11,8 +11,8 @@ from helpers.teams import planned, refitted
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from planning.objective.connectivity import Connectivity
 from planning.objective.terms import (
-    Connectivity,
     Search,
     Separation,
     _Cells,
