@@ -161,8 +161,6 @@ CHANCE |= {"poisson", "binomial", "gumbel", "laplace", "logistic", "lognormal", 
 CHANCE |= {"standard_t"}
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
-# From these we take whole numbers alone.
-LIBRARIES |= {"scipy.sparse.csr_array", "scipy.sparse.csgraph.connected_components"}
 LIBRARIES |= {"filterpy.common.Q_discrete_white_noise"}  # called for a step of 1 s alone: all powers of 1 are exact
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
 BESIDE = {"planning/made_up_teams.py", "planning/planner_check.py"}

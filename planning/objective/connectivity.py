@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from planning.objective.objective import Objective
 from planning.planner import Situation
@@ -34,7 +32,8 @@ class Connectivity:
         if reach == math.inf:
             return None
         now, chosen = np.array([v.position for v in situation.vehicles], dtype=float), np.asarray(uavs, dtype=np.int64)
-        own, others = now[chosen], _group(np.delete(camera_paths(now, velocities, step), chosen, axis=0), reach)
+        paths = np.delete(camera_paths(now, velocities, step), chosen, axis=0)
+        own, others = now[chosen], _Others(paths, *_find_groups(paths, reach))
         return lambda candidates: self.weight * _count_unreached(candidates, own, step, others, reach)
 
 
@@ -46,26 +45,24 @@ class _Others(NamedTuple):
     sizes: Indices  # (H, n): number of UAVs in the group of each
 
 
-def _group(paths: Array, reach: float) -> _Others:
-    """The UAVs with these paths (n, H, 3) m, in groups."""
-    n, steps, _ = paths.shape
-    step, one, other = np.nonzero(_find_links(paths, reach))
-    links = csr_array((np.ones(len(step)), (step * n + one, step * n + other)), shape=(steps * n,) * 2)
-    _, groups = connected_components(links, directed=False)
-    _, first, sizes = np.unique(groups, return_index=True, return_counts=True)
-    return _Others(paths, first[groups].reshape(steps, n) % max(n, 1), sizes[groups].reshape(steps, n))
-
-
 @compiled
-def _find_links(paths: Array, reach: float) -> Flags:
-    """Flags (H, n, n) of the pairs of UAVs that are linked at each step of the paths (n, H, 3) m."""
+def _find_groups(paths: Array, reach: float) -> tuple[Indices, Indices]:
+    """The `groups` and `sizes` of UAVs with these paths (n, H, 3) m."""
     n, steps, _ = paths.shape
-    linked = np.empty((steps, n, n), np.bool_)
+    groups, sizes = np.empty((steps, n), np.int64), np.zeros((steps, n), np.int64)
     for h in range(steps):
+        groups[h] = np.arange(n)
+        for one in range(n):
+            for other in range(one):
+                low, high = min(groups[h, one], groups[h, other]), max(groups[h, one], groups[h, other])
+                if low < high and _are_linked(paths[one, h], paths[other, h], reach):
+                    for m in range(n):
+                        if groups[h, m] == high:
+                            groups[h, m] = low
         for one in range(n):
             for other in range(n):
-                linked[h, one, other] = _are_linked(paths[one, h], paths[other, h], reach)
-    return linked
+                sizes[h, one] += groups[h, one] == groups[h, other]
+    return groups, sizes
 
 
 @inlined
@@ -81,83 +78,85 @@ def _count_unreached(candidates: Array, now: Array, step: float, others: _Others
     candidates (N, k, H, 2) m/s: mean velocities of the deciding UAVs, which are at `now` (k, 3) m.
     """
     k, n, found = len(now), len(others.paths), np.zeros(len(candidates))
-    places = np.empty((k, len(candidates), 3))
+    places, boxes = np.empty((k, len(candidates), 3)), np.empty((k, 4))
     for j in range(k):
         places[j] = now[j]
-    certain, perhaps = np.empty((k, n), np.bool_), np.empty((k, n), np.int64)
-    counts, order, reached = np.empty(k, np.int64), np.empty(k, np.int64), np.empty(n, np.bool_)
+    order, joined = np.empty(k, np.int64), np.empty(n, np.bool_)
     for h in range(others.paths.shape[1]):
         for j in range(k):
-            for c in range(len(candidates)):
-                for axis in range(2):
-                    places[j, c, axis] += step * candidates[c, j, h, axis]
-            counts[j] = _sort_links(places[j], others.paths[:, h], others.groups[h], reach, certain[j], perhaps[j])
-        if k == 1 and counts[0] == 0:  # as in most decisions: all candidates are alike
-            found += n - others.sizes[h][certain[0]].sum()
+            boxes[j] = _move(places[j], candidates[:, j, h], step)
+        if k == 1:
+            _add_unreached(found, places[0], boxes[0], others, h, reach)
             continue
-        links = certain, perhaps, counts
         for c in range(len(candidates)):
             for first in range(k):
                 for j in range(k):
                     order[j] = j
                 order[0], order[first] = first, 0
-                found[c] += k + n - _count_reached(places[:, c], others, h, links, reach, order, reached)
+                found[c] += k + n - _count_reached(places[:, c], others, h, reach, order, joined)
     return found / k
 
 
-@compiled
-def _sort_links(places: Array, others: Array, groups: Indices, reach: float, certain: Flags, perhaps: Indices) -> int:
-    """Set flags (n,) of the groups that are linked to all places (N, 3) m; list UAVs whose groups may be to some.
+@inlined
+def _move(places: Array, velocities: Array, step: float) -> tuple[float, float, float, float]:
+    """Move places (N, 3) m at velocities (N, 2) m/s; returns their least and greatest east and north [m]."""
+    west = south = math.inf
+    east = north = -math.inf
+    for c in range(len(places)):
+        x, y = places[c, 0] + step * velocities[c, 0], places[c, 1] + step * velocities[c, 1]
+        places[c, 0], places[c, 1] = x, y
+        west, east = x if x < west else west, x if x > east else east
+        south, north = y if y < south else south, y if y > north else north
+    return west, east, south, north
 
-    others (n, 3) m are in `groups` (n,). Returns the number of those listed in `perhaps` (n,).
+
+@compiled
+def _add_unreached(found: Array, places: Array, box: Array, others: _Others, h: int, reach: float) -> None:
+    """Add to `found` (N,) the others that no chain of links joins at step h to a UAV at places (N, 3) m.
+
+    Their box (4,) m, as from `_move`, tells most groups that are linked to all of the places, or to none.
     """
-    west, east, south, north = places[:, 0].min(), places[:, 0].max(), places[:, 1].min(), places[:, 1].max()
-    count, certain[:] = 0, False
-    for m in range(len(others)):
-        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
+    n, groups, sizes = len(others.paths), others.groups[h], others.sizes[h]
+    west, east, south, north = box
+    certain, perhaps, count, unreached = np.zeros(n, np.bool_), np.empty(n, np.int64), 0, n
+    for m in range(n):
+        x, y, z = others.paths[m, h, 0], others.paths[m, h, 1], others.paths[m, h, 2] - places[0, 2]
         far = hypot(max(x - west, east - x), max(y - south, north - y))
-        certain[groups[m]] |= far * far + z * z <= reach * reach
-    for m in range(len(others)):
-        x, y, z = others[m, 0], others[m, 1], others[m, 2] - places[0, 2]
+        if not certain[groups[m]] and far * far + z * z <= reach * reach:
+            certain[groups[m]], unreached = True, unreached - sizes[m]
+    for m in range(n):
+        x, y, z = others.paths[m, h, 0], others.paths[m, h, 1], others.paths[m, h, 2] - places[0, 2]
         near = hypot(max(west - x, x - east, 0.0), max(south - y, y - north, 0.0))
         if not certain[groups[m]] and near * near + z * z <= reach * reach:
-            perhaps[count] = m
-            count += 1
-    return count
+            perhaps[count], count = m, count + 1
+    last = np.full(n, -1)  # place to which each group was last found to be linked
+    for c in range(len(places)):
+        found[c] += unreached
+        for m in perhaps[:count]:
+            if last[groups[m]] != c and _are_linked(places[c], others.paths[m, h], reach):
+                last[groups[m]] = c
+                found[c] -= sizes[m]
 
 
 @inlined
-def _count_reached(
-    own: Array,
-    others: _Others,
-    h: int,
-    links: tuple[Flags, Indices, Indices],
-    reach: float,
-    order: Indices,
-    reached: Flags,
-) -> int:
-    """Number of UAVs that links join at step h to the first in `order` (k,), itself included.
+def _count_reached(own: Array, others: _Others, h: int, reach: float, order: Indices, joined: Flags) -> int:
+    """Number of UAVs that links join at step h to the first in `order` (k,) of those at `own` (k, 3) m, with itself.
 
-    own (k, 3) m: the deciding UAVs; links: as from `_sort_links` for each. `reached` (n,) is overwritten, and of
-    `order`, the rows of deciding UAVs, the first become those that are reached.
+    `joined` (n,) is overwritten, and of `order` the first become those that are reached.
     """
-    groups, sizes, (certain, perhaps, counts) = others.groups[h], others.sizes[h], links
-    reached[:] = False  # groups
+    groups, sizes = others.groups[h], others.sizes[h]
+    joined[:] = False  # groups
     count, asked, total = 1, 0, 1  # the first UAVs in `order` are reached; those before `asked` were asked for others
     while asked < count:
         i = order[asked]
         for m in range(len(groups)):
-            if certain[i, m] and not reached[m]:
-                reached[m], total = True, total + sizes[m]
-        for e in range(counts[i]):
-            m = perhaps[i, e]
-            if not reached[groups[m]] and _are_linked(own[i], others.paths[m, h], reach):
-                reached[groups[m]], total = True, total + sizes[m]
+            if not joined[groups[m]] and _are_linked(own[i], others.paths[m, h], reach):
+                joined[groups[m]], total = True, total + sizes[m]
         for j in range(count, len(order)):
-            joined = _are_linked(own[i], own[order[j]], reach)
+            linked = _are_linked(own[i], own[order[j]], reach)
             for m in range(len(groups)):
-                joined |= reached[groups[m]] and _are_linked(own[order[j]], others.paths[m, h], reach)
-            if joined:
+                linked |= joined[groups[m]] and _are_linked(own[order[j]], others.paths[m, h], reach)
+            if linked:
                 order[count], order[j] = order[j], order[count]
                 count, total = count + 1, total + 1
         asked += 1
