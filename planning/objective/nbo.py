@@ -15,7 +15,7 @@ from planning.objective.cost_to_go import (
     replace_by_future_errors,
 )
 from planning.objective.information import advance_with_gains
-from planning.objective.mwtp_lanes import Workspace, add_penalties, make_workspace, mark_in_view, mark_in_view_lanes
+from planning.objective.mwtp import add_penalties
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
     LANES,
@@ -25,6 +25,7 @@ from planning.prediction.predicted_belief import (
     possibly_visible,
     set_last_traces,
 )
+from planning.prediction.quadrangle import inside
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -86,7 +87,7 @@ class _Others(NamedTuple):
     information: Array  # (H T K, 3): xx, xy, yy
     before: Array  # (H T K, 10): P before each step with this information alone, as one lane of `advance_belief`
     costs: Array  # (H T K,) m² or nats: weighted `measure` of the position block of this P after each step
-    ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
+    ends: Array  # (n, 2): x, y [m] at the end
     seen: Flags  # (T,): targets in their fields of view at the end
     finals: Array  # (T K,) m²: trace of the position block of P after the last step
     seconds: Array  # (T,): from there until one of these UAVs can have the target in view; infinite without any
@@ -95,9 +96,8 @@ class _Others(NamedTuple):
 
 @compiled
 def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
-    result, count = np.empty(len(own)), belief.points.shape[1]
+    result, weight = np.empty(len(own)), others.measure.ahead.weight
     finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
-    work, weight = make_workspace(count // samples, len(belief.positions)), others.measure.ahead.weight
     if len(own) == 0:
         return result
     flights = camera_lanes(belief, others.uavs, own)
@@ -109,7 +109,7 @@ def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: f
         cameras, boxes = flights.cameras[first // LANES], flights.boxes[first // LANES]
         _sum(belief, others, cameras, possibly_visible(belief, others.uavs, boxes, in_reach), in_reach, finals, total)
         if beta > 0.0:
-            _penalise(belief, others, cameras[:, -1], finals, work, sums)
+            _penalise(belief, others, cameras[:, -1], finals, samples, sums)
             _add(sums, beta, total)
         if weight > 0.0:
             _look_ahead(belief, others, cameras[:, -1], finals, same, sums)
@@ -211,31 +211,18 @@ def _fill(lanes: Array, values: Array) -> None:
 
 
 @compiled
-def _penalise(
-    belief: PredictedBelief, others: _Others, own: Array, finals: Array, work: Workspace, sums: Array
-) -> None:
+def _penalise(belief: PredictedBelief, others: _Others, own: Array, finals: Array, samples: int, sums: Array) -> None:
     """Set `sums` (LANES,) to the MWTP summed over the samples of targets.
 
     own (k, 2, LANES) m: final positions of the deciding UAVs; finals (T K, LANES) m².
     """
-    each, points, ends = len(work.unseen), belief.points[-1, :, 0], others.ends
+    points, each = belief.points[-1, :, 0], belief.points.shape[1] // samples
     traces = _weigh_costs(belief, finals, others.measure.cutoff)
     sums[:] = 0.0
-    for first in range(0, len(traces), max(each, 1)):
-        targets, seen = points[first : first + each], others.seen[first : first + each]
-        if np.all(seen):
-            continue
-        for i in range(len(ends)):
-            for axis in range(3):
-                work.sensors[i, axis, :] = ends[i, axis]
-        for t in range(each):
-            work.unseen[t, :] = 0.0 if seen[t] else 1.0
-        for j in range(len(others.uavs)):
-            east, north = work.sensors[others.uavs[j], 0], work.sensors[others.uavs[j], 1]
-            for lane in range(LANES):
-                east[lane], north[lane] = own[j, 0, lane], own[j, 1, lane]
-            mark_in_view_lanes(work, targets, others.uavs[j], belief.views)
-        add_penalties(work, targets, traces[first : first + each], belief.views, sums)
+    for first in range(0, len(points), max(each, 1)):
+        last = first + each
+        targets, costs, seen = points[first:last], traces[first:last], others.seen[first:last]
+        add_penalties(targets, costs, seen, others.ends, others.uavs, own, belief.views, sums)
 
 
 @compiled
@@ -300,7 +287,7 @@ def _predict_others(belief: PredictedBelief, velocities: Array, uavs: Indices, m
         np.zeros((rows, 3)),
         np.empty((rows, 10)),
         np.empty(rows),
-        np.zeros((len(velocities), 3)),
+        np.zeros((len(velocities), 2)),
         np.zeros(targets, dtype=np.bool_),
         np.empty(each),
         np.full(targets, np.inf),
@@ -339,7 +326,9 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
         flight = camera_lanes(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
         cameras = flight.cameras[0, 0]
         others.ends[i, 0], others.ends[i, 1] = cameras[-1, 0, 0], cameras[-1, 1, 0]
-        mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
+        for t in range(len(others.seen)):
+            place = belief.points[-1, t, 0]
+            others.seen[t] |= inside(belief.views[i], place[0] - others.ends[i, 0], place[1] - others.ends[i, 1])
         for t in range(len(others.seconds) if others.measure.ahead.weight > 0.0 else 0):
             free[:] = others.seconds[t]
             lower_times_to_view(free, belief, others.measure.ahead, t, i, cameras[-1])

@@ -9,10 +9,9 @@ from scipy.stats import norm
 
 from helpers.teams import among
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
-from planning.objective.mwtp_lanes import mark_in_view
 from planning.objective.nbo import Measure, make_objective
 from planning.prediction.propagation import Nominal
-from planning.prediction.quadrangle import shortest_move
+from planning.prediction.quadrangle import inside, shortest_move
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -50,7 +49,7 @@ def matches(targets, traces, seen, sensors, views):
     """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
 
     targets (T, 2 or 3) m; traces (T,) m²; sensors (n, 3): x, y [m] and D_i, overwritten with the positions p^MDO; views
-    (n, 5, 3) as in `field_of_view.view_quadrangle`. `mwtp_lanes.penalties` is the compiled form.
+    (n, 5, 3) as in `field_of_view.view_quadrangle`. `mwtp.add_penalties` is the compiled form.
     """
     found = []
     for t in np.argsort(-traces, kind="stable").tolist():  # equal traces by index
@@ -68,10 +67,8 @@ def matches(targets, traces, seen, sensors, views):
 
 def weighted_trace_penalty(targets, traces, sensors, views):
     """Multiple weighted trace penalty [m³], the sum over `matches`; `sensors` (n, 2) m are moved to their p^MDO."""
-    busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
-    busy[:, :2] = sensors
-    for i in range(len(sensors)):
-        mark_in_view(targets, seen, sensors, views, i)
+    busy = np.pad(sensors, ((0, 0), (0, 1)))
+    seen = [any(inside(v, *(t[:2] - s)) for v, s in zip(views, sensors, strict=True)) for t in targets]
     penalty = 0.0
     for match in matches(targets, traces, seen, busy, views):
         penalty += match.penalty

@@ -7,9 +7,10 @@ import pytest
 from helpers.nominal import weighted_trace_penalty
 from scipy.spatial.transform import Rotation
 
-from planning.objective.mwtp_lanes import add_penalties, make_workspace, mark_in_view_lanes
+from planning.objective.mwtp import add_penalties
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, advance_belief
+from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import ALL_ROUND, Camera
@@ -38,11 +39,11 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
         traces = rng.uniform(0.1, 9.0, (T, LANES))
         if case % 3 == 0:
             traces = np.ceil(traces)  # some are equal
-        work, sums = make_workspace(T, n), np.zeros(LANES)
-        work.unseen[:], work.sensors[:, :2], work.sensors[:, 2] = 1.0, sensors, 0.0
-        for uav in range(n):
-            mark_in_view_lanes(work, targets, uav, fields)
-        add_penalties(work, targets, traces, fields, sums)
+        deciding = np.arange(0, n, 2)  # the others are at one place in all lanes
+        sensors[1::2] = sensors[1::2, :, :1]
+        seen = [any(inside(fields[i], *(t[:2] - sensors[i, :, 0])) for i in range(1, n, 2)) for t in targets]
+        ends, sums = np.where(np.arange(n)[:, None] % 2, sensors[:, :, 0], np.nan), np.zeros(LANES)
+        add_penalties(targets, traces, np.array(seen, np.bool_), ends, deciding, sensors[::2].copy(), fields, sums)
         lanes = [(np.ascontiguousarray(traces[:, k]), np.ascontiguousarray(sensors[:, :, k])) for k in range(LANES)]
         expected = [weighted_trace_penalty(targets, trace, sensor, fields) for trace, sensor in lanes]
         np.testing.assert_array_equal(sums, expected)
