@@ -10,7 +10,7 @@ from planning.planner import Vehicle
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, PredictedBelief
 from planning.prediction.quadrangle import radius_in_view
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import inlined
 
 # Mean squared error of a track over the next 15 s in units of c², the square of the cut-off, summed over the seconds.
@@ -64,19 +64,6 @@ def lower_times_to_view(
         dx, dy = x - cameras[0, lane], y - cameras[1, lane]
         needed = (math.sqrt(dx * dx + dy * dy) - radius) / speed
         seconds[lane] = needed if needed < seconds[lane] else seconds[lane]
-
-
-@inlined
-def find_soonest(belief: PredictedBelief, ahead: CostToGo, target: int, uavs: Indices, boxes: Array) -> float:
-    """Least time [s] until a target can be in view after any plan of UAVs, with boxes (C, k, H, 4) m."""
-    place, least = belief.points[-1, target, 0], np.inf
-    for j in range(len(uavs)):
-        x, y = place[0] - belief.views[uavs[j], 4, 0], place[1] - belief.views[uavs[j], 4, 1]
-        for g in range(len(boxes)):
-            west, east, south, north = boxes[g, j, -1]
-            dx, dy = max(west - x, x - east, 0.0), max(south - y, y - north, 0.0)
-            least = min(least, (math.sqrt(dx * dx + dy * dy) - ahead.radii[uavs[j]]) / ahead.speeds[uavs[j]])
-    return least
 
 
 @inlined

@@ -7,10 +7,8 @@ import numpy as np
 
 from planning.objective.camera_lanes import camera_lanes
 from planning.objective.cost_to_go import (
-    LATEST,
     NO_COST_TO_GO,
     CostToGo,
-    find_soonest,
     lower_times_to_view,
     replace_by_future_errors,
 )
@@ -104,7 +102,6 @@ def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: f
     in_reach = _find_targets_in_reach(belief, others.uavs, flights.boxes)
     for index in range(len(finals) if beta > 0.0 or weight > 0.0 else 0):
         _fill(finals[index], others.finals[index : index + 1])  # those out of reach stay as they are
-    same, later = _targets_with_one_future(belief, others, flights.boxes, in_reach)
     for first in range(0, len(own), LANES):
         cameras, boxes = flights.cameras[first // LANES], flights.boxes[first // LANES]
         _sum(belief, others, cameras, possibly_visible(belief, others.uavs, boxes, in_reach), in_reach, finals, total)
@@ -112,9 +109,8 @@ def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: f
             _penalise(belief, others, cameras[:, -1], finals, samples, sums)
             _add(sums, beta, total)
         if weight > 0.0:
-            _look_ahead(belief, others, cameras[:, -1], finals, same, sums)
+            _look_ahead(belief, others, cameras[:, -1], finals, sums)
             _add(sums, weight / belief.step, total)
-            total += weight / belief.step * later
         for lane in range(min(LANES, len(own) - first)):
             result[first + lane] = total[lane] / samples
     return result
@@ -237,27 +233,8 @@ def _weigh_costs(belief: PredictedBelief, finals: Array, cutoff: float) -> Array
 
 
 @compiled
-def _targets_with_one_future(
-    belief: PredictedBelief, others: _Others, boxes: Array, in_reach: Flags
-) -> tuple[Flags, float]:
-    """Mask (T,) of targets whose cost-to-go is the same for all plans, boxes (C, k, H, 4) m, and their sum [m² s]."""
-    ahead, count, total = others.measure.ahead, belief.points.shape[2], 0.0
-    same, seconds, trace = np.zeros(len(in_reach), dtype=np.bool_), np.empty(LANES), np.empty(LANES)
-    for t in range(len(in_reach) if ahead.weight > 0.0 else 0):
-        latest = min(others.seconds[t], LATEST)
-        same[t] = not in_reach[t] and find_soonest(belief, ahead, t, others.uavs, boxes) >= latest
-        if same[t]:
-            seconds[:], trace[:] = others.seconds[t], 0.0
-            for index in range(t * count, (t + 1) * count):
-                trace += others.finals[index] / count
-            replace_by_future_errors(seconds, trace, others.measure.cutoff)
-            total += belief.weights[t] * seconds[0]
-    return same, total
-
-
-@compiled
-def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Array, same: Flags, sums: Array) -> None:
-    """Set `sums` (LANES,) to the weighted cost-to-go [m² s] of targets but the `same` (T,); arguments as `_penalise`.
+def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Array, sums: Array) -> None:
+    """Set `sums` (LANES,) to the weighted cost-to-go [m² s] of the targets; arguments as of `_penalise`.
 
     A target's time until it can be in view is that of its mean, and its trace the mean over its trajectories.
     """
@@ -265,8 +242,6 @@ def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Ar
     seconds, trace = np.empty(LANES), np.empty(LANES)
     sums[:] = 0.0
     for t in range(len(others.seconds)):
-        if same[t]:
-            continue
         seconds[:] = others.seconds[t]
         for j in range(len(others.uavs)):
             lower_times_to_view(seconds, belief, ahead, t, others.uavs[j], own[j])
