@@ -53,7 +53,7 @@ class Oracle(Composed):
         return _Knowing(Composed(**options | {"propagation": _TruePaths(people)}), people)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Knowing:
     planner: Composed
     people: TruePositions
@@ -82,15 +82,9 @@ class FoundOracle(Composed):
 
 
 @dataclass
-class _KnowingFound:
-    planner: Composed
-    people: TruePositions
+class _KnowingFound(_Knowing):
     found: set[int] = field(default_factory=set)
     stateful: ClassVar[bool] = True  # who has been found
-
-    @property
-    def exchange(self) -> Exchange:
-        return self.planner.exchange
 
     def reset(self, seed: int) -> None:
         self.found = set()

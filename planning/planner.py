@@ -63,10 +63,8 @@ class Exchange:
     centre: bool = False
 
     def __post_init__(self) -> None:
-        if type(self.rounds) is not int or self.rounds < 0:
-            raise ValueError(f"rounds must be a whole number of at least 0, is {self.rounds!r}")
-        if self.rounds > _MOST_ROUNDS:
-            raise ValueError(f"rounds must be at most {_MOST_ROUNDS}, is {self.rounds}")
+        if type(self.rounds) is not int or not 0 <= self.rounds <= _MOST_ROUNDS:
+            raise ValueError(f"rounds must be a whole number from 0 to {_MOST_ROUNDS}, is {self.rounds!r}")
 
 
 @dataclass(frozen=True, eq=False)

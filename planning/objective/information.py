@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planning.prediction.predicted_belief import LANES, advance_belief
+from planning.prediction.predicted_belief import LANES, advance_belief, predicted
 from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -18,13 +18,9 @@ def advance_with_gains(P: Array, transition: Transition, noise: Array, informati
     the mutual information between the path and all measurements. This sum is monotone and submodular in the
     measurements, because they are independent given the path [Krause05].
     """
-    gains, (way, _) = np.empty(LANES), transition
+    gains = np.empty(LANES)
     for k in range(LANES):
-        xu, yu, yv = P[2 * LANES + k], P[5 * LANES + k], P[6 * LANES + k]
-        xv, uv = P[3 * LANES + k], P[8 * LANES + k]
-        xx = P[k] + way * (2 * xu + way * P[7 * LANES + k]) + noise[0]
-        yy = P[4 * LANES + k] + way * (2 * yv + way * P[9 * LANES + k]) + noise[0]
-        xy = P[LANES + k] + way * (xv + yu + way * uv)
+        xx, xy, _, _, yy, _, _, _, _, _ = predicted(P, k, transition, noise)
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy

@@ -21,7 +21,6 @@ from planning.prediction.predicted_belief import (
     add_information,
     advance_belief,
     possibly_visible,
-    set_last_traces,
 )
 from planning.prediction.quadrangle import inside
 from tracking.metrics.squared_error import cut_off
@@ -165,13 +164,10 @@ def _sum(
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            if row + each < len(near) or gains:
-                _advance(P, belief, information, gains, cutoff, trace)
-            else:
-                set_last_traces(P, belief.transition, belief.noise, information, trace)
-                _copy(trace, finals[index])
-                cut_off(trace, cutoff)
+            _advance(P, belief, information, gains, cutoff, trace)
             _add(trace, weight, total)
+        for lane in range(LANES if tracked else 0):
+            finals[index, lane] = P[lane] + P[4 * LANES + lane]
     total += shared
 
 
@@ -189,12 +185,6 @@ def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool,
 def _add(trace: Array, weight: float, total: Array) -> None:
     for lane in range(LANES):
         total[lane] += weight * trace[lane]
-
-
-@inlined
-def _copy(lanes: Array, others: Array) -> None:
-    for lane in range(LANES):
-        others[lane] = lanes[lane]
 
 
 @inlined

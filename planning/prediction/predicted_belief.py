@@ -218,25 +218,6 @@ def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[f
 
 
 @inlined
-def _compute_gain(xx: float, xy: float, yy: float, jxx: float, jxy: float, jyy: float) -> tuple[float, float, float]:
-    """S⁻¹ = (I + J P_pp)⁻¹ J (xx, xy, yy), which needs no inverse of J and is 0 without information."""
-    a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
-    c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
-    one = 1.0 / (a * d - b * c)
-    return (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
-
-
-@inlined
-def set_last_traces(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
-    """Set `traces` (LANES,) as `advance_belief` does, which is enough at the last step; P stays as it is."""
-    for k in range(LANES):
-        xx, xy, _, _, yy, _, _, _, _, _ = predicted(P, k, transition, noise)
-        sxx, sxy, syy = _compute_gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
-        gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
-        traces[k] = (xx - gx0 * xx - gx1 * xy) + (yy - gy0 * xy - gy1 * yy)
-
-
-@inlined
 def advance_belief(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
@@ -247,15 +228,17 @@ def advance_belief(P: Array, transition: Transition, noise: Array, information: 
     """
     for k in range(LANES):
         xx, xy, xu, xv, yy, yu, yv, uu, uv, vv = predicted(P, k, transition, noise)
-        sxx, sxy, syy = _compute_gain(xx, xy, yy, information[k], information[LANES + k], information[2 * LANES + k])
+        # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
+        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
+        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+        one = 1.0 / (a * d - b * c)
+        sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
-        P[k], P[LANES + k], P[4 * LANES + k] = (
-            xx - gx0 * xx - gx1 * xy,
-            xy - gx0 * xy - gx1 * yy,
-            yy - gy0 * xy - gy1 * yy,
-        )
+        P[k], P[LANES + k] = xx - gx0 * xx - gx1 * xy, xy - gx0 * xy - gx1 * yy
         P[2 * LANES + k], P[3 * LANES + k] = xu - gx0 * xu - gx1 * yu, xv - gx0 * xv - gx1 * yv
+        P[4 * LANES + k] = yy - gy0 * xy - gy1 * yy
         P[5 * LANES + k], P[6 * LANES + k] = yu - gy0 * xu - gy1 * yu, yv - gy0 * xv - gy1 * yv
         P[7 * LANES + k], P[8 * LANES + k] = uu - gu0 * xu - gu1 * yu, uv - gu0 * xv - gu1 * yv
         P[9 * LANES + k] = vv - gv0 * xv - gv1 * yv

@@ -46,24 +46,18 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
 
 @compiled
 def _find_nearest_corner(views: Array, uav: int, dx: float, dy: float) -> tuple[float, float]:
-    """The corner of the quadrangle nearest to (dx, dy) [m]."""
+    """The corner nearest to (dx, dy) [m] of a quadrangle whose first two sides are opposite, as are its last two."""
     best, nearest = np.inf, (dx, dy)
     for k in range(4):
-        x, y = corner(views, uav, k)
+        i, j = k // 2, 2 + k % 2
+        a, b, c = views[uav, i, 0], views[uav, i, 1], views[uav, i, 2]
+        e, f, g = views[uav, j, 0], views[uav, j, 1], views[uav, j, 2]
+        scale = 1.0 / (a * f - e * b)
+        x, y = (c * f - g * b) * scale, (a * g - e * c) * scale
         distance = (dx - x) * (dx - x) + (dy - y) * (dy - y)
         if distance < best:
             best, nearest = distance, (x, y)
     return nearest
-
-
-@compiled
-def corner(views: Array, uav: int, k: int) -> tuple[float, float]:
-    """Corner k of a field of view [m], whose first two sides are opposite each other, and so are its last two."""
-    i, j = k // 2, 2 + k % 2
-    a, b, c = views[uav, i, 0], views[uav, i, 1], views[uav, i, 2]
-    e, f, g = views[uav, j, 0], views[uav, j, 1], views[uav, j, 2]
-    scale = 1.0 / (a * f - e * b)
-    return (c * f - g * b) * scale, (a * g - e * c) * scale
 
 
 @compiled

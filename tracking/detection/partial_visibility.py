@@ -104,10 +104,8 @@ def find_places(frame: Frame, blob: Array, forest: Forest) -> Places | None:
         return None
     x, y = clearing.away
     whole = whole_covariances(lens, np.array([clearing.origin]))[0]
-    along, pixel = (
-        _transform_covariance(np.array([[x, y], [-y, x]]), whole),
-        _transform_covariance(clearing.footprint, np.eye(2)),
-    )
+    along = _transform_covariance(np.array([[x, y], [-y, x]]), whole)
+    pixel = _transform_covariance(clearing.footprint, np.eye(2))
     places = _cover_places(clearing, Seen(along, pixel, area, len(blob)), lens.eye[2], PART_ERROR)
     return places if places.shares.max() >= _LEAST else None
 

@@ -114,17 +114,7 @@ def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, f
 @inlined
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
     """Test if a world point (3,) m is inside the image of `Camera.project`, or seen by a view all round."""
-    optics, position, rotation = lens.optics, lens.eye, lens.rotation
-    if optics.fx == 0.0:
+    if lens.optics.fx == 0.0:
         return True
-    dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
-    depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])
-    if not depth > 0.0:
-        return False
-    right = dx * rotation[0, 0] + dy * rotation[1, 0] + dz * rotation[2, 0]
-    above = dx * rotation[0, 1] + dy * rotation[1, 1] + dz * rotation[2, 1]
-    if optics.reach > 0.0:
-        u, v = plane_pixel(optics, right / depth, -above / depth)
-    else:
-        u, v = optics.cx + optics.fx * right / depth, optics.cy - optics.fy * above / depth
-    return bool(0.0 <= u <= optics.width and 0.0 <= v <= optics.height)
+    u, v, _ = image_point(lens, point)
+    return bool(0.0 <= u <= lens.optics.width and 0.0 <= v <= lens.optics.height)

@@ -14,9 +14,8 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 
-PATIENCE = (
-    1.0  # s without a measurement after which a tentative track is deleted; a later one could be another person's
-)
+# s without a measurement after which a tentative track is deleted; a later one could be another person's
+PATIENCE = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length, pair_costs
+from tracking.numerics.distances import gaussian_costs, length
 from tracking.numerics.exponential import exp
 from tracking.parameters import LossRule, TrackerParameters
 from tracking.track import SIGHTED_AT
@@ -70,6 +70,6 @@ def match_lost_tracks(
     A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
     one assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
     """
-    cost = pair_costs(new[0][:, :2], new[1][:, :2, :2], lost[0][:, :2], lost[1][:, :2, :2])
+    cost = gaussian_costs(new[0][:, None, :2] - lost[0][:, :2], new[1][:, None, :2, :2] + lost[1][:, :2, :2])
     gaps = length(seen[None, :, :2] - new[0][:, None, :2])
     return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)

@@ -36,10 +36,8 @@ def check_scan(scan: Scan) -> tuple[Array, Array]:
 
 
 def _check_pose(pose: Pose) -> None:
-    position, quaternion = (
-        _read_floats("pose.position", pose.position),
-        _read_floats("pose.quaternion", pose.quaternion),
-    )
+    position = _read_floats("pose.position", pose.position)
+    quaternion = _read_floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
     if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:

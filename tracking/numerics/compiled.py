@@ -33,22 +33,23 @@ def compiled(function: Function) -> Function:
 
     `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
     """
-    return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True))
+    return cast(Function, _compile(function))
 
 
 def inlined(function: Function) -> Function:
     """As `compiled`, and copied into compiled callers, for functions that take less time than a call."""
-    return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
+    return cast(Function, _compile(function, forceinline=True))
 
 
 def merged(function: Function) -> Function:
     """As `compiled`, and taken as a part of its only compiled caller, which takes less time than compiling both."""
-    return cast(Function, _compile(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, inline="always"))
+    return cast(Function, _compile(function, inline="always"))
 
 
-def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
+def _compile(function: Callable[..., Any], **options: Any) -> object:  # noqa: ANN401 - as many types as options
     """Compile a function when it is first called, and keep its code in the folder of its module if there is one."""
     config: Any = numba.config
+    options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
     if home := code_folder():
         users = config.CACHE_DIR
         folder = _prepare_folder(Path(function.__code__.co_filename), home)
@@ -56,13 +57,13 @@ def _compile(compiler: Callable[..., Any], function: Callable[..., Any], **optio
             functions[f"{function.__module__}.{function.__qualname__}"] = folder
         config.CACHE_DIR = str(folder)
         try:
-            return compiler(cache=True, **options)(function)
+            return numba.njit(cache=True, **options)(function)
         except RuntimeError:  # Numba finds no place for the code
             pass
         finally:
             config.CACHE_DIR = users
     not_kept.append(function.__qualname__)
-    return compiler(**options)(function)
+    return numba.njit(**options)(function)
 
 
 @cache

@@ -24,15 +24,6 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
     return apply_to_stacks(_squared_distances, differences, covariances, axes=(1, 2))
 
 
-def pair_costs(means: Array, covariances: Array, other_means: Array, other_covariances: Array) -> Array:
-    """Twice the negative log-likelihoods (A, B), up to a constant, that two Gaussians are of the same state.
-
-    Means (A, n) and covariances (A, n, n), other means (B, n) and covariances (B, n, n). NaN where the sum of two
-    covariances is not positive definite.
-    """
-    return gaussian_costs(means[:, None] - other_means[None], covariances[:, None] + other_covariances[None])
-
-
 def gaussian_costs(differences: Array, covariances: Array) -> Array:
     """Twice the negative log-densities (...), up to a constant, of Gaussians of mean zero at differences (..., n).
 

@@ -222,9 +222,9 @@ def test_without_an_exchange_attribute_each_plan_is_sent_once():
     assert [s.reception for s in planner.teams[0]] == [((1,),) * 3, ((0, 2),) * 3, ((1,),) * 3]
 
 
-@pytest.mark.parametrize("rounds", [-1, 1.0, True])
+@pytest.mark.parametrize("rounds", [-1, 1.0, True, 1001])
 def test_rounds_are_whole_numbers(rounds):
-    with pytest.raises(ValueError, match=r"^rounds must be a whole number of at least 0, is "):
+    with pytest.raises(ValueError, match=r"^rounds must be a whole number from 0 to 1000, is "):
         Exchange(rounds)
 
 

@@ -52,7 +52,7 @@ def test_matrices_without_variance_have_zero_roots_and_indefinite_ones_none():
     assert np.array_equal(roots @ np.swapaxes(roots, 1, 2), singular)
     wrong = np.array([[[1.0, 2.0], [2.0, 1.0]]])
     assert np.isnan(cholesky_factors(wrong)[0, 1, 1])
-    assert np.isnan(distances.pair_costs(np.ones((1, 2)), wrong, np.ones((1, 2)), wrong)).all()
+    assert np.isnan(distances.gaussian_costs(np.ones(2), wrong)).all()
     assert np.isnan(distances.squared_distance(np.ones(2), wrong)).all()
     assert np.isnan(factorisation.inverses(wrong)).any()
 
@@ -63,7 +63,7 @@ def test_distances_and_costs_of_pairs_agree_with_lapack(n):
     solved = np.linalg.solve(np.broadcast_to(P, (6, 5, n, n)), np.broadcast_to(d, (6, 5, n))[..., None])[..., 0]
     expected = (solved * d).sum(axis=-1)
     np.testing.assert_allclose(distances.squared_distance(d, P), expected, rtol=1e-8)
-    costs = distances.pair_costs(np.zeros((6, n)), 0.75 * P[:, 0], d, np.zeros((5, n, n)))
+    costs = distances.gaussian_costs(-d, 0.75 * P)
     np.testing.assert_allclose(costs, expected / 0.75 + np.linalg.slogdet(0.75 * P)[1], rtol=1e-8, atol=1e-9)
 
 
