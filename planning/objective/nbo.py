@@ -178,6 +178,8 @@ def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool,
         advance_with_gains(P, belief.transition, belief.noise, information, costs)
     else:
         advance_belief(P, belief.transition, belief.noise, information, costs)
+        for lane in range(LANES):
+            costs[lane] = P[lane] + P[4 * LANES + lane]
         cut_off(costs, cutoff)
 
 

@@ -202,37 +202,31 @@ def _find_visible_shares(
 
 
 @inlined
-def predicted(P: Array, k: int, transition: Transition, noise: Array) -> tuple[float, ...]:
-    """The ten elements of the covariance in lane k one step later, without information; P as in `advance_belief`."""
-    drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
-    xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
-    yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
-    uv, vv = P[8 * LANES + k], P[9 * LANES + k]
-    xx += way * (2 * xu + way * uu) + drift
-    yy += way * (2 * yv + way * vv) + drift
-    xy += way * (xv + yu + way * uv)
-    xu, xv = left * (xu + way * uu) + both, left * (xv + way * uv)
-    yu, yv = left * (yu + way * uv), left * (yv + way * vv) + both
-    uu, uv, vv = left * left * uu + wander, left * left * uv, left * left * vv + wander
-    return xx, xy, xu, xv, yy, yu, yv, uu, uv, vv
-
-
-@inlined
-def advance_belief(P: Array, transition: Transition, noise: Array, information: Array, traces: Array) -> None:
+def advance_belief(P: Array, transition: Transition, noise: Array, information: Array, ratios: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds the upper triangle of the covariance, all lanes of one element after another: xx, xy, xu, xv,
-    yy, yu, yv, uu, uv, vv with the velocity (u, v); information (3 LANES,): xx, xy, yy. `traces` (LANES,) is set to the
-    traces of the position block. Without information P is only predicted.
+    yy, yu, yv, uu, uv, vv with the velocity (u, v); information J (3 LANES,): xx, xy, yy. `ratios` (LANES,) are set to
+    det(I + J P_pp) with the predicted position block P_pp. Without information P is only predicted.
     Source: [Li22] eq. (1), and the covariance part of the Kalman update.
     """
+    drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     for k in range(LANES):
-        xx, xy, xu, xv, yy, yu, yv, uu, uv, vv = predicted(P, k, transition, noise)
+        xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
+        yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
+        uv, vv = P[8 * LANES + k], P[9 * LANES + k]
+        xx += way * (2 * xu + way * uu) + drift
+        yy += way * (2 * yv + way * vv) + drift
+        xy += way * (xv + yu + way * uv)
+        xu, xv = left * (xu + way * uu) + both, left * (xv + way * uv)
+        yu, yv = left * (yu + way * uv), left * (yv + way * vv) + both
+        uu, uv, vv = left * left * uu + wander, left * left * uv, left * left * vv + wander
         # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
-        one = 1.0 / (a * d - b * c)
+        ratios[k] = a * d - b * c
+        one = 1.0 / ratios[k]
         sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
@@ -242,4 +236,3 @@ def advance_belief(P: Array, transition: Transition, noise: Array, information: 
         P[5 * LANES + k], P[6 * LANES + k] = yu - gy0 * xu - gy1 * yu, yv - gy0 * xv - gy1 * yv
         P[7 * LANES + k], P[8 * LANES + k] = uu - gu0 * xu - gu1 * yu, uv - gu0 * xv - gu1 * yv
         P[9 * LANES + k] = vv - gv0 * xv - gv1 * yv
-        traces[k] = P[k] + P[4 * LANES + k]

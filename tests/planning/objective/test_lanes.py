@@ -54,15 +54,16 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
 def stepped(P, model, J):
     """Covariances (N, 4, 4) after one transition with information (N, 2, 2), as many at once as there are lanes."""
     noise = np.array([model.Q[0, 0], model.Q[0, 2], model.Q[2, 2]])
-    lanes, information, traces = np.zeros((10, LANES)), np.zeros((3, LANES)), np.empty(LANES)
+    lanes, information, ratios = np.zeros((10, LANES)), np.zeros((3, LANES)), np.empty(LANES)
     lanes[:, : len(P)] = P[:, TRIANGLE[0], TRIANGLE[1]].T
     information[:, : len(P)] = J[:, [0, 0, 1], [0, 1, 1]].T
     flat = lanes.ravel()
-    advance_belief(flat, model.transition, noise, information.ravel(), traces)
+    advance_belief(flat, model.transition, noise, information.ravel(), ratios)
     out = np.empty_like(P)
     out[:, TRIANGLE[0], TRIANGLE[1]] = flat.reshape(10, LANES)[:, : len(P)].T
     out[:, TRIANGLE[1], TRIANGLE[0]] = out[:, TRIANGLE[0], TRIANGLE[1]]
-    np.testing.assert_array_equal(traces[: len(P)], out[:, 0, 0] + out[:, 1, 1])
+    ahead = (model.F @ P @ model.F.T + model.Q)[:, :2, :2]
+    np.testing.assert_allclose(ratios[: len(P)], np.linalg.det(np.eye(2) + J @ ahead), rtol=1e-9)
     return out
 
 
