@@ -27,7 +27,9 @@ def check_options(planner: object) -> None:
         arguments = get_args(kind)
         if len(arguments) > 1 and isinstance(arguments[1], Range):
             _check_number(name, value, *arguments)
-        elif isinstance(value, str) and (words := _list_words(kind)) and value not in words:
+        # Words that an annotation allows are those of `Literal`, alone or as a part of a union.
+        words = [word for part in (kind, *arguments) if get_origin(part) is Literal for word in get_args(part)]
+        if isinstance(value, str) and words and value not in words:
             allowed = ", ".join(map(repr, words))
             raise ValueError(f"{name} {value!r} is unknown; allowed are {allowed}{nearest(value, words)}")
 
@@ -36,9 +38,3 @@ def _check_number(name: str, value: Any, number: type, bounds: Range) -> None:  
     kinds = (int,) if number is int else (int, float)
     if type(value) not in kinds or not bounds.has(value):
         raise ValueError(f"{name} must be a {'whole ' * (number is int)}number {bounds}, is {value!r}")
-
-
-def _list_words(kind: Any) -> tuple[str, ...]:  # noqa: ANN401 - any annotation
-    """Words that an annotation allows: those of `Literal`, alone or as a part of a union."""
-    literals = [part for part in (kind, *get_args(kind)) if get_origin(part) is Literal]
-    return tuple(word for part in literals for word in get_args(part))

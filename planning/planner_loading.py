@@ -40,7 +40,7 @@ def make_planner(make: Callable[..., object], name: str, options: Mapping[str, A
     """The planner that a class or function makes; InputError about the planner of that name if it fails."""
     with ANY_PLANNER.errors(name, "be made", make, "__init__"):
         planner = make(**options)
-    return _check_methods(planner, name)
+    return cast("Planner", ANY_PLANNER.check_methods(name, planner))
 
 
 def resolve_planner(given: object) -> Planner:
@@ -49,13 +49,7 @@ def resolve_planner(given: object) -> Planner:
         return load_planner(given)
     if isinstance(given, type):
         raise InputError(f"planner: {given.__qualname__} is a class; give an object of it")
-    return _check_methods(given, type(given).__qualname__)
-
-
-def _check_methods(planner: object, name: str) -> Planner:
-    """The planner of that name; InputError unless it has the method plan(team, rng)."""
-    ANY_PLANNER.check_methods(name, planner)
-    return cast("Planner", planner)
+    return cast("Planner", ANY_PLANNER.check_methods(type(given).__qualname__, given))
 
 
 def make_canonical_text(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
@@ -29,8 +29,9 @@ _ONE_BY_ONE = 1000  # steps, the most between two frames of a camera in a missio
 class MotionModel(Protocol):
     """Prediction of beliefs over one step of `dt`.
 
-    A built-in model may learn: `learn(velocities)` returns the model after a scan in which people of these
-    velocities (N, 2) m/s were detected.
+    A model may have the method `stretch(duration)`, which returns the same motion over one step of so many seconds; for
+    others, times are rounded to whole steps. A built-in model may learn: `learn(velocities)` returns the model after a
+    scan in which people of these velocities (N, 2) m/s were detected.
     """
 
     @property
@@ -41,18 +42,10 @@ class MotionModel(Protocol):
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
 
 
-@runtime_checkable
-class StretchableMotion(Protocol):
-    """A motion model that predicts over steps of any duration; for others, times are rounded to whole steps."""
-
-    def stretch(self, duration: float) -> MotionModel:
-        """The same motion over one step of `duration` s, longer or shorter than `dt`."""
-
-
 def count_steps(motion: MotionModel, duration: float) -> float:
     """Number of a model's steps in `duration` s, without errors of rounding; whole if the model has no other steps."""
     steps, whole = duration / motion.dt, float(round(duration / motion.dt))
-    return steps if abs(steps - whole) > _ROUNDING and isinstance(motion, StretchableMotion) else whole
+    return steps if abs(steps - whole) > _ROUNDING and hasattr(motion, "stretch") else whole
 
 
 def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: float) -> tuple[Array, Array]:
@@ -60,8 +53,8 @@ def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: 
 
     Up to a thousand whole steps are predicted one by one; others at once, if the model can.
     """
-    if (steps > _ONE_BY_ONE or not float(steps).is_integer()) and isinstance(motion, StretchableMotion):
-        return motion.stretch(steps * motion.dt).predict_all(means, covariances)
+    if (steps > _ONE_BY_ONE or not float(steps).is_integer()) and hasattr(motion, "stretch"):
+        motion, steps = motion.stretch(steps * motion.dt), 1
     for _ in range(round(steps)):
         means, covariances = motion.predict_all(means, covariances)
     return means, covariances

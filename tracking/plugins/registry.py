@@ -52,14 +52,14 @@ class Registry:
                 return make(*arguments)
         with self.errors(name, "be made", make, "__init__"):
             made = make() if self.bare else make(*arguments)
-        self.check_methods(name, made)
-        return made
+        return self.check_methods(name, made)
 
-    def check_methods(self, name: str, made: object) -> None:
-        """Raise InputError unless a plug-in has the methods of this registry."""
+    def check_methods(self, name: str, made: Any) -> Any:  # noqa: ANN401 - a plug-in
+        """The plug-in; InputError unless it has the methods of this registry."""
         for method in self.methods:
             if lacking := _describe_lack(name, made, method):
                 raise InputError(f"{self.field}: {lacking}")
+        return made
 
     def is_stateful(self, name: str, made: object) -> bool:
         """True if a plug-in declares that it has a memory, `stateful = True`; InputError if it lacks `reset`."""
