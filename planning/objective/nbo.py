@@ -12,7 +12,6 @@ from planning.objective.cost_to_go import (
     lower_times_to_view,
     replace_by_future_errors,
 )
-from planning.objective.information import advance_with_gains
 from planning.objective.mwtp import add_penalties
 from planning.objective.objective import Objective
 from planning.prediction.predicted_belief import (
@@ -20,6 +19,7 @@ from planning.prediction.predicted_belief import (
     PredictedBelief,
     add_information,
     advance_belief,
+    advance_with_gains,
     possibly_visible,
 )
 from planning.prediction.quadrangle import inside

@@ -14,7 +14,7 @@ from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
 from tracking.geometry.visibility import PART_EXPONENT, TARGET_HEIGHT, Forest, any_of_two
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp
+from tracking.numerics.exponential import exp, replace_by_logs
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
@@ -236,3 +236,18 @@ def advance_belief(P: Array, transition: Transition, noise: Array, information: 
         P[5 * LANES + k], P[6 * LANES + k] = yu - gy0 * xu - gy1 * yu, yv - gy0 * xv - gy1 * yv
         P[7 * LANES + k], P[8 * LANES + k] = uu - gu0 * xu - gu1 * yu, uv - gu0 * xv - gu1 * yv
         P[9 * LANES + k] = vv - gv0 * xv - gv1 * yv
+
+
+@compiled
+def advance_with_gains(P: Array, transition: Transition, noise: Array, information: Array, costs: Array) -> None:
+    """Apply `advance_belief` to P, and set `costs` (LANES,) to minus the information gained.
+
+    The gain is the mutual information [nats] between a state one step later and its measurements, ½ log det(I + J P_pp)
+    with the predicted position block and the measurements' information J. By the chain rule, the sum over steps is
+    the mutual information between the path and all measurements. This sum is monotone and submodular in the
+    measurements, because they are independent given the path [Krause05].
+    """
+    advance_belief(P, transition, noise, information, costs)
+    replace_by_logs(costs)
+    for k in range(LANES):
+        costs[k] *= -0.5

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.information import advance_with_gains
-from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information
+from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information, advance_with_gains
 from tracking.filter.kalman import Transition
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
