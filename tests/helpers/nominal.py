@@ -1,7 +1,6 @@
 """Nominal beliefs and their cost, also computed plainly."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
@@ -9,13 +8,14 @@ from scipy.stats import norm
 
 from helpers.teams import among
 from planning.objective.cost_to_go import DEVIATION, FUTURE, SECONDS
+from planning.objective.mwtp import add_penalties
 from planning.objective.nbo import Measure, make_objective
+from planning.prediction.predicted_belief import LANES
 from planning.prediction.propagation import Nominal
 from planning.prediction.quadrangle import inside, shortest_move
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.distances import length
 
 GAINS = Measure(gains=True, cutoff=np.inf)
 
@@ -36,63 +36,26 @@ def information(situation, uavs, plans, *, expected=False):
     return -make_objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
 
 
-class Match(NamedTuple):
-    """A target outside all fields of view, and the UAV that Algorithm 2 assigns to it."""
-
-    uav: int  # row of the sensors
-    target: int
-    distance: float  # m, from the aim point of the camera after its earlier matches
-    penalty: float  # m³; only the first match of a UAV has one
-
-
-def matches(targets, traces, seen, sensors, views):
-    """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
-
-    targets (T, 2 or 3) m; traces (T,) m²; sensors (n, 3): x, y [m] and D_i, overwritten with the positions p^MDO; views
-    (n, 5, 3) as in `field_of_view.view_quadrangle`. `mwtp.add_penalties` is the compiled form.
-    """
-    found = []
-    for t in np.argsort(-traces, kind="stable").tolist():  # equal traces by index
-        if not seen[t]:
-            gaps = targets[t, :2] - sensors[:, :2]
-            distances = length(gaps - views[:, 4, :2])
-            uav = int(np.argmin(sensors[:, 2] + distances))
-            distance = float(distances[uav])
-            penalty = distance * float(traces[t]) if sensors[uav, 2] == 0.0 else 0.0
-            found.append(Match(uav, t, distance, penalty))
-            sensors[uav, 2] += distance
-            sensors[uav, :2] += shortest_move(views, uav, *gaps[uav])
-    return found
-
-
 def weighted_trace_penalty(targets, traces, sensors, views):
-    """Multiple weighted trace penalty [m³], the sum over `matches`; `sensors` (n, 2) m are moved to their p^MDO."""
-    busy = np.pad(sensors, ((0, 0), (0, 1)))
-    seen = [any(inside(v, *(t[:2] - s)) for v, s in zip(views, sensors, strict=True)) for t in targets]
-    penalty = 0.0
-    for match in matches(targets, traces, seen, busy, views):
-        penalty += match.penalty
-    sensors[:] = busy[:, :2]
-    return penalty
+    """Compiled MWTP [m³] of targets (T, 2) m, traces (T,) m², for UAVs at (n, 2) m with fields of view (n, 5, 3)."""
+    lanes, own, sums = np.tile(traces[:, None], LANES), np.tile(sensors[:, :, None], LANES), np.zeros(LANES)
+    unseen, deciding = np.zeros(len(targets), np.bool_), np.arange(len(sensors))
+    add_penalties(targets, lanes, unseen, sensors, deciding, own, views, sums)
+    return sums[0]
 
 
-def plain_mwtp(targets, traces, sensors, reach):
-    """Algorithm 2 of [Li22], line by line, with beta = 1."""
-    sensors = [np.array(s, dtype=float) for s in sensors]
-    outside = [
-        t
-        for t in range(len(targets))
-        if not any(np.max(np.abs(targets[t] - s)) <= r for s, r in zip(sensors, reach, strict=True))
-    ]
-    J, D = 0.0, [0.0] * len(sensors)
-    for t in sorted(outside, key=lambda t: -traces[t]):
-        d = [np.linalg.norm(targets[t] - s) for s in sensors]
-        i = min(range(len(sensors)), key=lambda i: D[i] + d[i])
+def plain_mwtp(targets, traces, sensors, views):
+    """Algorithm 2 of [Li22], line by line, with beta = 1; arguments as of `weighted_trace_penalty`."""
+    sensors, J, D = np.array(sensors, dtype=float), 0.0, np.zeros(len(sensors))
+    seen = [any(inside(v, *(t - s)) for v, s in zip(views, sensors, strict=True)) for t in targets]
+    for t in sorted(np.flatnonzero(~np.array(seen, bool)), key=lambda t: -traces[t]):  # equal traces by index
+        gaps = targets[t] - sensors
+        d = np.linalg.norm(gaps - views[:, 4, :2], axis=1)
+        i = int(np.argmin(D + d))
         if D[i] == 0:
             J += d[i] * traces[t]
         D[i] += d[i]
-        gap = targets[t] - sensors[i]
-        sensors[i] = sensors[i] + np.sign(gap) * np.maximum(np.abs(gap) - reach[i], 0)
+        sensors[i] += shortest_move(views, i, *gaps[i])
     return J
 
 
@@ -137,7 +100,7 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutof
         ahead = [t.belief for t in situation.tracks]
         for _ in traces:
             ahead = [situation.motion.predict(belief) for belief in ahead]
-        J += beta * plain_mwtp([belief.mean[:2] for belief in ahead], traces[-1] * weights, ends, reach)
+        J += beta * plain_mwtp([belief.mean[:2] for belief in ahead], traces[-1] * weights, ends, squares(reach))
     return J, seen
 
 

@@ -48,11 +48,12 @@ def brute_force(likelihood, detection, clutter, existence):
 @pytest.mark.parametrize("density", [0.3, 1.0])
 def test_marginals_are_those_of_all_events_and_all_sets_of_people(density):
     rng = np.random.default_rng(0)
-    for _ in range(60):
-        T, N = rng.integers(1, 5, 2)
+    for k in range(60):
+        T, N = rng.integers(1, 5), rng.integers(0, 5)
         likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
         detection = rng.random((T, N + 1)) * (rng.random((T, 1)) < 2 / 3)
-        case = likelihood, detection, 10 ** rng.uniform(-5, 0), rng.uniform(0.01, 0.99, T)
+        existence = rng.uniform(0.01, 0.99, T) if k % 3 else np.ones(T)
+        case = likelihood, detection, 10 ** rng.uniform(-5, 0), existence
         for ours, exact in zip(existence_association(*case), brute_force(*case), strict=True):
             np.testing.assert_allclose(ours, exact, rtol=1e-9, atol=1e-14)
 
