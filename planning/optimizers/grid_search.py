@@ -22,7 +22,6 @@ class GridSearch:
     """
 
     directions: int = 8
-    speeds: int = 1  # besides hovering
     most: int = 2_000_000  # most plans to try if `seconds` sets no limit
     evaluations: int = 0  # plans to try, besides the starts; 0: all
     seconds: float = 0.0  # time after which the search stops; 0: no limit
@@ -31,8 +30,7 @@ class GridSearch:
         """Controls (D, 2) m/s of which plans consist."""
         angles = 2 * math.pi * np.arange(self.directions) / self.directions
         rim = np.column_stack([cos_each(angles), sin_each(angles)])
-        shares = np.arange(1, self.speeds + 1) / self.speeds
-        return np.concatenate([np.zeros((1, 2)), *(share * max_speed * rim for share in shares)])
+        return np.concatenate([np.zeros((1, 2)), max_speed * rim])
 
     def minimise(
         self,

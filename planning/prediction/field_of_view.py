@@ -14,7 +14,6 @@ from tracking.numerics.distances import length
 from tracking.numerics.matrices import apply
 from tracking.numerics.trigonometry import hypot
 
-_MIDDLE = np.zeros((1, 2))
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 # Points of the image at which to keep a pursued target, in half edges: the middle and eight near the rim. A view from
 # the side shows a target under a canopy that hides it from above.
@@ -22,25 +21,11 @@ IMAGE_POINTS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)]
 
 
 class _View(NamedTuple):
-    """What a field of view depends on. All UAVs of a fleet ask for the same ones, so each is worked out once."""
+    """What a vehicle sees, as of `aim_point`, `viewing_range` and `view_quadrangle`."""
 
-    bounds: tuple[float, float, float, float] | None  # as of `Camera.bounds`; None for a view all round
-    height: float  # m, above the targets
-    attitude: bytes  # of the quaternion
-
-
-_KEPT = 4096  # views
-
-
-def _view_of(vehicle: Vehicle) -> _View:
-    attitude = np.asarray(vehicle.attitude, dtype=float)
-    bounds = _find_bounds(vehicle.camera)
-    return _View(bounds, float(vehicle.position[2] - TARGET_HEIGHT), attitude.tobytes())
-
-
-@lru_cache(_KEPT)
-def _find_bounds(camera: Camera) -> tuple[float, float, float, float] | None:
-    return None if camera.fov >= ALL_ROUND else camera.bounds
+    aim: Array
+    reach: float
+    quadrangle: Array
 
 
 def points_shown(vehicle: Vehicle, marks: Array) -> Array:
@@ -48,33 +33,27 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
 
     Note: a view all round has no image; marks are taken in an image of 90 degrees instead.
     """
-    return _find_points(_view_of(vehicle), marks.tobytes()).copy()
+    height = float(vehicle.position[2] - TARGET_HEIGHT)
+    return _find_points(vehicle.camera, height, np.array(vehicle.attitude, dtype=float), marks)
 
 
-@lru_cache(_KEPT)
-def _find_points(view: _View, given: bytes) -> Array:
-    marks, height = np.frombuffer(given).reshape(-1, 2), view.height
-    left, right, low, high = view.bounds or (-1.0, 1.0, -1.0, 1.0)
+def _find_points(camera: Camera, height: float, attitude: Array, marks: Array) -> Array:
+    left, right, low, high = camera.bounds if camera.fov < ALL_ROUND else (-1.0, 1.0, -1.0, 1.0)
     half = height * np.array([(right - left) / 2, (high - low) / 2])
     middle = height * np.array([(right + left) / 2, (high + low) / 2])
     rays = np.column_stack([half * marks + middle, np.full(len(marks), -height)])
-    points = apply(rotation(np.frombuffer(view.attitude).copy()), rays)
+    points = apply(rotation(attitude), rays)
     return np.asarray(points[:, :2] * (height / -points[:, 2:]))
 
 
 def aim_point(vehicle: Vehicle) -> Array:
     """Point (2,) m, relative to the vehicle, that the middle of the image shows."""
-    return points_shown(vehicle, _MIDDLE).ravel()
+    return _view_of(vehicle).aim.copy()
 
 
 def viewing_range(vehicle: Vehicle) -> float:
     """Longest planar distance at which the vehicle can see a target [m]."""
-    return _find_range(_view_of(vehicle))
-
-
-@lru_cache(_KEPT)
-def _find_range(view: _View) -> float:
-    return math.inf if view.bounds is None else float(np.max(length(_find_points(view, _CORNERS.tobytes()))))
+    return _view_of(vehicle).reach
 
 
 def view_quadrangle(vehicle: Vehicle) -> Array:
@@ -84,18 +63,26 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     sees points between its `bounds` times their depth; at constant height that is linear. Of the view through a lens,
     whose edges are bent, this is the upright rectangle inside it, so that no point is claimed that is not seen.
     """
-    return _make_quadrangle(_view_of(vehicle)).copy()
+    return _view_of(vehicle).quadrangle.copy()
 
 
-@lru_cache(_KEPT)
-def _make_quadrangle(view: _View) -> Array:
-    if view.bounds is None:
-        return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)
-    R, out = rotation(np.frombuffer(view.attitude).copy()), np.empty((5, 3))
-    left, right, low, high = view.bounds
+def _view_of(vehicle: Vehicle) -> _View:
+    attitude = np.asarray(vehicle.attitude, dtype=float)
+    return _find_view(vehicle.camera, float(vehicle.position[2] - TARGET_HEIGHT), attitude.tobytes())
+
+
+@lru_cache(4096)  # because all UAVs of a fleet ask for the same views
+def _find_view(camera: Camera, height: float, quaternion: bytes) -> _View:
+    attitude = np.frombuffer(quaternion).copy()
+    aim = _find_points(camera, height, attitude, np.zeros((1, 2)))[0]
+    if camera.fov >= ALL_ROUND:
+        sides = [(x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        return _View(aim, math.inf, np.array([*sides, (0, 0, 0)], dtype=float))
+    R, out = rotation(attitude), np.empty((5, 3))
+    left, right, low, high = camera.bounds
     for k, (axis, sign, slope) in enumerate(((0, 1.0, right), (0, -1.0, -left), (1, 1.0, high), (1, -1.0, -low))):
         normal = sign * R[:, axis] + slope * R[:, 2]
         size = hypot(normal[0], normal[1])
-        out[k] = normal[0] / size, normal[1] / size, view.height * normal[2] / size
-    out[4] = *_find_points(view, _MIDDLE.tobytes())[0], 0.0
-    return out
+        out[k] = normal[0] / size, normal[1] / size, height * normal[2] / size
+    out[4] = *aim, 0.0
+    return _View(aim, float(np.max(length(_find_points(camera, height, attitude, _CORNERS)))), out)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 from helpers import kalman
-from helpers.information import information_form, moment_form
 from helpers.scenes import H
 
 from tracking.association.jpda import mixture_update
@@ -76,15 +75,3 @@ def test_a_run_is_filterpys_kalman_filter_and_stays_positive_definite():
         belief = update(MOTION.predict(belief), np.zeros(2), 1e-8 * np.eye(2))
         np.testing.assert_array_equal(belief.covariance, belief.covariance.T)
         assert np.linalg.eigvalsh(belief.covariance).min() > 0
-
-
-def test_information_form_and_back_is_the_identity():
-    means, covariances = random_beliefs(np.random.default_rng(3), 30)
-    q, omega = information_form(means, covariances)
-    np.testing.assert_allclose(omega @ covariances, np.tile(np.eye(4), (30, 1, 1)), atol=1e-8)
-    back_means, back_covariances = moment_form(q, omega)
-    np.testing.assert_allclose(back_means, means, rtol=1e-7)
-    np.testing.assert_allclose(back_covariances, covariances, rtol=1e-6, atol=1e-9)
-    for matrices in (omega, back_covariances):
-        np.testing.assert_array_equal(matrices, np.swapaxes(matrices, 1, 2))
-        assert np.linalg.eigvalsh(matrices).min() > 0
