@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.camera_lanes import camera_lanes
 from planning.objective.cost_to_go import (
     NO_COST_TO_GO,
     CostToGo,
@@ -91,13 +90,42 @@ class _Others(NamedTuple):
     measure: Measure
 
 
+class _CameraLanes(NamedTuple):
+    """Paths of the cameras of k UAVs in C groups of LANES plans."""
+
+    cameras: Array  # (C, k, H, 2, LANES) m
+    boxes: Array  # (C, k, H, 4) m: x0, x1, y0, y1 of the bounding box of a group
+
+
+@compiled
+def _trace_cameras(belief: PredictedBelief, uavs: Indices, plans: Array) -> _CameraLanes:
+    """Camera paths of plans of mean velocities (N, k, H, 2) m/s; the last plan fills spare lanes."""
+    groups, steps = (len(plans) + LANES - 1) // LANES, plans.shape[2]
+    cameras, boxes = np.empty((groups, len(uavs), steps, 2, LANES)), np.empty((groups, len(uavs), steps, 4))
+    for g in range(groups):
+        for j in range(len(uavs)):
+            for axis in range(2):
+                start, now = belief.positions[uavs[j], axis], cameras[g, j, 0, axis]
+                for lane in range(LANES):
+                    now[lane] = start
+                for step in range(steps):
+                    low, high = np.inf, -np.inf
+                    before, now = now, cameras[g, j, step, axis]
+                    for lane in range(LANES):
+                        at = before[lane] + belief.step * plans[min(g * LANES + lane, len(plans) - 1), j, step, axis]
+                        now[lane] = at
+                        low, high = min(low, at), max(high, at)
+                    boxes[g, j, step, 2 * axis], boxes[g, j, step, 2 * axis + 1] = low, high
+    return _CameraLanes(cameras, boxes)
+
+
 @compiled
 def _compute_costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, samples: int) -> Array:
     result, weight = np.empty(len(own)), others.measure.ahead.weight
     finals, total, sums = np.empty((len(others.finals), LANES)), np.empty(LANES), np.empty(LANES)
     if len(own) == 0:
         return result
-    flights = camera_lanes(belief, others.uavs, own)
+    flights = _trace_cameras(belief, others.uavs, own)
     in_reach = _find_targets_in_reach(belief, others.uavs, flights.boxes)
     for index in range(len(finals) if beta > 0.0 or weight > 0.0 else 0):
         _fill(finals[index], others.finals[index : index + 1])  # those out of reach stay as they are
@@ -205,23 +233,16 @@ def _penalise(belief: PredictedBelief, others: _Others, own: Array, finals: Arra
     own (k, 2, LANES) m: final positions of the deciding UAVs; finals (T K, LANES) m².
     """
     points, each = belief.points[-1, :, 0], belief.points.shape[1] // samples
-    traces = _weigh_costs(belief, finals, others.measure.cutoff)
-    sums[:] = 0.0
-    for first in range(0, len(points), max(each, 1)):
-        last = first + each
-        targets, costs, seen = points[first:last], traces[first:last], others.seen[first:last]
-        add_penalties(targets, costs, seen, others.ends, others.uavs, own, belief.views, sums)
-
-
-@compiled
-def _weigh_costs(belief: PredictedBelief, finals: Array, cutoff: float) -> Array:
-    """Weighted costs (T, LANES) of the targets with these traces, which are cut off."""
     costs, count = np.zeros((len(belief.weights), LANES)), belief.points.shape[2]
     for index in range(len(finals)):
         errors = finals[index].copy()
-        cut_off(errors, cutoff)
+        cut_off(errors, others.measure.cutoff)
         _add(errors, belief.weights[index // count] / count, costs[index // count])
-    return costs
+    sums[:] = 0.0
+    for first in range(0, len(points), max(each, 1)):
+        last = first + each
+        targets, weighted, seen = points[first:last], costs[first:last], others.seen[first:last]
+        add_penalties(targets, weighted, seen, others.ends, others.uavs, own, belief.views, sums)
 
 
 @compiled
@@ -290,7 +311,7 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
     for i in range(len(velocities)):
         if i in others.uavs:
             continue
-        flight = camera_lanes(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
+        flight = _trace_cameras(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2))
         cameras = flight.cameras[0, 0]
         others.ends[i, 0], others.ends[i, 1] = cameras[-1, 0, 0], cameras[-1, 1, 0]
         for t in range(len(others.seen)):
