@@ -107,8 +107,8 @@ class Composed:
     cutoff: Annotated[float, Range(0, 1e6)] = 0.0
     # weight of a learned cost-to-go: errors of tracks in the 15 s after the plan; 0: none
     cost_to_go: Annotated[float, Range(0, 1e6)] = 0.0
-    # mean time [s] until people out of sight turn, so that they are searched for wherever they can have walked to since
-    # they were last detected, and no frame shows them, as 20; 0: they go on as tracks predict
+    # mean time [s] until people out of sight turn, such as 20; they are searched for wherever they can have walked
+    # unseen; 0: they go on as tracks predict
     escape: Annotated[float, Range(0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
