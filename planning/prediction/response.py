@@ -20,11 +20,6 @@ class Response(NamedTuple):
     lacking: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
     remaining: Array  # (k,): share of the change that is still to come after the step
 
-    @classmethod
-    def at_once(cls, count: int) -> "Response":
-        """Response of `count` hovering UAVs that follow commands at once, [Li22] eq. (5)."""
-        return cls(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
-
 
 def response(vehicles: Sequence[Vehicle], step: float) -> Response:
     """Response of UAVs over a step [s]; the velocity of a UAV above its speed limit is reduced to the limit."""

@@ -23,7 +23,8 @@ class TargetsInReach(NamedTuple):
 
 
 _NONE = np.empty(0, np.int64)
-NO_TARGETS = TargetsInReach(_NONE, _NONE, np.empty((0, 2)), np.empty((0, 5, 3)), Response.at_once(0))
+_NOBODY = Response(np.empty((0, 2)), np.empty(0), np.empty(0))
+NO_TARGETS = TargetsInReach(_NONE, _NONE, np.empty((0, 2)), np.empty((0, 5, 3)), _NOBODY)
 
 
 def find_targets_in_reach(

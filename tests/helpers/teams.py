@@ -6,6 +6,7 @@ import numpy as np
 
 from planning.planner import Plan
 from planning.planner_loading import load_planner
+from planning.prediction.response import Response
 
 LITTLE = {"mcr": "(samples=5, evaluations=64)", "dec-mcts": "(evaluations=20, rounds=2, sequences=2, samples=1)"}
 LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")  # no effort to limit
@@ -20,6 +21,11 @@ class Spy:
     def plan(self, team, rng):
         self.teams.append(team)
         return [Plan(np.array(self.ways(situation))) for situation in team]
+
+
+def at_once(count):
+    """Response of `count` hovering UAVs that follow commands at once, [Li22] eq. (5)."""
+    return Response(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
 
 
 def with_little_effort(name):

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.nominal import nominal, team_cost
-from helpers.teams import knowing, planned
+from helpers.teams import at_once, knowing, planned
 
 from planning.composed import Composed
 from planning.coordination.rounds import SequentialPartitions
@@ -18,7 +18,6 @@ from planning.optimizers.optimizer import make_pursuits, make_turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, expect_plans, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
-from planning.prediction.response import Response
 from planning.prediction.targets_in_reach import find_targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
@@ -37,7 +36,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
-        find_targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
+        find_targets_in_reach(view, [0], np.array([5.0]), at_once(1)),
     )
     plans = planned(Composed(3, coordination), team, seed=9)
     np.testing.assert_array_equal(plans, alone)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from planning.made_up_teams import make_random_team
-from planning.prediction.response import Response, mean_velocities, response, vehicle_after
+from planning.prediction.response import mean_velocities, response, vehicle_after
 
 
 def lagging(lags, velocities):
@@ -38,7 +38,6 @@ def test_without_a_lag_mean_velocities_are_the_commands_to_the_bit():
     plans = rng.uniform(-5, 5, (4, 3, 5, 2))
     fleet = lagging((0.0, 0.0, 0.0), rng.uniform(-3, 3, (3, 2)))
     assert mean_velocities(response(fleet, 1.0), plans).tobytes() == plans.tobytes()
-    assert mean_velocities(Response.at_once(3), plans).tobytes() == plans.tobytes()
 
 
 def test_none_is_taken_to_be_faster_than_its_limit():

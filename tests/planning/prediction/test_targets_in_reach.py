@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.nominal import nominal, squares
+from helpers.teams import at_once
 
 from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -32,7 +33,7 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
         situation = random_team(seed, targets=5, spread=35.0)[1]
         situation = dataclasses.replace(situation, motion=NearlyConstantVelocity(step, 0.5))
         view, own = nominal(situation, 3), situation.vehicles[1]
-        found = find_targets_in_reach(view, [1], SPEED, Response.at_once(1))
+        found = find_targets_in_reach(view, [1], SPEED, at_once(1))
         got = {
             (h, *np.round(place * step + own.position[:2], 6))
             for h, place in zip(found.steps, found.places, strict=True)
@@ -53,7 +54,7 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
 LAGGING = Response(np.array([[1.0, -1.0]]), np.array([0.4]), np.array([0.2]))
 
 
-@pytest.mark.parametrize("response", [Response.at_once(1), LAGGING])
+@pytest.mark.parametrize("response", [at_once(1), LAGGING])
 def test_a_mutation_brings_its_target_into_view_or_keeps_the_paths_end(response):
     """A target 12 m beside the UAV after the second of four steps; the view reaches 5 m."""
     one = TargetsInReach(np.array([0]), np.array([1]), np.array([[12.0, 3.0]]), squares([5.0]), response)
@@ -100,7 +101,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
     value = make_objective(view, np.zeros((1, 5, 2)), [0], 0.0)
     hover, straight = np.zeros((1, 1, 5, 2)), np.tile([4.0, 3.0], (1, 1, 5, 1))
     assert value(straight)[0] < value(hover)[0]
-    hints = find_targets_in_reach(view, [0], SPEED, Response.at_once(1))
+    hints = find_targets_in_reach(view, [0], SPEED, at_once(1))
     found = CrossEntropy(4096).minimise(value, hover, SPEED, np.random.default_rng(seed), hints)
     assert value(found[None])[0] == pytest.approx(value(straight)[0], rel=1e-3)
 
@@ -114,7 +115,7 @@ def counting(random_team, uavs):
         asked.append((len(candidates), ease is not None))
         return value(candidates, ease)
 
-    return value, counted, asked, find_targets_in_reach(view, range(uavs), np.full(uavs, 5.0), Response.at_once(uavs))
+    return value, counted, asked, find_targets_in_reach(view, range(uavs), np.full(uavs, 5.0), at_once(uavs))
 
 
 @pytest.mark.parametrize("uavs", [1, 3])
