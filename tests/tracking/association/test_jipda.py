@@ -112,18 +112,6 @@ def mixed(missed: Gaussian, hit: Gaussian, weight: float) -> Gaussian:
     return Gaussian(missed.mean + (1 - weight) * gap, covariance)
 
 
-def test_certain_people_are_associated_as_by_jpda():
-    rng = np.random.default_rng(2)
-    likelihood, detection = 10 ** rng.uniform(-4, 0, (4, 4)), rng.uniform(0, 0.99, (4, 5))
-    jpda, given, after = existence_association(likelihood, detection, 0.01, np.ones(4))
-    np.testing.assert_array_equal(given, jpda)
-    np.testing.assert_array_equal(after, 1.0)
-    for nearly, certain in zip(
-        existence_association(likelihood, detection, 0.01, np.full(4, 1 - 1e-12)), (jpda, jpda, after), strict=True
-    ):
-        np.testing.assert_allclose(nearly, certain, rtol=1e-9)
-
-
 def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
     r = np.array([1e-8, 0.2, 0.5, 1 - 1e-8])
     np.testing.assert_allclose(from_log_odds(log_odds(r)), r, rtol=1e-12)
