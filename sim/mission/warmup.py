@@ -54,8 +54,8 @@ class _Watch(event.Listener):
             self.seconds += time.perf_counter() - self._began
 
     def count(self, name: str) -> None:
-        """Report the function of this name, unless it is not ours or was compiled for other types before."""
-        if name in functions and name not in self._done:
+        """Report our function of this name once, if functions were missing: code that cannot be kept has no number."""
+        if self._total and name in functions and name not in self._done:
             self._done.add(name)
             self._progress(Compilation(len(self._done), max(self._total, len(self._done))))
 
