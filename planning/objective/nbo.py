@@ -205,7 +205,7 @@ def _advance(P: Array, belief: PredictedBelief, information: Array, gains: bool,
     if gains:
         advance_with_gains(P, belief.transition, belief.noise, information, costs)
     else:
-        advance_belief(P, belief.transition, belief.noise, information, costs)
+        advance_belief(P, belief.transition, belief.noise, information)
         for lane in range(LANES):
             costs[lane] = P[lane] + P[4 * LANES + lane]
         cut_off(costs, cutoff)

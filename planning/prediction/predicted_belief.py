@@ -202,12 +202,12 @@ def _find_visible_shares(
 
 
 @inlined
-def advance_belief(P: Array, transition: Transition, noise: Array, information: Array, ratios: Array) -> None:
+def advance_belief(P: Array, transition: Transition, noise: Array, information: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds the upper triangle of the covariance, all lanes of one element after another: xx, xy, xu, xv,
-    yy, yu, yv, uu, uv, vv with the velocity (u, v); information J (3 LANES,): xx, xy, yy. `ratios` (LANES,) are set to
-    det(I + J P_pp) with the predicted position block P_pp. Without information P is only predicted.
+    yy, yu, yv, uu, uv, vv with the velocity (u, v); information J (3 LANES,): xx, xy, yy. Without information P is only
+    predicted.
     Source: [Li22] eq. (1), and the covariance part of the Kalman update.
     """
     drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
@@ -225,8 +225,7 @@ def advance_belief(P: Array, transition: Transition, noise: Array, information: 
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
-        ratios[k] = a * d - b * c
-        one = 1.0 / ratios[k]
+        one = 1.0 / (a * d - b * c)
         sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
         gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
         gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
@@ -247,7 +246,17 @@ def advance_with_gains(P: Array, transition: Transition, noise: Array, informati
     the mutual information between the path and all measurements. This sum is monotone and submodular in the
     measurements, because they are independent given the path [Krause05].
     """
-    advance_belief(P, transition, noise, information, costs)
+    way, _ = transition
+    for k in range(LANES):
+        # Summed in another order than in `advance_belief`, by which recorded flights were planned.
+        xx = P[k] + way * (2 * P[2 * LANES + k] + way * P[7 * LANES + k]) + noise[0]
+        yy = P[4 * LANES + k] + way * (2 * P[6 * LANES + k] + way * P[9 * LANES + k]) + noise[0]
+        xy = P[LANES + k] + way * (P[3 * LANES + k] + P[5 * LANES + k] + way * P[8 * LANES + k])
+        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
+        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+        costs[k] = a * d - b * c
     replace_by_logs(costs)
     for k in range(LANES):
         costs[k] *= -0.5
+    advance_belief(P, transition, noise, information)

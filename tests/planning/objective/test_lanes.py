@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from planning.objective.mwtp import add_penalties
 from planning.prediction.field_of_view import view_quadrangle
-from planning.prediction.predicted_belief import LANES, advance_belief
+from planning.prediction.predicted_belief import LANES, advance_belief, advance_with_gains
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
@@ -53,16 +53,19 @@ def test_the_penalties_of_plans_side_by_side_are_those_of_the_plain_algorithm(ra
 def stepped(P, model, J):
     """Covariances (N, 4, 4) after one transition with information (N, 2, 2), as many at once as there are lanes."""
     noise = np.array([model.Q[0, 0], model.Q[0, 2], model.Q[2, 2]])
-    lanes, information, ratios = np.zeros((10, LANES)), np.zeros((3, LANES)), np.empty(LANES)
+    lanes, information, costs = np.zeros((10, LANES)), np.zeros((3, LANES)), np.empty(LANES)
     lanes[:, : len(P)] = P[:, TRIANGLE[0], TRIANGLE[1]].T
     information[:, : len(P)] = J[:, [0, 0, 1], [0, 1, 1]].T
-    flat = lanes.ravel()
-    advance_belief(flat, model.transition, noise, information.ravel(), ratios)
+    flat, same = lanes.ravel(), lanes.flatten()
+    advance_belief(flat, model.transition, noise, information.ravel())
+    advance_with_gains(same, model.transition, noise, information.ravel(), costs)
+    np.testing.assert_array_equal(same, flat)
     out = np.empty_like(P)
     out[:, TRIANGLE[0], TRIANGLE[1]] = flat.reshape(10, LANES)[:, : len(P)].T
     out[:, TRIANGLE[1], TRIANGLE[0]] = out[:, TRIANGLE[0], TRIANGLE[1]]
     ahead = (model.F @ P @ model.F.T + model.Q)[:, :2, :2]
-    np.testing.assert_allclose(ratios[: len(P)], np.linalg.det(np.eye(2) + J @ ahead), rtol=1e-9)
+    gains = 0.5 * np.log(np.linalg.det(np.eye(2) + J @ ahead))
+    np.testing.assert_allclose(-costs[: len(P)], gains, rtol=1e-9)
     return out
 
 
