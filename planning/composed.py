@@ -122,6 +122,8 @@ class Composed:
         for name in ("beta", "cutoff", "cost_to_go") if self.uncertainty == "information" else ():
             if value := getattr(self, name):
                 raise ValueError(f"{name}={value} has no effect with uncertainty 'information'; set {name}=0")
+        if self.escape and not self.existence:
+            raise ValueError(f"escape={self.escape} needs probabilities of existence; set escape=0 or existence=True")
         if self.cost_to_go and not self.cutoff:
             raise ValueError(f"cost_to_go={self.cost_to_go} needs a cut-off; set cost_to_go=0 or cutoff=10")
 

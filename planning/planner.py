@@ -83,7 +83,7 @@ class Situation:
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; None: all neighbours.
     reception: tuple[tuple[int, ...], ...] | None = None
     undetected: Intensity | None = None  # intensity of undetected targets; None: not estimated
-    looks: tuple[Look, ...] = ()  # frames at this decision, own and others that it has heard of, or earlier if late
+    looks: tuple[Look, ...] = ()  # frames at this decision, its own and those of UAVs that it hears
     radio_range: float = math.inf  # m, distance beyond which UAVs do not hear each other
 
     @property

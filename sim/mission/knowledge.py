@@ -54,6 +54,7 @@ class Knowledge:
             for _ in self._cameras
         ]
         self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay.senders)
+        self._looks = dict[int, Look]()  # of the frames of the last scan, by UAV
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
@@ -62,6 +63,7 @@ class Knowledge:
     ) -> tuple[list[tuple[Track, ...]], Indices]:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
         scans = {i: looks[i].scan for i in working if looks[i].taken}
+        self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
@@ -77,14 +79,11 @@ class Knowledge:
         fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
         # In a network that takes time, nobody knows yet what others see now.
-        contact, team = links.contact & (not self._scenario.network.takes_time), [fleet[j] for j in working]
-        looks = dict[int, list[Look]]()
+        contact = links.contact & (not self._scenario.network.takes_time)
+        looks = {i: [look for j, look in self._looks.items() if j == i or contact[i, j]] for i in working}
         for i in working:
-            known = [v for v in team if v.id == i or contact[i, v.id]]
-            taken = [v for v in known if self._scenario.has_frame(v.id, k)]
-            now = [Look(self._cameras[v.id], Pose(v.position, v.attitude)) for v in taken]
-            looks[i], self._late_views[i] = now + self._late_views[i], []
-            self._undetected[i].step(time, looks[i], self.trackers[i].tracks, self._forest)
+            known, self._late_views[i] = looks[i] + self._late_views[i], []
+            self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(
                 Situation(

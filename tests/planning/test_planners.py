@@ -75,6 +75,7 @@ WRONG = {
         "visibility=expected has no effect with propagation 'monte-carlo'",
         "propagation=nominal",
     ],
+    "sma-nbo-gospa(escape=20, existence=False)": ["escape=20 needs probabilities of existence", "existence=True"],
     "sma-nbo-gospa(propagation=monte-carlo)": ["visibility=expected has no effect", "propagation=nominal"],
     "oracle(visibility=expected)": ["visibility=expected is not for an oracle", "people will be"],
     "oracle(search=0.1)": ["search=0.1 is not for an oracle", "people will be"],

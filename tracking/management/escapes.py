@@ -19,14 +19,15 @@ from tracking.track import Track
 
 _DIRECTIONS, _SPEEDS, _SECTORS = 36, 6, 6
 _ANGLES = np.repeat((np.arange(_DIRECTIONS) + 0.5) * math.tau / _DIRECTIONS, _SPEEDS)
-_PACES = np.tile((np.arange(_SPEEDS) + 0.5) / _SPEEDS, _DIRECTIONS)  # shares of the largest speed of people
+_FASTEST = 3.0  # m/s; nobody walks faster
+_PACES = _FASTEST * np.tile((np.arange(_SPEEDS) + 0.5) / _SPEEDS, _DIRECTIONS)  # m/s
 _VELOCITIES = np.column_stack([cos_each(_ANGLES), sin_each(_ANGLES)]) * _PACES[:, None]
-_VELOCITIES = _VELOCITIES.reshape(_SECTORS, -1, 2)  # shares of the largest speed
-_LIKELY = _PACES * exp_each(-0.5 * np.square(_PACES / TURNED_SPEED))  # a ring's area grows with its radius
+_VELOCITIES = _VELOCITIES.reshape(_SECTORS, -1, 2)  # m/s
+# A ring's area grows with its radius.
+_LIKELY = _PACES * exp_each(-0.5 * np.square(_PACES / (TURNED_SPEED * _FASTEST)))
 _LIKELY = (_LIKELY / _LIKELY.cumsum()[-1]).reshape(_SECTORS, -1)  # probabilities of the velocities
 TURN_TIME = 20.0  # s, mean time until people turn; with `_WITHOUT_TURNS` beliefs are calibrated
 _HELD = 0.3  # s since the last detection, up to which a person is not lost
-_LONGEST = 60.0  # s out of sight, after which a person may be anywhere
 _DETECTION = 0.99  # probability that a person in plain view is detected
 _NEARLY_ONE = 1.0 - 1e-6  # largest probability of existence
 _LEAST = 0.01  # least probability of a part
@@ -42,38 +43,39 @@ class _Lost(NamedTuple):
     place: Array  # (2,) m, of the last detection
     left: Array  # (_SECTORS, M): probability of each velocity, and that no frame showed the person
     time: float  # s
-    kept: float  # relative probability that the person moves as predicted
+    odds: float  # relative probability that the person is there, had nobody turned
     turned: float  # relative probability that the person has turned, without what frames show
 
 
 class Escapes:
     """What one UAV knows of people who turned, or changed their speed, where nobody looked.
 
-    People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected, with the
-    velocities of `tracking.management.reacquisition.turned_density`, as far as no frame has shown them. Frames that
-    show the belief of the track lower its probability of existence, and so raise the probability that the person has
-    turned.
+    People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected, as far as
+    no frame at a decision has shown them. Their velocities are those of `turned_density` in
+    `tracking.management.reacquisition`, up to 3 m/s. Frames that show the belief of the track lower its probability of
+    existence, and so raise the probability that the person has turned.
 
     Source: [Williams15], recycling, with the time since the last detection for the probability of existence.
-    Note: people are taken to turn right after they were last detected. After `_LONGEST` only the track is left.
+    Note: people are taken to turn right after they were last detected, to walk at 3 m/s at most, and not to turn where
+    the area ends. Whoever is in plain view is found with probability 0.99, whatever the tracker's setting.
     """
 
-    def __init__(self, time: float = TURN_TIME, max_speed: float = 3.0) -> None:
-        """`time` s: mean time until people turn as no motion model predicts; `max_speed` m/s: of people."""
-        self._time, self._velocities, self._lost = time, max_speed * _VELOCITIES, dict[int, _Lost]()
+    def __init__(self, time: float = TURN_TIME) -> None:
+        """`time` s: mean time until people turn as no motion model predicts."""
+        self._time, self._lost = time, dict[int, _Lost]()
 
     def split(
         self, time: float, tracks: Sequence[Track], looks: Sequence[Look], forest: Forest, area: tuple[float, float]
     ) -> list[Track]:
         """Tracks at a time [s], with those of lost people split into what is predicted and six directions of escape.
 
-        looks: frames since the last call, about at this time; people stay in the area, m. The parts keep the id of
-        their track; their probabilities of existence, at most one in all, are those of the person to be there.
+        looks: frames at this time; people stay in the area, m. The parts keep the id of their track; their
+        probabilities of existence, at most one in all, are those of the person to be there.
         """
-        lost = [track for track in tracks if _HELD < time - track.sighting[2] < _LONGEST]
+        lost = [track for track in tracks if _HELD < time - track.sighting[2] < math.inf]
         self._lost = {track.id: self._follow(track, time) for track in lost}
         for id, one in self._lost.items():
-            seen = _find_seen(one.place + (time - one.since) * self._velocities, looks, forest, area)
+            seen = _find_seen(one.place + (time - one.since) * _VELOCITIES, looks, forest, area)
             self._lost[id] = one._replace(left=one.left * (1.0 - _DETECTION * seen))
         parts = list[Track]()
         for track in tracks:
@@ -85,24 +87,26 @@ class Escapes:
         x, y, since = track.sighting
         existence = min(track.existence, _NEARLY_ONE)
         odds = existence / (1.0 - existence)
-        kept = odds * exp((since - now) / self._time)
         before = self._lost.get(track.id)
         if before is None or before.since != since:
             before = _Lost(since, np.array([x, y]), _LIKELY, since, odds, 0.0)
-        turned = before.turned + 0.5 * (before.kept + kept) * (now - before.time) / self._time
-        return before._replace(time=now, kept=kept, turned=turned)
+        # Those who have turned since: the integral if the odds are constant.
+        share = exp((since - before.time) / self._time) - exp((since - now) / self._time)
+        turned = before.turned + 0.5 * (before.odds + odds) * share
+        return before._replace(time=now, odds=odds, turned=turned)
 
     def _divide(self, track: Track, lost: _Lost) -> list[Track]:
         """A lost track with the probability that the person moves as predicted, and those of likely directions."""
         elapsed = lost.time - lost.since
+        kept = lost.odds * exp(-elapsed / self._time)
         sums = lost.left.cumsum(axis=1)[:, -1]  # in order
         shares = lost.turned * sums
-        whole = lost.kept + float(shares.cumsum()[-1]) + 1.0
-        states = np.concatenate([lost.place + elapsed * self._velocities, self._velocities], axis=2)
+        whole = kept + float(shares.cumsum()[-1]) + 1.0
+        states = np.concatenate([lost.place + elapsed * _VELOCITIES, _VELOCITIES], axis=2)
         # Between neighbouring directions and speeds there are others; and nobody is located to the centimetre.
         spread = np.diag([0.3 + 0.01 * elapsed * elapsed] * 2 + [0.1] * 2)
         belief = Gaussian(track.belief.mean, _WITHOUT_TURNS * track.belief.covariance)
-        parts = [replace(track, belief=belief, existence=lost.kept / whole)]
+        parts = [replace(track, belief=belief, existence=kept / whole)]
         for share, total, weights, state in zip(shares, sums, lost.left, states, strict=True):
             if share / whole > _LEAST:
                 mean = product(weights[None], state)[0] / total

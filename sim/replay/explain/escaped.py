@@ -17,7 +17,7 @@ def find_parts(recording: Recording, k: int, uav: int, id_: int) -> list[Track]:
     Frames at decisions count, of UAVs in contact. In a network that takes time the UAV's own alone count.
     """
     setting = recording.setting
-    escapes, parts = Escapes(max_speed=setting.tracking.max_speed), list[Track]()
+    escapes, parts = Escapes(), list[Track]()
     area, cameras = (setting.area.width, setting.area.height), [view_of(one, setting) for one in setting.uavs]
     last = _find_track(recording, k, uav, id_)
     since = last[0].sighting[SIGHTED_AT] if last else np.nan

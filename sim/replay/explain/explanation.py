@@ -18,6 +18,7 @@ from sim.replay.history import History, name_fleet
 from sim.replay.link_outages import list_outages_at
 from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
+from tracking.management.escapes import TURN_TIME
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 from tracking.track import UNLIKELY, Track
@@ -180,11 +181,15 @@ def _tell_turns(parts: Sequence[Track]) -> list[str]:
     if not turned:
         return []
     turned.sort(key=lambda part: -part.existence)
-    ways = [f"{_name_direction(*part.belief.mean[2:])} {format_percent(part.existence)}" for part in turned]
+    ways = []
+    for part in turned:
+        east, north = part.belief.mean[:2] - part.sighting[:2]
+        way = f"{math.hypot(east, north):.0f} m {_name_direction(east, north)}"
+        ways.append(f"{way} {format_percent(part.existence)}")
     share = format_percent(math.fsum(part.existence for part in turned))
     return [
-        f"walks on as predicted with {format_percent(kept.existence)}, or turned out of sight, to where no frame "
-        f"looked, with {share}: {', '.join(ways)}"
+        f"if people turn after {TURN_TIME:g} s: goes on as predicted with {format_percent(kept.existence)}, or turned, "
+        f"to where no frame of a decision looked, with {share}, from the last detection {', '.join(ways)}"
     ]
 
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -40,9 +39,9 @@ def test_people_turn_at_a_constant_rate_while_nobody_looks():
     for time in np.arange(1.5, 11.6, 0.5):
         kept, *turned = split(escapes, time)
         share = 1.0 - math.exp(-(time - 1.0) / TIME)
-        assert kept.existence == pytest.approx(0.9 * (1.0 - share), abs=1e-4)
+        assert kept.existence == pytest.approx(0.9 * (1.0 - share), abs=1e-9)
         # Parts of less than one per cent are left out.
-        assert sum(part.existence for part in turned) == pytest.approx(0.9 * share if share > 0.067 else 0.0, abs=1e-4)
+        assert sum(part.existence for part in turned) == pytest.approx(0.9 * share if share > 0.067 else 0.0, abs=1e-9)
     means = np.array([part.belief.mean for part in turned])
     assert np.mean(means[:, :2], axis=0) == pytest.approx(PLACE, abs=1e-9)
     assert means[:, :2] - PLACE == pytest.approx(10.5 * means[:, 2:])  # they have walked straight on since
@@ -54,16 +53,15 @@ def test_people_turn_at_a_constant_rate_while_nobody_looks():
 
 def test_while_nobody_looks_people_are_where_association_has_them():
     """Planners have the people who turned in six Gaussians and at no more than 3 m/s, association in one."""
-    escapes, now = Escapes(10.0), 6.0  # s; 10 s is association's mean time until people turn
-    for time in np.linspace(1.5, now, 10):
-        _, *turned = split(escapes, time)
+    now = 6.0  # s
+    _, *turned = split(Escapes(10.0), now)  # 10 s is association's mean time until people turn
     x, y = (axis.ravel() for axis in np.meshgrid(*[np.arange(-25.0, 25.0, 0.5)] * 2))
     places, R = PLACE + np.column_stack([x, y]), np.tile(0.01 * np.eye(2), (len(x), 1, 1))
     last, existence = np.array([[*PLACE, 1.0]]), np.array([0.9])
     expected = turned_density(last, existence, places, R, (now - 0.2, now), LossRule(0.2, 3.0))
     beliefs = [multivariate_normal(part.belief.mean[:2], part.belief.covariance[:2, :2]) for part in turned]
     found = sum(part.existence * belief.pdf(places) for part, belief in zip(turned, beliefs, strict=True))
-    assert found.sum() == pytest.approx(expected.sum(), rel=0.01)
+    assert found.sum() == pytest.approx(expected.sum(), rel=2e-3)  # of those beyond the raster
     reached = np.hypot(x, y) <= 15.0
     for limit in (5.0, 7.5, 10.0, 12.5):
         within = np.hypot(x, y) <= limit
@@ -83,13 +81,13 @@ def enumerate_turns(looks, existence):
     odds = existence / (1.0 - existence)
     times = [1.0, *(look[0] for look in looks)]
     kept = [odds * math.exp(-(t - 1.0) / TIME) for t in times]
-    mass = sum((b - a) / TIME * (kept[k] + kept[k + 1]) / 2 for k, (a, b) in enumerate(pairwise(times)))
-    each = mass * likely / likely.sum()
+    each = (kept[0] - kept[-1]) * likely / likely.sum()
     for time, camera in looks:
         offset = np.abs(PLACE + velocities * (time - 1.0) - camera)
         each[np.all(offset < HALF, axis=1)] *= 0.01
     whole = 1.0 + kept[-1] + each.sum()
-    return kept[-1] / whole, each.reshape(6, -1).sum(axis=1) / whole
+    states = np.hstack([PLACE + velocities * (times[-1] - 1.0), velocities]).reshape(6, -1, 4)
+    return kept[-1] / whole, each.reshape(6, -1) / whole, states
 
 
 @pytest.mark.parametrize("existence", [0.9, 0.7])
@@ -103,10 +101,16 @@ def test_frames_rule_out_where_people_are_not_as_by_enumeration(existence):
     escapes = Escapes(TIME)
     for time, place in looks:
         parts = split(escapes, time, look(*place), one=lost(existence))
-    kept, turned = enumerate_turns(looks, existence)
+    kept, each, states = enumerate_turns(looks, existence)
+    turned = each.sum(axis=1)
     assert parts[0].existence == pytest.approx(kept, abs=1e-9)
     assert [part.existence for part in parts[1:]] == pytest.approx(turned[turned > 0.01], abs=1e-9)
     assert 1 <= np.sum(turned < 0.01) <= 4 and turned.max() > 0.02  # frames ruled out some directions
+    spread = np.diag([0.3 + 0.01 * 8.0**2] * 2 + [0.1] * 2)  # of what is between the directions and speeds, after 8 s
+    for part, weights, state in zip(parts[1:], each[turned > 0.01], states[turned > 0.01], strict=True):
+        np.testing.assert_allclose(part.belief.mean, np.average(state, axis=0, weights=weights), rtol=1e-9)
+        covariance = np.cov(state.T, aweights=weights, ddof=0) + spread
+        np.testing.assert_allclose(part.belief.covariance, covariance, rtol=1e-9, atol=1e-12)
 
 
 def test_trees_hide_people_from_frames():
