@@ -59,6 +59,26 @@ def plain_mwtp(targets, traces, sensors, views):
     return J
 
 
+def plain_square_mwtp(targets, traces, sensors, reach):
+    """The same for level fields of view with half edges `reach` (n,) m, with nothing of the compiled code."""
+    sensors = [np.array(s, dtype=float) for s in sensors]
+    outside = [
+        t
+        for t in range(len(targets))
+        if not any(np.max(np.abs(targets[t] - s)) <= r for s, r in zip(sensors, reach, strict=True))
+    ]
+    J, D = 0.0, [0.0] * len(sensors)
+    for t in sorted(outside, key=lambda t: -traces[t]):
+        d = [np.linalg.norm(targets[t] - s) for s in sensors]
+        i = min(range(len(sensors)), key=lambda i: D[i] + d[i])
+        if D[i] == 0:
+            J += d[i] * traces[t]
+        D[i] += d[i]
+        gap = targets[t] - sensors[i]
+        sensors[i] = sensors[i] + np.sign(gap) * np.maximum(np.abs(gap) - reach[i], 0)
+    return J
+
+
 def lattice():
     """Five points (5, 2) of variance one: the mean of each fifth of a standard normal, once along either axis."""
     edges = norm.ppf(np.linspace(0.0, 1.0, 6))
@@ -100,7 +120,7 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutof
         ahead = [t.belief for t in situation.tracks]
         for _ in traces:
             ahead = [situation.motion.predict(belief) for belief in ahead]
-        J += beta * plain_mwtp([belief.mean[:2] for belief in ahead], traces[-1] * weights, ends, squares(reach))
+        J += beta * plain_square_mwtp([belief.mean[:2] for belief in ahead], traces[-1] * weights, ends, reach)
     return J, seen
 
 

@@ -105,6 +105,12 @@ def test_joint_first_actions_are_the_best_by_brute_force(random_team):
         assert team_cost(view, plans, 0.5) <= min(tried) * (1 + 1e-12)
 
 
+def test_with_one_step_the_first_action_is_the_whole_plan(random_team):
+    for name in ("mcr(samples=4, evaluations=512, horizon=1", "sma-nbo-mwtp(evaluations=512, horizon=1"):
+        whole, first = planned(f"{name})", random_team(2)), planned(f"{name}, actions=first)", random_team(2))
+        np.testing.assert_array_equal(first, whole)
+
+
 @pytest.mark.parametrize("optimizer", ["cross-entropy", "particle-swarm", "grid"])
 def test_every_optimiser_finds_first_actions_within_limits(random_team, optimizer):
     for case in ({}, {"targets": 0}):

@@ -5,13 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal, plain_cost, squares, team_cost, weighted_trace_penalty
+from helpers.nominal import nominal, plain_cost, plain_square_mwtp, squares, team_cost, weighted_trace_penalty
 from helpers.teams import planned
 
 from planning.composed import Composed
 from planning.objective.nbo import Measure, make_objective
 from planning.prediction.predicted_belief import predict_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
+from planning.prediction.quadrangle import shortest_move
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.visibility import Forest, Tree
@@ -95,6 +96,20 @@ def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
     to_first = math.hypot(120 - 70, 154.25 - 104.5)  # sensor 2 to target 1
     to_second = math.hypot(249 - 227, 168.25 - 94.5)  # sensor 1 to target 2
     assert penalty == pytest.approx(to_first * traces[0] + to_second * traces[1], rel=1e-12)
+    # p^MDO: the fields of view just cover the targets.
+    moves = [shortest_move(squares(FIGURE_REACH), i, *(FIGURE_TARGETS[1 - i] - FIGURE_SENSORS[i])) for i in (0, 1)]
+    np.testing.assert_allclose(FIGURE_SENSORS + moves, [[227.0, -94.5 - 33.0], [70.0 + 33.0, -104.5 - 33.0]])
+
+
+def test_mwtp_agrees_with_the_plain_algorithm():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        n, T = rng.integers(1, 5), rng.integers(1, 8)
+        sensors, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (T, 2))
+        traces, reach = rng.uniform(0.1, 9, T), rng.uniform(8, 13, n)
+        expected = plain_square_mwtp(targets, traces, sensors, reach)
+        found = weighted_trace_penalty(targets, traces, sensors, squares(reach))
+        assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_mwtp_penalises_each_sensor_for_one_target_out_of_view_only():

@@ -150,6 +150,9 @@ def test_mwtp_and_base_policy_count_from_where_a_tilted_camera_looks(random_team
     view, ahead = view_quadrangle(v)[None], aim_point(v)[0]
     beyond = np.array([[ahead + 60.0, 0.0]])
     assert weighted_trace_penalty(beyond, np.array([3.0]), np.zeros((1, 2)), view) == pytest.approx(60.0 * 3.0)
+    # p^MDO: the target is at the far edge of the image, which is in the direction of 60 degrees off nadir.
+    far = ahead + 60.0 - (19.1 - TARGET_HEIGHT) * math.tan(math.radians(60))
+    assert shortest_move(view, 0, *beyond[0]) == pytest.approx([far, 0.0])
     below = np.zeros((1, 2))  # straight below: at the near edge of the image, so in view
     assert weighted_trace_penalty(below, np.array([3.0]), np.array([[-1e-6, 0.0]]), view) == 0.0
     v = vehicle(40.0, 120.0)

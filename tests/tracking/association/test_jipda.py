@@ -48,12 +48,11 @@ def brute_force(likelihood, detection, clutter, existence):
 @pytest.mark.parametrize("density", [0.3, 1.0])
 def test_marginals_are_those_of_all_events_and_all_sets_of_people(density):
     rng = np.random.default_rng(0)
-    for k in range(60):
-        T, N = rng.integers(1, 5), rng.integers(0, 5)
+    for _ in range(60):
+        T, N = rng.integers(1, 5, 2)
         likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
         detection = rng.random((T, N + 1)) * (rng.random((T, 1)) < 2 / 3)
-        existence = rng.uniform(0.01, 0.99, T) if k % 3 else np.ones(T)
-        case = likelihood, detection, 10 ** rng.uniform(-5, 0), existence
+        case = likelihood, detection, 10 ** rng.uniform(-5, 0), rng.uniform(0.01, 0.99, T)
         for ours, exact in zip(existence_association(*case), brute_force(*case), strict=True):
             np.testing.assert_allclose(ours, exact, rtol=1e-9, atol=1e-14)
 
@@ -110,6 +109,18 @@ def mixed(missed: Gaussian, hit: Gaussian, weight: float) -> Gaussian:
     spread = weight * (1 - weight) * np.outer(gap, gap)
     covariance = weight * missed.covariance + (1 - weight) * hit.covariance + spread
     return Gaussian(missed.mean + (1 - weight) * gap, covariance)
+
+
+def test_certain_people_are_associated_as_by_jpda():
+    rng = np.random.default_rng(2)
+    likelihood, detection = 10 ** rng.uniform(-4, 0, (4, 4)), rng.uniform(0, 0.99, (4, 5))
+    jpda, given, after = existence_association(likelihood, detection, 0.01, np.ones(4))
+    np.testing.assert_array_equal(given, jpda)
+    np.testing.assert_array_equal(after, 1.0)
+    for nearly, certain in zip(
+        existence_association(likelihood, detection, 0.01, np.full(4, 1 - 1e-12)), (jpda, jpda, after), strict=True
+    ):
+        np.testing.assert_allclose(nearly, certain, rtol=1e-9)
 
 
 def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():

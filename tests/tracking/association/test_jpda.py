@@ -108,3 +108,17 @@ def test_the_mixture_update_has_the_moments_of_the_mixture():
             np.testing.assert_allclose(new_covariances[i], second - np.outer(mean, mean), rtol=1e-8, atol=1e-9)
             np.testing.assert_array_equal(new_covariances[i], new_covariances[i].T)
             assert np.linalg.eigvalsh(new_covariances[i]).min() > 0
+
+
+def test_the_weighted_innovation_form_of_bar_shalom_gives_the_same_moments():
+    rng = np.random.default_rng(11)
+    means, covariances, z, noise = random_scene(rng, 1, 3)
+    R, P, beta = noise[0], covariances[0], np.array([0.2, 0.5, 0.2, 0.1])
+    predicted = means, covariances
+    _, new = mixture_update(predicted, predicted, z, np.tile(R, (3, 1, 1)), beta[None])
+    S = P[:2, :2] + R
+    K = P[:, :2] @ np.linalg.inv(S)
+    nus = z - means[0, :2]
+    nu = beta[1:] @ nus
+    spread = K @ (np.einsum("j,ja,jb->ab", beta[1:], nus, nus) - np.outer(nu, nu)) @ K.T
+    np.testing.assert_allclose(new[0], beta[0] * P + (1 - beta[0]) * (P - K @ S @ K.T) + spread, rtol=1e-9, atol=1e-11)

@@ -208,6 +208,16 @@ def samples_within(pose, belief, forest):
 
 
 @claim
+@given(TREES, PLACES, PLACES, SHIFTS, st.floats(-4, 4))
+def test_moving_cameras_points_and_trees_together_changes_no_line_of_sight(trees, cameras, points, shift, angle):
+    forest = Forest(trees)
+    there = [turned(p, angle) + np.append(shift, 0.0) for p in (cameras, points)]
+    now = moved(forest, angle, shift).visible(*there)
+    surely, perhaps = (moved(forest, 0, np.zeros(2), g).visible(cameras, points) for g in (CRUMB, -CRUMB))
+    assert np.all(surely <= now) and np.all(now <= perhaps)
+
+
+@claim
 @given(TREES, POSES, BELIEFS, SHIFTS)
 def test_moving_camera_beliefs_and_trees_together_changes_no_probability_of_detection(trees, pose, belief, shift):
     forest, (means, covariances) = Forest(trees), belief
@@ -228,6 +238,13 @@ def test_turning_all_by_right_angles_changes_no_probability_of_detection(trees, 
     now = visible_samples(moved(forest, angle, shift), means, covariances, CAMERA.lens(there))[:, 0].mean(axis=1)
     surely, perhaps = (seen.mean(axis=1) for seen in samples_within(pose, belief, forest))
     assert np.all(surely <= now) and np.all(now <= perhaps)
+
+
+@claim
+@given(TREES, TREES, MODES, PLACES, PLACES)
+def test_more_trees_never_open_a_line_of_sight(trees, more, occlusion, cameras, points):
+    before = Forest(trees, occlusion).visible(cameras, points)
+    assert np.all(Forest((*trees, *more), occlusion).visible(cameras, points) <= before)
 
 
 @claim

@@ -71,7 +71,20 @@ def test_ospa_and_gospa_match_hand_computed_values(distance, estimates, truths, 
     np.testing.assert_allclose(distance(np.array(estimates, float), np.array(truths, float)), expected, rtol=1e-14)
 
 
-def test_trajectories_are_of_the_same_times():
+@pytest.mark.parametrize("p", [1.0, 2.0, 3.5])
+def test_ospa_matches_brute_force_over_permutations(p):
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        X, Y, c = random_set(rng), random_set(rng), rng.uniform(1, 100)
+        best = brute_force(X, Y, lambda x, y, c=c: min(c, math.dist(x, y)), c, p)
+        assert ospa(X, Y, c, p).distance == pytest.approx(best, rel=1e-12)
+
+
+def test_the_parts_make_up_the_distance_of_trajectories_of_the_same_times():
+    rng = np.random.default_rng(2)
+    for _ in range(100):
+        parts = ospa(random_set(rng), random_set(rng), 30.0, 2.0)
+        assert parts.distance**2 == pytest.approx(parts.localisation**2 + parts.cardinality**2, rel=1e-12)
     with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 2\) and \(4, 1, 2\)"):
         ospa2(np.zeros((3, 1, 2)), np.zeros((4, 1, 2)))
     with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 4\) and \(3, 1, 4\)"):
@@ -137,7 +150,7 @@ def present(paths):
     return [path for path in np.moveaxis(paths, 1, 0) if not np.all(np.isnan(path))]
 
 
-@pytest.mark.parametrize("p", [1.0, 2.0, 3.5])
+@pytest.mark.parametrize("p", [1.0, 2.0])
 def test_ospa2_equals_enumeration_of_all_pairings(p):
     rng = np.random.default_rng(2)
     for _ in range(150):
