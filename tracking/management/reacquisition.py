@@ -36,8 +36,8 @@ def turned_density(
 
     sightings (T, 3) as in `find_lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
     `TrackerParameters.loss`.
-    After a turn a person walks straight on from the last place, at velocities of `TURNED_SPEED`; `Escapes` has those
-    that no frame has ruled out, which this leaves out.
+    After a turn a person walks straight on from the last place, at velocities of `TURNED_SPEED`. `Escapes` has these
+    people as planners need them: at up to 3 m/s, and where no frame has ruled them out.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
     """
