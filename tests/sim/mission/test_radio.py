@@ -102,20 +102,29 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     )  # more loss loses the same and more
 
 
+def decide(knowledge, k, poses, links):
+    """Situations of the decision at scan k, in which the UAVs at these poses take frames without a detection."""
+    time, uavs = k / 5.0, range(len(poses))
+    looks = [Sensors.rest(i, time, pose, np.zeros((0, 2))) for i, pose in enumerate(poses)]
+    looks = [replace(look, taken=knowledge._scenario.has_frame(i, k)) for i, look in enumerate(looks)]
+    knowledge.track(time, looks, links, list(uavs))
+    return knowledge.make_situations(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
+
+
 def test_a_uav_searches_by_the_frames_of_those_it_hears_alone():
     """Of two UAVs, what the second sends does not reach the first."""
     fleet = "uavs=[{start=[-28, -14]}, {start=[-28, 14], footprint=22}]"
     setting = load("forest", [*IDEAL, "tracking.initial_tracks=none", fleet])
-    bodies = [BodyState(Pose.level(*uav.start, uav.altitude), np.zeros(2)) for uav in setting.uavs]
+    poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
     pair = ~np.eye(2, dtype=bool)
 
     def known(up, lost):
         knowledge = Knowledge(setting, Forest(()), [], exchange=Exchange(), rng=np.random.default_rng(0))
-        return knowledge.make_situations(0, bodies, RadioLinks(up, lost), [0, 1])
+        return decide(knowledge, 0, poses, RadioLinks(up, lost))
 
     alone, both = known(pair & False, None), known(pair, None)
-    deaf = known(pair, np.array([[[False, True], [False, False]]]))
-    assert [[v.id for v in s.neighbours] for s in deaf] == [[], [0]]
+    deaf = known(pair, np.tile([[False, True], [False, False]], (5, 1, 1)))
+    assert [[v.id for v in s.neighbours] for s in deaf] == [[], [0]] and [len(s.looks) for s in deaf] == [1, 2]
     for found, expected in zip(deaf, (alone[0], both[1]), strict=True):
         np.testing.assert_array_equal(found.undetected.people, expected.undetected.people)
     people = [s.undetected.people for s in (*alone, *both)]
@@ -153,7 +162,7 @@ def test_between_frames_of_a_slow_camera_undetected_people_only_spread():
     links, found = RadioLinks(np.zeros((1, 1), dtype=bool), None), []
     for k in range(6):
         body = Pose.level(3.0 * k, 0.0, setting.uavs[0].altitude)
-        (situation,) = knowledge.make_situations(k, [BodyState(body, np.zeros(2))], links, [0])
+        (situation,) = decide(knowledge, k, [body], links)
         found.append(situation.undetected.people.sum())
     assert found[:5] == pytest.approx([found[0]] * 5) and found[5] < found[0] - 0.01
 
