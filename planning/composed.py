@@ -107,7 +107,7 @@ class Composed:
     cutoff: Annotated[float, Range(0, 1e6)] = 0.0
     # weight of a learned cost-to-go: errors of tracks in the 15 s after the plan; 0: none
     cost_to_go: Annotated[float, Range(0, 1e6)] = 0.0
-    # mean time [s] until people out of sight turn, such as 20; they are searched for wherever they can have walked
+    # time scale [s] of turns of people out of sight, such as 20; they are searched for wherever they can have walked
     # unseen; 0: they go on as tracks predict
     escape: Annotated[float, Range(0, 1e6)] = 0.0
 

@@ -1,7 +1,7 @@
 """Made-up teams to try planners on, without a mission."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from planning.planner import Plan, Situation, Vehicle
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.geometry.camera import Camera
+from tracking.geometry.camera import Camera, Look, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.track import Track
 from tracking.undetected import Intensity
@@ -60,7 +60,8 @@ def make_flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             time=12.0,
             own=fleet[k],
             neighbours=tuple(v for v in fleet if v is not fleet[k]),
-            tracks=make_random_team(10 * seed + k, targets=targets)[k].tracks,
+            tracks=tuple(map(_sight, make_random_team(10 * seed + k, targets=targets)[k].tracks)),
+            looks=_look(fleet),
             intents=dict(intents),
             undetected=Intensity(people[k], (-75.0, -50.0), (5.0, 5.0)),
         )
@@ -68,11 +69,21 @@ def make_flying_team(seed: int = 0, targets: int = 4) -> list[Situation]:
     ]
 
 
+def _sight(track: Track) -> Track:
+    """The track, detected at 12 s if its id is even, else 4 s before that."""
+    away = 4.0 * (track.id % 2)
+    return replace(track, sighting=np.array([*track.belief.mean[:2] - away * track.belief.mean[2:], 12.0 - away]))
+
+
+def _look(vehicles: Iterable[Vehicle]) -> tuple[Look, ...]:
+    return tuple(Look(v.camera, Pose(v.position, v.attitude)) for v in vehicles)
+
+
 def keep_contact(situation: Situation, ids: Collection[int]) -> Situation:
     """The situation of a UAV that is in contact only with UAVs `ids`."""
     neighbours = tuple(v for v in situation.neighbours if v.id in ids)
     intents = {i: plan for i, plan in situation.intents.items() if i in ids}
-    return replace(situation, neighbours=neighbours, intents=intents)
+    return replace(situation, neighbours=neighbours, intents=intents, looks=_look((situation.own, *neighbours)))
 
 
 def break_contact(team: Sequence[Situation], uav: int) -> list[Situation]:

@@ -178,6 +178,12 @@ def twenty_speeds(self, s, rng, team):
     return Plan(speeds)
 
 
+def watching(self, s, rng, team):
+    """Flies by where others have seen people."""
+    places = np.array([t.sighting[:2] for other in team for t in other.tracks]).reshape(-1, 2)
+    return Plan(0.5 * Good.one(self, s, rng, team).controls + 1e-3 * places.sum(axis=0))
+
+
 def always(make):
     """A way to plan the same controls for every UAV."""
     return lambda self, s, rng, team: Plan(np.array(make()))
@@ -192,6 +198,8 @@ def after(use):
 REPEATED, CLAIM = "same seed, same plan", "decentralised"
 BROKEN = [
     (kind("Raising", one=after(lambda s, team: {}["two\nlines"])), "plans", "KeyError: 'two\\nlines' (/"),
+    (kind("Looking", one=after(lambda s, team: s.looks[0].place)), "plans", "no attribute 'place'"),
+    (kind("Dating", one=after(lambda s, team: [1 // int(t.sighting[2] != 8.0) for t in s.tracks])), "plans", "ZeroDiv"),
     (kind("Few", plan=lambda self, team, rng: Good.plan(self, team, rng)[1:]), "plans", "2 plans for 3 UAVs"),
     (kind("Silent", plan=lambda self, team, rng: None), "plans", "None in place of plans for 3 UAVs (/"),
     (kind("Bare", plan=lambda *given: [p.controls for p in Good.plan(*given)]), "plans", "no Plan but of type ndarray"),
@@ -210,6 +218,7 @@ BROKEN = [
     (Gossip, CLAIM, "UAV 0 is out of contact, but what others know changes the plan of UAV 0"),
     (Telepathic, CLAIM, "UAV 1 is out of contact, but what others know changes the plan of UAV 1"),
     (Eavesdropping, CLAIM, "UAV 0 cannot move, but what it knows changes the plan of UAV 1"),
+    (kind("Watching", one=watching), CLAIM, "what others know changes the plan of UAV 0"),
     (Deaf, CLAIM, "UAV 0's plan is lost, but what it knows changes the plan of UAV"),
     (WorstFirst, CLAIM, "changes the plan of UAV"),
     (kind("Pair", one=after(lambda s, team: team[1])), "one UAV", "IndexError"),

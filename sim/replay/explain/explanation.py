@@ -188,7 +188,7 @@ def _tell_turns(parts: Sequence[Track]) -> list[str]:
         ways.append(f"{way} {format_percent(part.existence)}")
     share = format_percent(math.fsum(part.existence for part in turned))
     return [
-        f"if people turn after {TURN_TIME:g} s: goes on as predicted with {format_percent(kept.existence)}, or turned, "
+        f"by escape={TURN_TIME:g}: goes on as predicted with {format_percent(kept.existence)}, or turned, "
         f"to where no frame of a decision looked, with {share}, from the last detection {', '.join(ways)}"
     ]
 

@@ -75,7 +75,7 @@ def test_words_give_the_probabilities_and_places_of_the_parts(mission):
                 ways = [f"{math.hypot(*way):.0f} m {name} " for way, name in zip(away, names, strict=True)]
                 whole = format_percent(sum(part.existence for part in turned))
                 line = (
-                    f"if people turn after 20 s: goes on as predicted with {shares[0]}, or turned, to where no frame "
+                    f"by escape=20: goes on as predicted with {shares[0]}, or turned, to where no frame "
                     f"of a decision looked, with {whole}, from the last detection "
                 )
                 line += ", ".join(way + share for way, share in zip(ways, shares[1:], strict=True))
