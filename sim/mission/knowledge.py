@@ -82,7 +82,13 @@ class Knowledge:
         contact = links.contact & (not self._scenario.network.takes_time)
         looks = {i: [look for j, look in self._looks.items() if j == i or contact[i, j]] for i in working}
         for i in working:
-            known, self._late_views[i] = looks[i] + self._late_views[i], []
+            # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
+            level = [
+                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude))
+                for j in self._looks
+                if j == i or contact[i, j]
+            ]
+            known, self._late_views[i] = level + self._late_views[i], []
             self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)
         return [
             self.teammates.complete(
