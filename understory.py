@@ -28,12 +28,12 @@ from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.planner_check import check_planner
 from planning.planner_loading import PlannerError, resolve_planner
 from sim.environments.observations import Observations
-from sim.flights.flight_log import FlightOptions, read_flight
-from sim.flights.tracked_flight import track_flight
+from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.tracked_flight import track_flight
+from sim.facts.flight import Flight, load
 from sim.mission.mission import Mission
+from sim.mission.recording import Recording
 from sim.mission.trial import Trial, prefix_errors
-from sim.recording.recording import Recording
-from sim.replay.flight import Flight, load
 from sim.running.mission_flight import fly_mission
 from sim.running.results import record, run_mission
 from sim.scenario.loading import place_of, resolve_scenario

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.analysis.intervals import Estimate, estimate_means
-from sim.analysis.metric_choice import find_shown_metric
+from sim.study.analysis.intervals import Estimate, estimate_means
+from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.store import read_rows
 from sim.study.study import read_study
 from sim.study.tasks import Row

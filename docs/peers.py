@@ -33,8 +33,8 @@ from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 from stonesoup.updater.kalman import KalmanUpdater
 
-from sim.analysis.intervals import estimate_means
 from sim.scenario.quantities import parse_integers
+from sim.study.analysis.intervals import estimate_means
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose

@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from sim.analysis.answers import Answer, holm, map_means
-from sim.analysis.cell_text import Cell
-from sim.analysis.differences import Difference, differences, pair_differences
-from sim.analysis.groups import Group, Run, group_rows
-from sim.analysis.metric_choice import find_shown_metric
-from sim.analysis.normalised_score import Scored, score_planners
-from sim.evaluation.metric import Metric
-from sim.recording.atomic_files import write_whole
-from sim.report.figures.pictures import draw_score_picture
+from sim.facts.metrics.metric import Metric
+from sim.mission.atomic_files import write_whole
+from sim.study.analysis.answers import Answer, holm, map_means
+from sim.study.analysis.cell_text import Cell
+from sim.study.analysis.differences import Difference, differences, pair_differences
+from sim.study.analysis.groups import Group, Run, group_rows
+from sim.study.analysis.metric_choice import find_shown_metric
+from sim.study.analysis.normalised_score import Scored, score_planners
 from sim.study.cells import VIEW, list_cells
+from sim.study.report.figures.pictures import draw_score_picture
 from sim.study.store import read_rows
 from sim.study.study import read_study
 from sim.study.tasks import Row

@@ -34,10 +34,10 @@ LAYERS = {
         *("coordination", "composed", "baselines", "rivals", "oracle", "made_up_teams", "planner_check"),
     ),
     "sim": (
-        *("installation", "scenario", "processes", "world", "sensing", "mission", "recording"),
-        *("evaluation", "drawing", "flights"),
-        *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
-        *("study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
+        *("installation", "scenario", "processes", "world", "sensing", "mission", "facts.metrics", "facts"),
+        *("facts.explain", "views.drawing", "views.frames", "views", "views.page", "views.rerun", "exchange"),
+        *("running", "terminal", "study", "study.analysis", "study.report.figures", "study.report"),
+        *("environments", "cli", "__main__"),
     ),
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
@@ -53,16 +53,18 @@ PLANNING = {
     "sim/mission/warmup.py",
     "sim/running/mission_flight.py",
     "sim/running/results.py",
-    "sim/analysis/planner_labels.py",
-    "sim/analysis/normalised_score.py",
+    "sim/study/analysis/planner_labels.py",
+    "sim/study/analysis/normalised_score.py",
     "sim/study/cells.py",
     "sim/cli/run.py",
     "sim/cli/checks.py",
     "sim/cli/compare.py",
     "sim/cli/lists.py",
-    "sim/replay/explain/planned_visibility.py",
+    "sim/facts/explain/planned_visibility.py",
     "sim/study/tasks.py",
 }
+# A recorded mission has figures, which are imported when they are asked for: the one arrow that points up.
+UPWARD = {"sim/facts/flight.py": "views"}
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
 INTERFACE = ROOT / "understory.py"  # names what users import, and stands above all packages
 
@@ -122,7 +124,7 @@ def test_imports_go_down_the_layers():
         for module in modules_imported(path):
             other, below = room(module)
             assert other in BELOW[package], f"{named(path)} imports {module}"
-            if other == package:
+            if other == package and below.split(".")[0] != UPWARD.get(named(path)):
                 order = LAYERS[package]
                 assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
 

@@ -11,7 +11,7 @@ from helpers.commands import called
 from helpers.pages import Here
 
 import understory
-from sim.recording.archive import compute_digest
+from sim.mission.archive import compute_digest
 from sim.scenario.environment import People, Trees
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.sensing import Sensing

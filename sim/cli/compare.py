@@ -8,12 +8,12 @@ import typer
 
 from planning.planner_loading import load_planner
 from planning.planners import COMPARED
-from sim.analysis.metric_choice import find_outside_metrics
 from sim.cli.study_flight import fly_study, make_facts, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
 from sim.scenario.sensing import SENSOR_MODES
 from sim.scenario.text_files import read_toml
+from sim.study.analysis.metric_choice import find_outside_metrics
 from sim.study.cells import add_trackers
 from sim.study.scheduler import Options
 from sim.study.study import STUDIES, Study, adapt_study, read_study

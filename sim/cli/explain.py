@@ -9,22 +9,23 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.cli.recordings import check_new, find_folder
-from sim.drawing.lettering import TextGroup
-from sim.drawing.plots import save
-from sim.recording.atomic_files import claim_place, write_whole
-from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times, sort_by_severity
-from sim.replay.explain.explanation import explain_person, find_stretches
-from sim.replay.explain.observation import Observer
-from sim.replay.explain.person import PersonFacts
-from sim.replay.explain.picture import draw_explanation
-from sim.replay.explain.track_story import TrackFacts, tell_track_story
-from sim.replay.flight import Flight, load
-from sim.replay.frames.frame_panels import encode_png, find_scans
-from sim.replay.link_outages import summarise_outages
+from sim.facts.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times, sort_by_severity
+from sim.facts.explain.explanation import explain_person, find_stretches
+from sim.facts.explain.observation import Observer
+from sim.facts.explain.person import PersonFacts
+from sim.facts.explain.track_story import TrackFacts, tell_track_story
+from sim.facts.flight import Flight, load
+from sim.facts.link_outages import summarise_outages
+from sim.facts.scan_choice import find_scans
+from sim.facts.text import TextGroup
+from sim.mission.atomic_files import claim_place, write_whole
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console, print_remarks, show_place
+from sim.views.drawing.plots import save
+from sim.views.explain_picture import draw_explanation
+from sim.views.frames.frame_panels import encode_png
 from tracking.errors import InputError
 
 _STYLES = {"lost": "red", "not found yet": "red", "off": "yellow", "held by some": "yellow"}
@@ -59,7 +60,7 @@ def explain(
     recording = flight.recording
     scan = None if moment is None else find_scans(recording, moment, None)[0]
     print_remarks(*find_small_people(recording.setting))
-    people = recording.people.shape[1]
+    people = recording.person_count
     lacking = "no person walked in this mission" if recording.labelled else "the people of this flight are unknown"
     person = None if target is None else _read_index(target, "--target", people, lacking)
     if track is not None:
@@ -113,7 +114,7 @@ def _print(groups: list[TextGroup]) -> None:
 
 def _explain_mission(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
     """Print one person's mission in stretches or, without a person, all losses and other events of the mission."""
-    people = range(flight.recording.people.shape[1]) if person is None else [person]
+    people = range(flight.recording.person_count) if person is None else [person]
     unheld = sort_by_severity(event for event in flight.events if event.kind in UNHELD and event.person in people)
     others = _find_other_events(flight) if person is None else []
     passed = [event for event in flight.events if event.kind == "hand-off" and event.person in people]

@@ -9,14 +9,14 @@ from typing import Annotated
 import typer
 
 from sim.cli.recordings import find_folder
+from sim.exchange.export import TARGETS
+from sim.exchange.export import export as write_export
+from sim.exchange.labelled_images import LABELS, write_labelled_images
+from sim.mission.archive import find_recording
+from sim.mission.atomic_files import claim_place
+from sim.mission.recording import Recording
 from sim.mission.trial import Trial
 from sim.mission.warmup import announce_compilation
-from sim.recording.archive import find_recording
-from sim.recording.atomic_files import claim_place
-from sim.recording.recording import Recording
-from sim.replay.export import TARGETS
-from sim.replay.export import export as write_export
-from sim.replay.labelled_images import LABELS, write_labelled_images
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import SCENARIOS, load, place_of
 from sim.scenario.quantities import parse_duration, parse_integers

@@ -5,19 +5,20 @@ from typing import Annotated
 
 import typer
 
-from sim.drawing.film import AS_FLOWN
-from sim.recording.archive import find_recording
-from sim.recording.atomic_files import claim_place, make_part_path
-from sim.recording.recording import Recording
-from sim.replay.flight import Flight
-from sim.replay.frames.frame_panels import find_scans, write_frames
-from sim.replay.page.page import describe_omission, write_page
-from sim.replay.redrawn_film import check_layout, redraw_film, write_film
-from sim.replay.window import show
+from sim.facts.flight import Flight
+from sim.facts.scan_choice import find_scans
+from sim.mission.archive import find_recording
+from sim.mission.atomic_files import claim_place, make_part_path
+from sim.mission.recording import Recording
 from sim.scenario.quantities import parse_integer, parse_interval, parse_number
 from sim.terminal.commands import Recorded
 from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import show_counted_progress
+from sim.views.drawing.film import AS_FLOWN
+from sim.views.frames.frame_panels import write_frames
+from sim.views.page.page import describe_omission, write_page
+from sim.views.redrawn_film import check_layout, redraw_film, write_film
+from sim.views.window import show
 from tracking.errors import InputError
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
@@ -88,7 +89,7 @@ def frames(
     start, end = parse_interval(time, "--time")
     edge = parse_integer(size, "--size", least=256, most=4096)
     recording = find_recording(recorded)
-    number = parse_integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
+    number = parse_integer(uav, "--uav", least=0, most=recording.uav_count - 1)
     scans = find_scans(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
     with (
@@ -175,7 +176,7 @@ def _show_in_rerun(recording: Recording, target: str, summary: Path) -> None:
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
     try:
-        from sim.replay.rerun.viewer import read_planning_times, spawn, write
+        from sim.views.rerun.viewer import read_planning_times, spawn, write
     except ImportError as error:
         if (error.name or "").split(".")[0] != "rerun":
             raise

@@ -10,20 +10,20 @@ from pathlib import Path
 import msgspec
 from rich.markup import escape
 
-from sim.analysis.normalised_score import find_score_ends
-from sim.analysis.planner_labels import find_baseline, format_entrant, parse_labels
-from sim.evaluation.catalogue import METRICS
-from sim.evaluation.machine import list_versions
+from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.machine import list_versions
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import make_forest_and_people
-from sim.report.report import About, write
-from sim.report.terminal import show
 from sim.running.mission_flight import is_built_in, make_mission
 from sim.scenario.loading import place_of
 from sim.scenario.random_streams import format_seed
 from sim.scenario.remarks import find_remarks
+from sim.study.analysis.normalised_score import find_score_ends
+from sim.study.analysis.planner_labels import find_baseline, format_entrant, parse_labels
 from sim.study.backends import Backend, Pool, connect
 from sim.study.cells import COMPARED_FACTORS
+from sim.study.report.report import About, write
+from sim.study.report.terminal import show
 from sim.study.scheduler import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.study import Study

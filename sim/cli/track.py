@@ -7,18 +7,18 @@ from typing import Annotated
 
 import typer
 
-from sim.evaluation.summary import make_results_table
-from sim.flights.flight_log import FlightOptions, read_flight
-from sim.flights.tracked_flight import track_flight
-from sim.recording.atomic_files import claim_place, make_new_folder
-from sim.recording.recording import Recording
-from sim.replay.flight import Flight
-from sim.replay.redrawn_film import write_film
+from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.tracked_flight import track_flight
+from sim.facts.flight import Flight
+from sim.facts.metrics.summary import make_results_table
+from sim.mission.atomic_files import claim_place, make_new_folder
+from sim.mission.recording import Recording
 from sim.running.result_files import Results, write_results, write_summary
 from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_counted_progress
+from sim.views.redrawn_film import write_film
 from tracking.errors import InputError
 
 _Flight = Annotated[Path, typer.Argument(metavar="FLIGHT", help="Folder with poses.csv, detections.csv, cameras.csv.")]

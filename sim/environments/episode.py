@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Situation
-from sim.drawing.film import Film
-from sim.evaluation.score import FAR
+from sim.facts.flight import Flight
+from sim.facts.metrics.score import FAR
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot, find_reported_positions
-from sim.replay.flight import Flight
 from sim.running.results import record
 from sim.scenario.scenario import Scenario
+from sim.views.drawing.film import Film
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 

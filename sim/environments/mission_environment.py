@@ -14,9 +14,9 @@ from sim.environments import true_state
 from sim.environments.episode import Episode
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, find_reward
+from sim.facts.flight import Flight
 from sim.mission.trial import prefix_errors
 from sim.mission.world_setup import count_people
-from sim.replay.flight import Flight
 from sim.scenario.loading import change_settings, place_of, resolve_scenario
 from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.scenario import Scenario

@@ -6,12 +6,12 @@ from contextlib import AbstractContextManager
 
 from planning.planner import Planner
 from planning.planner_loading import PlannerError, find_planner_target, load_planner
-from sim.evaluation.metric import Outcome
+from sim.facts.metrics.metric import Outcome
 from sim.mission.mission import Mission
+from sim.mission.recorder import Recorder
+from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial, prefix_errors
-from sim.recording.recorder import Recorder
-from sim.recording.recording import Recording
 from sim.scenario.scenario import encode_scenario
 
 Watch = Callable[[Snapshot], bool]  # gets each scan, and returns False to end the mission

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim.drawing.plots import save as save_figure
-from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import summarise
+from sim.facts.flight import Flight
+from sim.facts.metrics.metric import Outcome
+from sim.facts.metrics.summary import summarise
+from sim.mission.archive import save
 from sim.mission.trial import Say
-from sim.recording.archive import save
-from sim.replay.flight import Flight
-from sim.replay.page.page import describe_omission, write_page
+from sim.views.drawing.plots import save as save_figure
+from sim.views.page.page import describe_omission, write_page
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from planning.planner_loading import load_planner
-from sim.drawing.film import Film, Video
-from sim.evaluation.catalogue import find_metric
-from sim.evaluation.summary import format_planner_title
+from sim.facts.flight import Flight
+from sim.facts.metrics.catalogue import find_metric
+from sim.facts.metrics.summary import format_planner_title
+from sim.mission.atomic_files import make_new_folder
 from sim.mission.mission import Mission
+from sim.mission.recorder import Recorder
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
-from sim.recording.atomic_files import make_new_folder
-from sim.recording.recorder import Recorder
-from sim.replay.flight import Flight
 from sim.running.mission_flight import fly_mission, make_recording
 from sim.running.result_files import Results, write_results, write_summary
+from sim.views.drawing.film import Film, Video
 
 
 class Stop(Protocol):

@@ -8,11 +8,11 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
-from sim.recording.atomic_files import make_new_folder
 from sim.running.result_files import Results
 from sim.running.results import fly_into
 from tracking.errors import InputError

@@ -7,8 +7,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
+from sim.mission.atomic_files import write_whole
 from sim.processes.workers import describe_end
-from sim.recording.atomic_files import write_whole
 from sim.study.backends import GRACE, Backend
 from sim.study.store import Store, StoreError
 from sim.study.tasks import Row, Task

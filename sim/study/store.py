@@ -12,7 +12,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from sim.recording.dataframes import make_dataframe
+from sim.mission.dataframes import make_dataframe
 from sim.study.tasks import Row, Task
 from tracking.errors import InputError, one_line
 

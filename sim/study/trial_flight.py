@@ -8,13 +8,13 @@ from contextlib import nullcontext
 import numpy as np
 from msgspec import Struct
 
-from sim.evaluation.catalogue import evaluate
-from sim.evaluation.machine import describe_machine
-from sim.evaluation.metric import Outcome
+from sim.facts.metrics.catalogue import evaluate
+from sim.facts.metrics.machine import describe_machine
+from sim.facts.metrics.metric import Outcome
+from sim.mission.archive import compute_digest, encode
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
-from sim.recording.archive import compute_digest, encode
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import place_of
 from sim.study.tasks import Row, Task, get_release

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from sim.recording.atomic_files import PlaceTaken
+from sim.mission.atomic_files import PlaceTaken
 from sim.scenario.quantities import parse_duration
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known

@@ -4,7 +4,7 @@ import pytest
 from helpers import timing
 
 import understory
-from sim.replay.export import export
+from sim.exchange.export import export
 
 pytest.importorskip("rosbags")
 LONGEST, LARGEST = 3.0, 10e6  # s of one core, bytes

@@ -6,7 +6,7 @@ little, and its ratio is not judged.
 
 from helpers import synthetic, timing
 
-from sim.drawing.film import Film, Video
+from sim.views.drawing.film import Film, Video
 
 
 class Drawn:

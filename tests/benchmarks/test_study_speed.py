@@ -13,10 +13,10 @@ import pytest
 from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
-from sim.analysis.answers import find_answers
-from sim.analysis.distributions import compute_ecdf
-from sim.analysis.groups import group_rows
-from sim.analysis.metric_choice import choose_metrics, list_available
+from sim.study.analysis.answers import find_answers
+from sim.study.analysis.distributions import compute_ecdf
+from sim.study.analysis.groups import group_rows
+from sim.study.analysis.metric_choice import choose_metrics, list_available
 from sim.study.backends import Pool
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_dataframe

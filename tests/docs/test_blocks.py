@@ -10,7 +10,7 @@ import shutil
 import pytest
 from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 
-from sim.recording.archive import load
+from sim.mission.archive import load
 from sim.study.study import read_study
 
 APART = ("lost-person", "learning", "trained-detector")
@@ -70,7 +70,7 @@ def test_a_pages_blocks_run(name, shell):
 @pytest.mark.docs
 def test_the_commands_on_ten_worlds_fly_their_planners(shell, monkeypatch):
     """Each in one of the worlds, for a second; figures of reports are laid out, and no files are made of them."""
-    monkeypatch.setattr("sim.report.figures.pictures.encode_figure", lambda figure, kind: b"")
+    monkeypatch.setattr("sim.study.report.figures.pictures.encode_figure", lambda figure, kind: b"")
     page = text_of("results/worlds.md").replace("\\\n", " ")
     text = re.sub(r"--(maps|seeds) (\d+)[\d-]*", lambda m: f"--seeds {m[2] if m[1] == 'seeds' else 0}", page)
     found = blocks(re.sub(r"( --scenario [\w-]+)+", " --scenario paper", text))
@@ -169,7 +169,7 @@ def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
 
 
 def test_words_of_the_page_on_debugging_are_those_of_the_program():
-    folder = (ROOT / "sim" / "replay" / "explain").glob("*.py")
+    folder = (ROOT / "sim" / "facts" / "explain").glob("*.py")
     source = "".join(path.read_text(encoding="utf-8") for path in folder)
     said = ("off the track", "detected at pixel", "in the gate of", "NEES", "existence")
     for words in (*said, "holds person"):

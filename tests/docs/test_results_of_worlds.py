@@ -11,9 +11,9 @@ from helpers.studies import invented
 from msgspec.structs import replace
 
 from planning.planners import PLANNERS
-from sim.analysis.differences import differences
-from sim.analysis.metric_choice import find_shown_metric
-from sim.analysis.normalised_score import SCORE
+from sim.study.analysis.differences import differences
+from sim.study.analysis.metric_choice import find_shown_metric
+from sim.study.analysis.normalised_score import SCORE
 from sim.study.store import Store
 from sim.study.study import adapt_study
 from sim.study.tasks import list_tasks

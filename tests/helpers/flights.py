@@ -2,7 +2,7 @@
 
 from planning.planner_loading import load_planner
 from sim.mission.mission import Mission
-from sim.recording.recorder import Recorder
+from sim.mission.recorder import Recorder
 from sim.scenario.loading import load
 from sim.scenario.scenario import encode_scenario
 

@@ -8,9 +8,9 @@ from helpers import synthetic
 from helpers.flights import IDEAL
 from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
-from sim.drawing.film import Film, Video
-from sim.recording.fault_text import encode_faults
+from sim.mission.fault_text import encode_faults
 from sim.sensing.fault import Fault
+from sim.views.drawing.film import Film, Video
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
 LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan

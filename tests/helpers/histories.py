@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim.evaluation.holding import NO_TRACK
-from sim.replay.history import History
+from sim.facts.history import History
+from sim.facts.metrics.holding import NO_TRACK
 
 
 def history(inside, shown, detected, tracks, **other):

@@ -19,14 +19,14 @@ import sim.running.results  # noqa: F401 - what commands import late is loaded o
 from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.cli import study_flight
+from sim.facts.explain import explanation  # noqa: F401
+from sim.mission.archive import find_recording  # noqa: F401
 from sim.mission.warmup import warm_up
-from sim.recording.archive import find_recording  # noqa: F401
-from sim.replay import redrawn_film  # noqa: F401
-from sim.replay.explain import explanation  # noqa: F401
-from sim.replay.page import page  # noqa: F401
-from sim.replay.rerun import viewer  # noqa: F401
-from sim.report import report, tables  # noqa: F401
+from sim.study.report import report, tables  # noqa: F401
 from sim.study.tasks import get_release
+from sim.views import redrawn_film  # noqa: F401
+from sim.views.page import page  # noqa: F401
+from sim.views.rerun import viewer  # noqa: F401
 
 SECONDS, BYTES = 20.0, 2 * 2**30
 

@@ -13,7 +13,7 @@ import numpy as np
 from helpers.hostile_values import DEEP, NUMBERS, WORDS, file, flaw, keys
 from helpers.recordings import npy, record
 from helpers.studies import store as fill
-from sim.recording.archive import save
+from sim.mission.archive import save
 from sim.study.store import NAME
 from sim.study.study import read_study
 from sim.study.tasks import list_tasks

@@ -8,8 +8,8 @@ import zipfile
 import numpy as np
 
 from helpers import synthetic
-from sim.recording.recorder import Recorder
-from sim.recording.recording import VERSION, Recording
+from sim.mission.recorder import Recorder
+from sim.mission.recording import VERSION, Recording
 from sim.scenario.scenario import encode_scenario
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from rich.console import Console
 
 from helpers.recordings import bare
-from sim.evaluation.metric import Outcome
-from sim.evaluation.summary import make_results_table, summarise
+from sim.facts.metrics.metric import Outcome
+from sim.facts.metrics.summary import make_results_table, summarise
 
 SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
 

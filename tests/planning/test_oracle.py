@@ -16,16 +16,16 @@ from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, correct_t
 from planning.planner_loading import load_planner
 from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
-from sim.analysis.planner_labels import find_baseline
-from sim.evaluation.summary import make_results_table
+from sim.facts.metrics.summary import make_results_table
+from sim.mission.archive import load as load_recording
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
-from sim.recording.archive import load as load_recording
-from sim.report.report import About
-from sim.report.terminal import show
 from sim.running import results as flights
 from sim.running.results import run_mission
 from sim.scenario.loading import load
+from sim.study.analysis.planner_labels import find_baseline
+from sim.study.report.report import About
+from sim.study.report.terminal import show
 from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity

@@ -59,7 +59,7 @@ def test_a_wheel_holds_the_files_of_the_packages_and_nothing_else(wheels):
     if listed.returncode:
         pytest.skip("not a checkout")
     held = {name for name in wheel.namelist() if not name.startswith("understory-")}
-    assert held == set(listed.stdout.split()) and "sim/report/page.css" in held
+    assert held == set(listed.stdout.split()) and "sim/study/report/page.css" in held
 
 
 @pytest.fixture

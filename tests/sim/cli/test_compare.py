@@ -3,7 +3,7 @@
 import pytest
 from helpers.studies import Serial, sql
 
-from sim.recording.archive import load
+from sim.mission.archive import load
 from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import StudyProgress, describe_pace
 

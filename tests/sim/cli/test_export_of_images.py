@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.flights import recorded
 
-from sim.recording.archive import save
+from sim.mission.archive import save
 
 
 @pytest.fixture
@@ -96,5 +96,5 @@ def test_a_mission_that_cannot_be_written_to_the_end_leaves_nothing(refused, run
             raise OSError(28, "No space left on device")
         return b"image"
 
-    monkeypatch.setattr("sim.replay.labelled_images.encode_png", fail)
+    monkeypatch.setattr("sim.exchange.labelled_images.encode_png", fail)
     assert "No space left on device; nothing is kept" in refused("export", "a", "--to", "coco", code=1)

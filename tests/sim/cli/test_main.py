@@ -14,7 +14,7 @@ from helpers.recordings import record
 from planning.planners import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.cli.run import show_run
-from sim.recording.archive import save
+from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES
 

@@ -4,7 +4,7 @@ import pytest
 from helpers.recordings import record
 from helpers.studies import sql
 
-from sim.recording.archive import save
+from sim.mission.archive import save
 from sim.study.store import SCHEMA
 
 FILES = {

@@ -18,7 +18,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import understory
 from sim.mission import mission as mission_module
-from sim.recording.archive import compute_digest
+from sim.mission.archive import compute_digest
 from sim.scenario.loading import SCENARIOS, load
 from sim.world.trajectories import Trajectories
 from tracking.errors import InputError

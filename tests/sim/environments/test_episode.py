@@ -5,10 +5,10 @@ import pytest
 from helpers.clients import open_clients
 from helpers.flights import fly
 
-from sim.drawing.film import Film, lay_out_parts
 from sim.environments.episode import Episode
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
+from sim.views.drawing.film import Film, lay_out_parts
 
 
 def test_an_episode_closes_its_world_if_its_first_scan_fails(monkeypatch):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import understory
-from sim.evaluation.score import estimate_velocities
+from sim.facts.metrics.score import estimate_velocities
 from tracking.errors import InputError
 
 SETTINGS = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4, "uavs.1.fails_at": 1.5}

@@ -13,16 +13,16 @@ from helpers.summaries import summary
 from helpers.teams import Spy, with_little_effort
 
 from planning.planners import PLANNERS
-from sim.drawing.film import Film
-from sim.drawing.map_view import MapView
-from sim.drawing.palette import ALARM, FAINT, uav_colour
+from sim.facts.scan_choice import find_scans
+from sim.mission.archive import load as load_recording
 from sim.mission.trial import Trial
-from sim.recording.archive import load as load_recording
-from sim.replay.frames.frame_panels import find_scans
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
+from sim.views.drawing.film import Film
+from sim.views.drawing.map_view import MapView
+from sim.views.drawing.palette import ALARM, FAINT, uav_colour
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
 

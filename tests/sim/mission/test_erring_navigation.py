@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from planning.planner import Plan
+from sim.facts.rerender import Rerenderer
+from sim.facts.tracking_replay import replay_tracking
+from sim.mission.archive import load as load_recording
+from sim.mission.archive import save
 from sim.mission.mission import Mission
-from sim.recording.archive import load as load_recording
-from sim.recording.archive import save
-from sim.recording.recorder import Recorder
-from sim.replay.frames.rerender import Rerenderer
-from sim.replay.tracking_replay import replay_tracking
+from sim.mission.recorder import Recorder
 from sim.scenario.loading import load
 from sim.scenario.scenario import encode_scenario
 from tracking.errors import InputError

@@ -10,11 +10,11 @@ from helpers.teams import Spy
 
 from planning.planner import Plan
 from planning.planner_loading import load_planner
+from sim.facts.flight import Flight
+from sim.mission.archive import load as load_recording
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.trial import Trial
-from sim.recording.archive import load as load_recording
-from sim.replay.flight import Flight
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario

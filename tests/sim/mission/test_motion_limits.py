@@ -13,9 +13,9 @@ from msgspec.structs import replace
 from scipy.stats import poisson
 
 from planning.planners import DEFAULT_PLANNER
+from sim.facts.recorded_fleet import make_known_forest
+from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
-from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import make_known_forest
 from sim.scenario.loading import load
 from sim.sensing.cameras import view_of
 from tracking.fleet import step

@@ -13,8 +13,8 @@ from helpers.pages import DOCS, ROOT, blocks
 from helpers.processes import python
 from helpers.studies import task_of
 
+from sim.mission.archive import compute_digest, load
 from sim.mission.trial import Trial
-from sim.recording.archive import compute_digest, load
 from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
 from sim.study.trial_flight import fly_trial

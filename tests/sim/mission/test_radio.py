@@ -14,11 +14,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.stats import kstest
 
 from planning.planner import Exchange
-from sim.evaluation.fleet_facts import measure_disagreement
+from sim.facts.metrics.fleet_facts import measure_disagreement
+from sim.mission.archive import load as load_recording
+from sim.mission.archive import save
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter, draw_lost_messages, find_links
-from sim.recording.archive import load as load_recording
-from sim.recording.archive import save
 from sim.scenario.loading import load
 from sim.scenario.uavs import Cut, Network
 from sim.sensing.sensors import Sensors

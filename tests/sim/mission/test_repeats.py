@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers.flights import mission_of, recorded
 
+from sim.mission.archive import load as load_recording
+from sim.mission.recorded_links import find_recorded_links
 from sim.mission.world_setup import make_forest_and_people
-from sim.recording.archive import load as load_recording
-from sim.recording.recorded_links import find_recorded_links
 from sim.scenario.loading import load
 from sim.study.study import adapt_study, read_study
 from sim.study.tasks import list_tasks

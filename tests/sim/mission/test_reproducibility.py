@@ -10,9 +10,9 @@ from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 from helpers.studies import task_of
 
 from planning.planners import DEFAULT_PLANNER
-from sim.evaluation.machine import describe_machine
+from sim.facts.metrics.machine import describe_machine
+from sim.mission.archive import compute_digest, load
 from sim.mission.trial import Trial
-from sim.recording.archive import compute_digest, load
 from sim.running.results import run_mission
 from sim.scenario.loading import load as load_scenario
 from sim.study.trial_flight import fly_trial

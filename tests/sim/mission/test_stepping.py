@@ -10,8 +10,8 @@ from helpers.teams import Spy
 
 from planning.planner import Plan
 from planning.planner_loading import load_planner
+from sim.mission.archive import compute_digest
 from sim.mission.mission import Mission
-from sim.recording.archive import compute_digest
 from sim.running.results import record
 from sim.scenario.loading import load
 from tracking.errors import InputError

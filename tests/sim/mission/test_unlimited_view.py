@@ -13,14 +13,14 @@ from planning.planners import PLANNERS
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move
-from sim.flights.flight_log import read_flight
+from sim.exchange.export import export
+from sim.exchange.flight_log import read_flight
+from sim.mission.archive import find_recording
 from sim.mission.trial import Trial
-from sim.recording.archive import find_recording
-from sim.replay.export import export
-from sim.replay.frames.frame_panels import write_frames
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.sensing.cameras import noise_of, view_of
+from sim.views.frames.frame_panels import write_frames
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
 

@@ -10,10 +10,10 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
+from sim.facts import events
+from sim.mission.archive import load as load_recording
+from sim.mission.atomic_files import PlaceTaken, make_new_folder
 from sim.mission.trial import ScanProgress, Trial
-from sim.recording.archive import load as load_recording
-from sim.recording.atomic_files import PlaceTaken, make_new_folder
-from sim.replay import events
 from sim.running import results as module
 from sim.running.results import run_mission
 from sim.scenario.loading import load

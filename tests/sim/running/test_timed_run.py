@@ -6,8 +6,8 @@ import signal
 
 import pytest
 
+from sim.mission.archive import load as load_recording
 from sim.mission.trial import Trial
-from sim.recording.archive import load as load_recording
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load

@@ -10,9 +10,6 @@ from helpers.flights import fly
 from helpers.scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
-from sim.drawing.film import Film
-from sim.drawing.map_view import MapView
-from sim.drawing.palette import PANEL
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
@@ -20,6 +17,9 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.sensing.vehicles import vehicle_of
+from sim.views.drawing.film import Film
+from sim.views.drawing.map_view import MapView
+from sim.views.drawing.palette import PANEL
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose

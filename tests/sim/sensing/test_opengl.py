@@ -11,9 +11,9 @@ from helpers.flights import filmed
 from helpers.recordings import record
 from helpers.views import CAMERA, SCENARIO
 
-from sim.recording.archive import save
-from sim.replay.frames.rerender import Rerenderer
-from sim.replay.labelled_images import write_labelled_images
+from sim.exchange.labelled_images import write_labelled_images
+from sim.facts.rerender import Rerenderer
+from sim.mission.archive import save
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
 from sim.scenario.sensing import Sensing

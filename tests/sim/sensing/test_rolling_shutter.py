@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planning.baselines import Greedy
+from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
-from sim.recording.recorder import Recorder
-from sim.replay.frames.rerender import Rerenderer
+from sim.mission.recorder import Recorder
 from sim.running.mission_flight import make_recording
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load

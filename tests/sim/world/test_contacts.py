@@ -11,15 +11,15 @@ from helpers.recordings import record
 from helpers.summaries import shown, summary
 from helpers.teams import Spy
 
-from sim.drawing.labels import Labels
-from sim.drawing.map_view import ALERT, MapView
-from sim.drawing.palette import ALARM
-from sim.evaluation.fleet_facts import list_contacts
-from sim.recording.archive import load as load_recording
-from sim.recording.archive import save
-from sim.recording.recorder import Recorder
+from sim.facts.metrics.fleet_facts import list_contacts
+from sim.mission.archive import load as load_recording
+from sim.mission.archive import save
+from sim.mission.recorder import Recorder
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
+from sim.views.drawing.labels import Labels
+from sim.views.drawing.map_view import ALERT, MapView
+from sim.views.drawing.palette import ALARM
 from sim.world.contacts import KINDS, Contact, describe_body
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree

@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import fly, recording_of
 
 from planning.planner import Plan
-from sim.recording.archive import compute_digest
+from sim.mission.archive import compute_digest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.world.attitude import settle

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from helpers.views import SCENARIO
 
-from sim.recording.archive import compute_digest
-from sim.replay.frames.rerender import Rerenderer
+from sim.facts.rerender import Rerenderer
+from sim.mission.archive import compute_digest
 from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Renderer, capture
 from sim.world.leaves import EDGE, Leaves

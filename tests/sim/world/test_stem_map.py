@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from sim.mission.recording import FIELDS
 from sim.mission.world_setup import make_forest_and_people
-from sim.recording.recording import FIELDS
 from sim.scenario.environment import Trees
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
-from sim.recording.archive import load as load_recording
+from sim.mission.archive import load as load_recording
 from sim.scenario import csv_tables, text_files
 from sim.scenario.environment import Area, People
 from sim.scenario.loading import load

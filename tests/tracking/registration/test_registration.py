@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import fly_ideal, recording_of
 from helpers.scenes import CAMERA, MOTION, OPEN
 
-from sim.evaluation.score import score
+from sim.facts.metrics.score import score
 from sim.sensing.navigation import NavigationErrors
 from tracking.filter.kalman import Gaussian
 from tracking.fleet import step

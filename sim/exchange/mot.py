@@ -1,0 +1,91 @@
+"""Sequences of MOTChallenge: detections and people of each frame, in images or on the ground."""
+
+import configparser
+from collections import defaultdict
+from pathlib import Path
+
+from sim.exchange.flight_tables import CameraFrames, Detection, LoggedFrame
+from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.quantities import parse_number
+from sim.scenario.text_files import read_spreadsheet_text
+from tracking.errors import InputError, one_line, spell
+
+_COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
+_TRUTH_COLUMNS = (*_COLUMNS[:7], "class", "visibility")  # of nine columns
+
+
+def find_sequences(folder: Path) -> dict[int, Path]:
+    """The folders of sequences by UAV: the folder itself, or uav0, uav1 and so on in it; empty if there are none."""
+    if (folder / "det" / "det.txt").exists():
+        return {0: folder}
+    found = sorted(path.parent.parent for path in folder.glob("uav*/det/det.txt"))
+    return {int(path.name[3:]): path for path in found if path.name[3:].isdigit()}
+
+
+def read_sequence(folder: Path) -> CameraFrames:
+    """Frames of a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`, the first at 0 s.
+
+    Frames count from 1, and each up to the last, also without a row, was taken. A row is a box in the image, whose
+    middle is the person's, or with a box of -1 a place x, y on the ground. Confidences are not used; in `gt.txt` those
+    of zero, and classes other than pedestrians, are left out. InputError says what to change.
+    """
+    info = folder / "seqinfo.ini"
+    parser = configparser.ConfigParser()
+    try:
+        parser.read_string(read_spreadsheet_text(info, "seqinfo"))
+        facts = {key: parse_number(text) for key, text in parser["Sequence"].items()}
+    except (configparser.Error, KeyError) as error:
+        raise InputError(f"seqinfo: {info}: has no readable table [Sequence]: {one_line(error)}") from error
+    rate = facts.get("framerate", 0.0)
+    if not rate > 0:
+        raise InputError(f"seqinfo: {info}: frameRate is missing; expected the number of frames in a second")
+    found = _read_rows(folder / "det" / "det.txt", "detections")
+    truth = folder / "gt" / "gt.txt"
+    people = _read_rows(truth, "truth") if truth.exists() else {}
+    last = max([int(facts.get("seqlength", 0)), *found, *people], default=0)
+    if last == 0:
+        raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
+    size = (int(facts["imwidth"]), int(facts["imheight"])) if {"imwidth", "imheight"} <= {*facts} else None
+
+    def make_frame(number: int, detections: list[Detection]) -> LoggedFrame:
+        return LoggedFrame((number - 1) / rate, f"detections: {folder}, frame {number}", detections)
+
+    return CameraFrames(
+        detections=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
+        people=[make_frame(number, people[number]) for number in sorted(people)],
+        size=size,
+    )
+
+
+def _read_rows(path: Path, field: str) -> dict[int, list[Detection]]:
+    """Rows of a text file by frame."""
+    found: defaultdict[int, list[Detection]] = defaultdict(list)
+    seen: dict[tuple[int, str], int] = {}
+    text = read_spreadsheet_text(path, field)
+    if not text.strip():
+        return found
+    count = text.lstrip().partition("\n")[0].count(",") + 1
+    if not 7 <= count <= 10:
+        raise InputError(f"{field}: {path}, line 1: has {count} entries; expected 7 to 10, as {','.join(_COLUMNS)}")
+    columns = _TRUTH_COLUMNS if count == 9 and field == "truth" else _COLUMNS[:count]
+    for row in read_csv(path, field, columns, nameless=True):
+        if field == "truth" and (not row.number("confidence") or row.values.get("class", "1") not in ("1", "1.0")):
+            continue
+        number, person = row.number("frame"), row.text("id")
+        if number < 1 or number != int(number):
+            raise row.error("frame", f"{spell(number)} is not allowed; frames count from 1")
+        if field == "truth" and (line := seen.setdefault((int(number), person), row.line)) != row.line:
+            raise row.error("id", f"{person} has another row of this frame in line {line}")
+        found[int(number)].append(_read_box(row, person))
+    return found
+
+
+def _read_box(row: Row, person: str) -> Detection:
+    """The middle of a box in the image, whose first pixel has the coordinates 1, or a place on the ground."""
+    left, top, width, height = (row.number(name) for name in _COLUMNS[2:6])
+    if width > 0 and height > 0:
+        return Detection(pixel=(left - 1 + width / 2, top - 1 + height / 2), person=person)
+    if "x" not in row.values or "y" not in row.values:
+        size = f"{spell(width)} × {spell(height)}"
+        raise row.error("width", f"a box of {size} pixels is none, and there is no place x, y on the ground")
+    return Detection(place=(row.number("x"), row.number("y")), person=person)

@@ -1,0 +1,1 @@
+"""What follows from a recording, in numbers and words, without a pixel."""

@@ -1,0 +1,141 @@
+"""Tables of a recording, with units in the names of columns."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.facts.event import Event, find_ends
+from sim.facts.history import STATES, History
+from sim.facts.metrics.score import estimate_velocities
+from sim.mission.recording import Recording
+
+Column = NDArray[Any]
+Columns = dict[str, Column]
+TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "losses", "events")
+
+
+def make_columns(name: str, recording: Recording, history: History) -> Columns:
+    """The columns of any table of `TABLES` but `events`, for which see `make_event_columns`."""
+    of_people = {"people": _list_people, "sightings": _list_sightings, "losses": _list_losses}
+    plain = {"uavs": _list_uavs, "measurements": _list_measurements, "tracks": _list_tracks}
+    plain |= {"ospa": _list_ospa, "plans": _list_plans, "trees": _list_trees}
+    return of_people[name](recording, history) if name in of_people else plain[name](recording)
+
+
+def _list_people(r: Recording, history: History) -> Columns:
+    k, m = np.nonzero(history.present)
+    v = estimate_velocities(r)[k, m]
+    return {
+        "time_s": r.times[k],
+        "person": m,
+        **_split_xy("", "m", r.people[k, m]),
+        **_split_xy("v", "m_per_s", v),
+        "heading_rad": r.headings[k, m],
+        "state": _make_text_column([STATES[state] for state in history.states[k, m]]),
+        "held_by_uavs": history.held[k, m],
+    }
+
+
+def _list_sightings(r: Recording, history: History) -> Columns:
+    """A row for each person inside a frame, or with a track."""
+    k, i, m = np.nonzero(history.inside | history.shown | (history.tracks >= 0))
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        "person": m,
+        "inside": history.inside[k, i, m],
+        "hidden_by_tree": history.hidden_by[k, i, m],
+        "visible_px": r.visible[k, i, m],
+        "detected": history.detected[k, i, m],
+        "held_by_track": r.numbers_of(history.tracks[k, i, m]),
+    }
+
+
+def _list_losses(r: Recording, history: History) -> Columns:
+    lost = history.losses
+    begin, end = np.array([find_ends(r.times, loss.first, loss.last) for loss in lost]).reshape(-1, 2).T
+    return {
+        "person": np.array([loss.person for loss in lost], dtype=np.int64),
+        "from_s": begin,
+        "until_s": end,
+        "held_before": np.array([loss.found for loss in lost], dtype=np.bool_),
+        **{
+            f"scans_{where}": np.array([loss.scans[n] for loss in lost], dtype=np.int64)
+            for n, where in enumerate(("without_track", "outside_ellipse", "inside_ellipse"))
+        },
+    }
+
+
+def make_event_columns(events: Sequence[Event]) -> Columns:
+    """The columns of the table of events."""
+    return {
+        "time_s": np.array([event.time for event in events], dtype=float),
+        "kind": _make_text_column([event.kind for event in events]),
+        "text": _make_text_column([event.sentence for event in events]),
+    }
+
+
+def _list_uavs(r: Recording) -> Columns:
+    k, i = (index.ravel() for index in np.indices(r.poses.shape[:2]))
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        **_split_xy("", "m", r.poses[k, i]),
+        "z_m": r.poses[k, i, 2],
+        **_split_xy("command_v", "m_per_s", r.commands[k, i]),
+        "works": r.working[k, i],
+        "sent_bytes": r.bytes_sent[k, i],
+        "sent_plans_bytes": r.plan_bytes[k, i],
+    }
+
+
+def _list_measurements(r: Recording) -> Columns:
+    k, i = r.cells(r.measurement_offsets)
+    covariance = _split_covariance(r.measurement_covariances)
+    pixels = {"u_px": r.pixels[:, 0], "v_px": r.pixels[:, 1]}
+    return {"time_s": r.times[k], "uav": i, **_split_xy("", "m", r.measurements), **covariance, **pixels}
+
+
+def _list_tracks(r: Recording) -> Columns:
+    k, i = r.cells(r.track_offsets)
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        "track": r.numbers_of(r.track_ids),
+        **_split_xy("", "m", r.track_means),
+        **_split_xy("v", "m_per_s", r.track_means[:, 2:]),
+        **_split_covariance(r.track_covariances),
+        "existence": r.track_existence,
+    }
+
+
+def _list_ospa(r: Recording) -> Columns:
+    k, i = np.nonzero(~np.isnan(r.errors[:, :, 0]))
+    parts = dict(zip(("ospa_m", "localisation_m", "cardinality_m"), r.errors[k, i].T, strict=True))
+    return {"time_s": r.times[k], "uav": i, **parts}
+
+
+def _list_plans(r: Recording) -> Columns:
+    e, i, step = np.nonzero(~np.isnan(r.plans[..., 0]))
+    return {"time_s": r.plan_times[e], "uav": i, "step": step, **_split_xy("v", "m_per_s", r.plans[e, i, step])}
+
+
+def _list_trees(r: Recording) -> Columns:
+    parts = ["x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m"]
+    parts += ["leaf_area_density_m2_per_m3"]
+    rows = np.column_stack([r.trees, np.full(len(r.trees), np.inf)])[:, : len(parts)]  # recorded if any is porous
+    return {"tree": np.arange(len(rows)), **dict(zip(parts, rows.T, strict=True))}
+
+
+def _split_xy(prefix: str, unit: str, values: Column) -> Columns:
+    return {f"{prefix}x_{unit}": values[:, 0], f"{prefix}y_{unit}": values[:, 1]}
+
+
+def _split_covariance(covariances: Column) -> Columns:
+    return {"xx_m2": covariances[:, 0, 0], "xy_m2": covariances[:, 0, 1], "yy_m2": covariances[:, 1, 1]}
+
+
+def _make_text_column(texts: list[str]) -> Column:
+    return np.array(texts, dtype=object)

@@ -1,0 +1,111 @@
+"""Observation of one person by one UAV at one scan: view, pixels, detection and data association."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from sim.facts.flight import Flight
+from sim.facts.metrics.score import owners_of
+from sim.facts.rerender import Rerenderer
+from sim.facts.sightings import Sighting, tell_pose_error
+from sim.facts.tracking_replay import replay_tracking
+from sim.sensing.cameras import true_view_of
+from sim.sensing.detection_truth import match_detections
+from tracking.account import Association
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.distances import squared_distance
+
+
+@dataclass(frozen=True, eq=False)
+class PersonMeasurement:
+    """The measurement of a person."""
+
+    measurement: int
+    pixel: Array | None  # (2,), None in ideal sensing
+    place: Array  # (2,) m
+    error: float  # m
+    sigmas: float  # the error in standard deviations of the measurement
+
+
+@dataclass(frozen=True, eq=False)
+class PersonObservation:
+    """Observation of one person by one UAV at one scan."""
+
+    uav: int
+    works: bool
+    sighting: Sighting
+    away: float  # m, horizontal distance from the camera to the person; NaN if absent
+    pose_error: list[str]  # as `tell_pose_error`
+    whole: int | None  # number of pixels of the person in the frame if nothing hid it; None if it was not rendered
+    found: PersonMeasurement | None
+    owners: Indices  # (N,), person of each measurement; -1 for a false alarm
+    # of all tracks and measurements; None if the camera took no frame, or if the tracker cannot be run again
+    association: Association | None
+
+
+class Observer(ExitStack):
+    """Observations of people in a flight: frames are rendered again, and trackers run again."""
+
+    def __init__(self, flight: Flight) -> None:
+        super().__init__()
+        self.flight, self.recording = flight, flight.recording
+        self.replay = replay_tracking(self.recording)
+        # Called with a scan k and a UAV; cached, because track stories ask for the same scans again.
+        self.owners = lru_cache(1024)(self._owners)
+
+    @cached_property
+    def again(self) -> Rerenderer:
+        """The renderer, which only some questions need."""
+        return self.enter_context(Rerenderer(self.recording))
+
+    def observe(self, k: int, uav: int, person: int) -> PersonObservation:
+        """The observation of one person by one UAV at scan k."""
+        recording, setting = self.recording, self.recording.setting
+        sighting = Sighting.all_of(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
+        owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
+        return PersonObservation(
+            uav=uav,
+            works=bool(recording.working[k, uav]),
+            sighting=sighting,
+            away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
+            pose_error=tell_pose_error(recording, k, uav),
+            whole=self.again.count_whole(k, uav, person) if shown else None,
+            found=self._found(k, uav, person, owners),
+            owners=owners,
+            association=self.replay.association(k, uav),
+        )
+
+    def _renders(self, k: int, uav: int) -> bool:
+        return self.recording.setting.sensing.renders and bool(self.recording.frames_taken[k, uav])
+
+    def _owners(self, k: int, uav: int) -> Indices:
+        """The person (N,) of each measurement of one UAV at scan k; -1 for a false alarm.
+
+        With rendered frames, pixels of detections decide as in flight; in ideal sensing, it is the nearest person.
+        """
+        recording, z = self.recording, self.recording.scan_at(k, uav).measurements
+        seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)
+        if len(seen) and self._renders(k, uav):
+            mask = self.again.rendered(k, uav).people
+            rows = match_detections(recording.pixels_at(k, uav), mask, recording.person_count)[seen]
+            found[rows[rows >= 0]] = seen[rows >= 0]
+        else:
+            found = owners_of(z, recording.people[k], seen)
+        return found
+
+    def _found(self, k: int, uav: int, person: int, owners: Indices) -> PersonMeasurement | None:
+        rows = np.flatnonzero(owners == person).tolist()
+        if not rows:
+            return None
+        row = rows[0]
+        scan, pixels = self.recording.scan_at(k, uav), self.recording.pixels_at(k, uav)
+        error = scan.measurements[row] - self.recording.people[k, person]
+        return PersonMeasurement(
+            measurement=row,
+            pixel=pixels[row] if len(pixels) else None,
+            place=scan.measurements[row],
+            error=float(np.hypot(*error)),
+            sigmas=float(np.sqrt(squared_distance(error, scan.covariances[row]))),
+        )

@@ -1,0 +1,131 @@
+"""A recorded mission with its history, events, tables with units, and figures.
+
+The figures are views, which stand above facts: they are imported when a figure is asked for.
+"""
+
+import sys
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from sim.facts.columns import TABLES, make_columns, make_event_columns
+from sim.facts.event import Event, find_ends
+from sim.facts.events import find_events
+from sim.facts.history import History
+from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.metric import Outcome
+from sim.facts.metrics.summary import format_planner_title
+from sim.facts.scan_choice import find_scans
+from sim.mission.archive import find_recording, save
+from sim.mission.dataframes import make_dataframe
+from sim.mission.recording import Recording
+from sim.scenario.random_streams import format_seed
+from sim.scenario.scenario import Scenario
+from tracking.errors import InputError, check_known
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def load(run: str | Path) -> "Flight":
+    """Load the mission in a run's folder or a file `mission.npz`; InputError if none can be read."""
+    if "IPython" in sys.modules:
+        from sim.views.notebook import show_figures
+
+        show_figures()
+    return Flight(find_recording(Path(run)))
+
+
+class Flight:
+    """One recorded mission with its tables and figures; `recording` has the arrays, and `scenario` the settings."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.scenario: Scenario = recording.setting
+
+    @cached_property
+    def history(self) -> History:
+        """The history of each person, scan by scan."""
+        return History.of(self.recording)
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """The events of the mission, in order of time."""
+        return find_events(self.recording, self.history)
+
+    def save(self, path: str | Path) -> None:
+        """Write the recording to a file, such as episode.npz, which `load` and the commands read; else InputError."""
+        try:
+            save(self.recording, path)
+        except OSError as error:
+            raise InputError(f"path: {path} cannot be written: {error.strerror or error}") from error
+
+    def columns(self, table: str) -> dict[str, NDArray[Any]]:
+        """The columns of a table, one of `TABLES`, by names with units; InputError suggests the nearest table."""
+        check_known("table", table, TABLES)
+        if table == "events":
+            return make_event_columns(self.events)
+        return make_columns(table, self.recording, self.history)
+
+    def table(self, table: str) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
+        """A table, one of `TABLES`, as a pandas data frame, or a polars one if pandas is not installed."""
+        return make_dataframe(self.columns(table))
+
+    def ospa_figure(self) -> "Figure":
+        """OSPA over time; InputError if people are unknown."""
+        from sim.views.drawing.plots import draw_ospa_figure
+
+        self._check_labels("OSPA")
+        return draw_ospa_figure(self.recording.times, self.recording.ospa)
+
+    def timeline_figure(self) -> "Figure":
+        """The timeline: the states of each person in the cameras and to the tracks; InputError if they are unknown."""
+        from sim.views.timeline import draw_timeline
+
+        self._check_labels("timeline")
+        return draw_timeline(self.history, self.recording.ospa, self.events)
+
+    def _check_labels(self, what: str) -> None:
+        if not self.recording.labelled:
+            raise InputError(f"the people of this flight are unknown, so it has no {what}")
+
+    def map_figure(self, time: float) -> "Figure":
+        """The map at the scan nearest to `time` s, with trails of the last seconds; its axes are in metres."""
+        from sim.views.notebook import make_map_figure
+
+        (k,) = find_scans(self.recording, time, None, name="time")
+        return make_map_figure(self.recording, k, self.history.hold_states[k])
+
+    def frame_figure(self, time: float, uav: int) -> "Figure":
+        """The annotated image of a UAV's camera at the scan nearest to `time` s, rendered again."""
+        from sim.views.notebook import make_frame_figure
+
+        uavs = len(self.scenario.uavs)
+        if not 0 <= uav < uavs:
+            raise InputError(f"uav: there is no UAV {uav}; allowed are 0 to {uavs - 1}")
+        (k,) = find_scans(self.recording, time, None, uav, name="time")
+        return make_frame_figure(self.recording, k, uav)
+
+    def __repr__(self) -> str:
+        """The results of the mission in one line."""
+        r = self.recording
+        kinds = [loss.kind for loss in self.history.losses]
+        lost = [loss for loss in self.history.losses if loss.kind == "person lost"]
+        spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
+        longest = max((end - begin for begin, end in spans), default=0.0)
+        losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"
+        if unfound := kinds.count("person not found yet"):
+            losses += f", and {unfound} of people not found before"
+        outcome, names = Outcome(r), ("ospa.mean_m", "ospa.share_under_1m", "share_held")
+        mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
+        parts = [
+            f"{format_planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
+            f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{' (interrupted)' * r.interrupted}",
+            f"{r.uav_count} UAVs, {r.person_count if r.labelled else 'unknown'} people, {len(r.trees)} trees",
+            f"OSPA mean {mean}, {share} under 1 m",
+            f"people held {held}",
+            f"losses {losses}",
+        ]
+        return f"<Flight: {'; '.join(parts)}>"

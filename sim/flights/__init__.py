@@ -1,1 +1,0 @@
-"""Flights from elsewhere: their files, and the trackers on them."""

@@ -1,0 +1,278 @@
+"""One mission as plain arrays: truth, measurements, tracks and commands at each scan."""
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import numpy as np
+
+from planning.planner import Plan
+from sim.mission.fault_text import decode_faults
+from sim.mission.snapshot import Snapshot
+from sim.scenario.loading import decode
+from sim.scenario.scenario import Scenario
+from sim.sensing.fault import Fault
+from sim.world.contacts import KINDS, Contact
+from tracking.errors import InputError, one_line
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.track import UNLIKELY, Scan, Track, make_tracks
+
+VERSION = 1
+# Tables with a row for each scan, which have the same names in snapshots.
+_AS_IN_SNAPSHOTS = ("people", "headings", "commands", "ospa", "visible", "matched", "bytes_sent", "plan_bytes")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A whole mission of K scans, n UAVs, M people, T trees and E decisions with horizon H.
+
+    Each annotation gives data type and shape. Tables of D measurements or S tracks have rows for each scan and UAV in
+    turn: scan k and UAV i have the rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
+    quaternion xyzw. Absent people are NaN, and so is the OSPA of a UAV that has broken down. A flight from elsewhere
+    whose people are unknown has none, and an OSPA of zero.
+    """
+
+    version: Annotated[int, "<i8", ""]
+    scenario: Annotated[str, "<U", ""]  # JSON of `resolved`
+    planner: Annotated[str, "<U", ""]
+    seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
+    interrupted: Annotated[bool, "|b1", ""]
+    times: Annotated[Array, "<f8", "K"]  # s
+    trees: Annotated[Array, "<f8", "T 6|7"]  # the fields of each `Tree`; the seventh if any is porous
+    people: Annotated[Array, "<f8", "K M 2"]  # m
+    headings: Annotated[Array, "<f8", "K M"]  # rad
+    poses: Annotated[Array, "<f8", "K n 7"]
+    cameras: Annotated[Array, "<f8", "K n 7"]
+    commands: Annotated[Array, "<f8", "K n 2"]  # in force, m/s
+    measurement_offsets: Annotated[Indices, "<i8", "K*n+1"]
+    measurements: Annotated[Array, "<f8", "D 2"]  # m
+    measurement_covariances: Annotated[Array, "<f8", "D 2 2"]  # m²
+    pixels: Annotated[Array, "<f8", "D 2"]  # NaN in ideal sensing
+    track_offsets: Annotated[Indices, "<i8", "K*n+1"]
+    track_ids: Annotated[Indices, "<i8", "S"]  # pictures and tables show `track_numbers` in their place
+    track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
+    track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
+    plan_times: Annotated[Array, "<f8", "E"]  # s
+    plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN after the end of a shorter plan
+    ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
+    visible: Annotated[Indices, "<i8", "K n M"]  # number of pixels that show each person
+    matched: Annotated[Flags, "|b1", "K n M"]  # True if the person was detected
+    # Scan, UAV, kind (in `KINDS`) and index of a body that it has touched since the previous scan; sorted by scan.
+    contacts: Annotated[Indices, "<i8", "C 4"]
+    bytes_sent: Annotated[Indices, "<i8", "K n"]  # to neighbours in all rounds of consensus of a scan
+    plan_bytes: Annotated[Indices, "<i8", "K n"]  # of plans, to neighbours in all rounds of a decision
+    plan_rounds: Annotated[Indices, "<i8", "K"]  # number of these rounds
+    sees_truth: Annotated[bool, "|b1", ""]  # True if the planner does
+    track_existence: Annotated[Array, "<f8", "S"]  # probability; NaN if the tracker has none, as with m of n scans
+    # Position [m] and time [s] of the fleet's last sure detection; NaN if the tracker has none.
+    track_sightings: Annotated[Array, "<f8", "S 3"]
+    faults: Annotated[str, "<U", ""]  # JSON, see `fault_text`
+    repeat: Annotated[int, "<i8", ""]  # decides, with the seed, the mission's noise
+    # True where a camera took a frame in a flight from elsewhere; None for a mission, whose scenario says it
+    frames: Annotated[Flags | None, "|b1", "K n"] = None
+    # as `cameras`, poses that UAVs believe their cameras to have; None if they are the true ones
+    believed: Annotated[Array | None, "<f8", "K n 7"] = None
+
+    @property
+    def uav_count(self) -> int:
+        """Number n of UAVs."""
+        return int(self.poses.shape[1])
+
+    @property
+    def person_count(self) -> int:
+        """Number M of people."""
+        return int(self.people.shape[1])
+
+    @cached_property
+    def setting(self) -> Scenario:
+        """The scenario of the mission; InputError if this program cannot read it, or it contradicts the recording."""
+        try:
+            found = decode(json.loads(self.scenario))
+        except (ValueError, RecursionError, OverflowError) as error:
+            other = "made by another understory? its summary.json names the version that reads it"
+            raise InputError(f"recording: its scenario: {one_line(error, 400)}; {other}") from error
+        _check_setting(self, found)
+        return found
+
+    @cached_property
+    def forest(self) -> Forest:
+        """The map of trees with exact occlusion; the model that trackers and planners assumed is in the scenario."""
+        return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
+
+    @property
+    def working(self) -> Flags:
+        """Mask (K, n) of the UAVs that had not broken down at each scan."""
+        return ~np.isnan(self.ospa[:, :, 0])
+
+    @property
+    def labelled(self) -> bool:
+        """False if the people are unknown, as in a flight from elsewhere without labels."""
+        return self.frames is None or self.person_count > 0
+
+    @property
+    def errors(self) -> Array:
+        """OSPA (K, n, 3) m as recorded, but NaN everywhere if people are unknown."""
+        return self.ospa if self.labelled else np.full(self.ospa.shape, np.nan)
+
+    @cached_property
+    def frames_taken(self) -> Flags:
+        """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
+        if self.frames is not None:
+            return self.working & self.frames
+        scans, uavs = self.working.shape
+        due = [[self.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
+        return np.logical_and(self.working, due)
+
+    @cached_property
+    def hiding_forest(self) -> Forest:
+        """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
+        sensing, exact = self.setting.sensing, self.forest
+        return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
+
+    @cached_property
+    def track_numbers(self) -> dict[int, int]:
+        """The displayed number of each track by id, in the order of first appearance."""
+        return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
+
+    def numbers_of(self, ids: Indices) -> Indices:
+        """The displayed numbers of tracks with these ids (N,); -1 for ids that were never recorded."""
+        return np.array([self.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
+
+    def cells(self, offsets: Indices) -> tuple[Indices, Indices]:
+        """Scan and UAV of each row of the table with these offsets."""
+        scans, uavs = self.poses.shape[:2]
+        k, uav = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(offsets)), uavs)
+        return k, uav
+
+    def _rows(self, offsets: Indices, k: int, uav: int) -> slice:
+        cell = k * self.uav_count + uav
+        return slice(int(offsets[cell]), int(offsets[cell + 1]))
+
+    def camera_at(self, k: int, uav: int) -> Pose:
+        """Pose of the camera of one UAV at scan k."""
+        row = self.cameras[k, uav]
+        return Pose(row[:3], row[3:])
+
+    @property
+    def believed_cameras(self) -> Array:
+        """Poses (K, n, 7) that UAVs believe their cameras to have."""
+        return self.cameras if self.believed is None else self.believed
+
+    def believed_camera_at(self, k: int, uav: int) -> Pose:
+        """Pose of the camera of one UAV at scan k, as the UAV believes it."""
+        row = self.believed_cameras[k, uav]
+        return Pose(row[:3], row[3:])
+
+    def scan_at(self, k: int, uav: int) -> Scan:
+        """Measurements of one UAV at scan k."""
+        rows = self._rows(self.measurement_offsets, k, uav)
+        z, R = self.measurements[rows], self.measurement_covariances[rows]
+        return Scan(uav, float(self.times[k]), self.believed_camera_at(k, uav), z, R)
+
+    def pixels_at(self, k: int, uav: int) -> Array:
+        """Pixels (N, 2) of the detections of one UAV at scan k; (0, 2) in ideal sensing."""
+        pixels = self.pixels[self._rows(self.measurement_offsets, k, uav)]
+        return pixels[~np.isnan(pixels[:, 0])]
+
+    def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
+        """The tracks of one UAV after scan k."""
+        rows = self._rows(self.track_offsets, k, uav)
+        certain = np.nan_to_num(self.track_existence[rows], nan=1.0)
+        beliefs = self.track_means[rows], self.track_covariances[rows]
+        return make_tracks(self.track_ids[rows], *beliefs, certain, self.track_sightings[rows])
+
+    def track_ids_at(self, k: int, uav: int) -> Indices:
+        """Ids (N,) of the tracks of one UAV after scan k."""
+        return self.track_ids[self._rows(self.track_offsets, k, uav)]
+
+    def existence_at(self, k: int, uav: int) -> Array:
+        """Existence probability (N,) of each track of one UAV after scan k; NaN if the tracker has none."""
+        return self.track_existence[self._rows(self.track_offsets, k, uav)]
+
+    @property
+    def reported(self) -> Flags:
+        """Mask (S,) of the reported tracks, as in `tracking.track.Track.reported`."""
+        return ~(self.track_existence <= UNLIKELY)
+
+    def plans_at(self, k: int) -> list[Plan] | None:
+        """The plans made at scan k; None if there are none."""
+        made = np.flatnonzero(self.plan_times == self.times[k])
+        return [Plan(u[~np.isnan(u[:, 0])]) for u in self.plans[made[0]]] if len(made) else None
+
+    def contacts_at(self, k: int) -> tuple[Contact, ...]:
+        """Contacts of UAVs between scan k - 1 and scan k."""
+        rows = self.contacts[self.contacts[:, 0] == k].tolist()
+        return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
+
+    @cached_property
+    def all_faults(self) -> tuple[Fault, ...]:
+        """All faults that were recorded, in order of time."""
+        return decode_faults(self.faults)
+
+    def faults_at(self, k: int) -> tuple[Fault, ...]:
+        """Faults after scan k - 1 and until scan k."""
+        before = float(self.times[k - 1]) if k else -math.inf
+        return tuple(fault for fault in self.all_faults if before < fault.time <= float(self.times[k]))
+
+    def poses_at(self, k: int) -> list[Pose]:
+        """Poses of the UAVs' bodies at scan k."""
+        return [Pose(row[:3], row[3:]) for row in self.poses[k]]
+
+    def snapshot(self, k: int) -> Snapshot:
+        """The snapshot of scan k, as given to the recorder."""
+        uavs = range(self.uav_count)
+        return Snapshot(
+            time=float(self.times[k]),
+            poses=self.poses_at(k),
+            cameras=[self.camera_at(k, i) for i in uavs],
+            believed=None if self.believed is None else [self.believed_camera_at(k, i) for i in uavs],
+            frames=self.frames_taken[k],
+            scans=[self.scan_at(k, i) for i in uavs],
+            pixels=[self.pixels_at(k, i) for i in uavs],
+            tracks=[self.tracks_at(k, i) for i in uavs],
+            plans=self.plans_at(k),
+            contacts=self.contacts_at(k),
+            plan_rounds=int(self.plan_rounds[k]),
+            faults=self.faults_at(k),
+            **{name: getattr(self, name)[k] for name in _AS_IN_SNAPSHOTS},
+        )
+
+
+class Field(NamedTuple):
+    """Form of a field of a recording."""
+
+    kind: Any  # its type in Python
+    dtype: str
+    shape: str  # sizes or their symbols; empty for a single value
+
+
+FIELDS = {
+    name: Field(hint.__origin__, *hint.__metadata__)
+    for name, hint in get_type_hints(Recording, include_extras=True).items()
+}
+OPTIONAL = ("frames", "believed")  # fields that are not written if they are None
+
+
+def _check_setting(recording: Recording, scenario: Scenario) -> None:
+    """InputError if a recording contradicts its scenario."""
+    times, people = recording.times, recording.person_count
+    uavs, rate = recording.uav_count, scenario.rates.sensing
+    planned = scenario.duration * rate + 1
+    if len(scenario.uavs) != uavs:
+        raise InputError(f"recording: {uavs} UAVs flew, but its scenario has {len(scenario.uavs)}")
+    if not scenario.people.trajectories and scenario.people.count != people:
+        raise InputError(f"recording: {people} people walked, but its scenario has {scenario.people.count}")
+    if len(times) > planned + 1e-6:
+        raise InputError(f"recording: has {len(times)} scans, but its scenario allows at most {planned:g}")
+    if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
+        raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")
+
+
+def find_last_frames(taken: Flags) -> Indices:
+    """The scan (K, n) of each camera's last frame up to each scan, given those with frames; 0 before the first."""
+    scans = np.arange(len(taken))[:, None]
+    return np.asarray(np.maximum.accumulate(np.where(taken, scans, 0), axis=0), dtype=np.int64)

@@ -1,1 +1,0 @@
-"""Recordings of missions and their files."""

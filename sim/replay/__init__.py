@@ -1,1 +1,0 @@
-"""Missions looked at again, from their recordings alone."""

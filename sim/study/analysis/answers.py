@@ -1,0 +1,130 @@
+"""Answers of a study for each metric: every planner in every cell, and its difference from a baseline by map."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.facts.metrics.metric import Metric
+from sim.study.analysis.cell_text import Cell
+from sim.study.analysis.differences import Difference, average_by_map, differences, find_common_values, pair_differences
+from sim.study.analysis.groups import Group, Run
+from sim.study.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, estimate_means, estimate_medians
+from tracking.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One metric of one planner in one cell, or over all cells."""
+
+    cell: Cell | None  # None means all cells
+    planner: str
+    metric: Metric
+    maps: int = 0  # number of maps with a finite value
+    flown: int = 0  # number of maps, including those with failed trials
+    trials: int = 0  # number of trials done, equal to that of maps if none is repeated
+    failed: int = 0  # number of failed trials
+    undefined: int = 0  # number of trials done without a finite value
+    faulty: int = 0  # number of trials done with faults, such as those of a planner that raises
+    mean: Estimate = NO_ESTIMATE
+    median: Estimate = NO_ESTIMATE
+    difference: Difference | None = None  # None for the baseline itself
+
+
+def find_answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -> list[Answer]:
+    """Answers, metric by metric: the planners in every cell, then differences over all cells if there are several.
+
+    Holm's correction is for all these differences together.
+    """
+    by_cell = {group.cell: group for group in groups if group.planner == baseline}
+    pairs = {g: pair_differences(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
+    own = {group: _answer_one(group, metrics) for group in groups}
+    compared = {group: differences(gaps, metrics) for group, gaps in pairs.items()}
+    overall = _compare_over_cells({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
+    found: list[Answer] = []
+    for j in range(len(metrics)):
+        for group, lines in own.items():
+            found.append(replace(lines[j], difference=compared[group][j]) if group in compared else lines[j])
+        found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
+    return _mark_survivors(found)
+
+
+def holm(p_values: Sequence[float]) -> list[bool]:
+    """Mask of the p-values that stay below 5 % after Holm's correction for all of them.
+
+    Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
+    """
+    order = np.argsort(p_values, kind="stable")
+    adjusted = np.array(p_values)[order] * np.arange(len(p_values), 0, -1)
+    kept = np.zeros(len(p_values), dtype=bool)
+    kept[order] = np.maximum.accumulate(adjusted) <= 1 - LEVEL
+    return kept.tolist()
+
+
+def _mark_survivors(found: Sequence[Answer]) -> list[Answer]:
+    """The answers, in which differences that survive the correction are marked; one without pairs is not a test."""
+    compared = [a.difference for a in found if a.difference]
+    kept = iter(holm([gap.p_value for gap in compared if gap.pairs]))
+    judged = iter([replace(gap, survives=next(kept)) if gap.pairs else gap for gap in compared])
+    return [replace(a, difference=next(judged)) if a.difference else a for a in found]
+
+
+def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
+    values, maps = group.table(metrics), np.array([row.seed for row in group.done], dtype=object)
+    of_maps = average_by_map(values, maps)
+    flown = len({row.seed for row in (*group.done, *group.failed)})
+    undefined = np.sum(~np.isfinite(values), axis=0).tolist()
+    return [
+        Answer(
+            group.cell,
+            group.planner,
+            metric,
+            maps=int(np.isfinite(of_maps[:, j]).sum()),
+            flown=flown,
+            trials=len(group.done),
+            failed=len(group.failed),
+            undefined=undefined[j],
+            faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
+            mean=mean.cut(metric.least, metric.most),
+            median=median,
+        )
+        for j, (metric, mean, median) in enumerate(
+            zip(metrics, estimate_means(of_maps), estimate_medians(of_maps), strict=True)
+        )
+    ]
+
+
+def map_means(group: Group, metric: Metric) -> Estimate:
+    """Mean of a metric over the maps of a group."""
+    return _answer_one(group, [metric])[0].mean
+
+
+def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
+    """Values (n, 2) of the baseline and of each other planner, in the metric's unit, on the maps that both flew."""
+    bases = {group.cell: group for group in groups if group.planner == baseline}
+    found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
+    for group in groups:
+        if group.planner != baseline:
+            found[group.planner].append(metric.scale * find_common_values([bases.get(group.cell), group], metric)[1])
+    return {planner: np.concatenate(parts) for planner, parts in found.items()}
+
+
+def _compare_over_cells(
+    pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]
+) -> dict[str, list[Difference]]:
+    """Differences of each planner that meets the baseline in several cells, as means over these cells, run by run.
+
+    Cells may share the forests and people of a seed, so the samples are seeds. A run without its pair in some cell does
+    not count.
+    """
+    found, undefined = {}, np.full(len(metrics), np.nan)
+    for planner in dict.fromkeys(group.planner for group in pairs):
+        own = [gaps for group, gaps in pairs.items() if group.planner == planner]
+        if len(own) > 1:
+            runs = sorted(set().union(*own))
+            each = np.array([[gaps.get(run, undefined) for gaps in own] for run in runs])  # (runs, cells, metrics)
+            place = np.repeat(np.arange(len(runs)), len(own)).astype(object)
+            mean = average_by_map(each.reshape(len(place), len(metrics)), place)
+            overall = np.where(np.isfinite(each).all(axis=1), mean, np.nan)
+            found[planner] = differences(dict(zip(runs, overall, strict=True)), metrics, len(own))
+    return found

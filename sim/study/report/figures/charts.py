@@ -1,0 +1,182 @@
+"""The figures of a study: distributions of OSPA, OSPA over time, scores, and planners compared by map."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from sim.facts.metrics.metric import Metric
+from sim.study.analysis.answers import Answer
+from sim.study.analysis.cell_text import Cell, cell_text
+from sim.study.analysis.distributions import compute_ecdf, find_quartiles
+from sim.study.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
+from sim.views.drawing.palette import FAINT
+from sim.views.drawing.plots import open_figure, order_by_rows, rgb
+from tracking.numerics.arrays import Array
+
+_WIDTH = 11.0  # inches, width of a figure as wide as the report
+_LETTERS = 10  # points
+LOOK: Any = {"font.family": "DejaVu Sans", "font.size": _LETTERS, "svg.fonttype": "path", "svg.hashsalt": "understory"}
+AT = np.geomspace(0.1, 50.0, 300)  # m, values at which distributions are drawn
+_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
+_FEW = 4  # largest number of curves with bands in one panel
+_SHAPES = "oD^s"  # shapes of dots, in turn, so that planners do not differ in colour only
+
+
+def draw_ecdf_figure(layout: FigureLayout) -> Figure:
+    """Share of scans, pooled over maps, with an OSPA of at most x, over a logarithmic axis, as in [Li22]."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        axes.plot(AT, 100 * compute_ecdf(curve.group.pool_ospa(), AT), **_style_line(curve.style))
+
+    def dress(axes: Axes) -> None:
+        axes.set_xscale("log")
+        axes.set_xlim(AT[0], AT[-1])
+        axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+        axes.set_xticks([], minor=True)
+        axes.set_ylim(0, 102)
+        axes.axvline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+
+    return _draw_grid(layout, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
+
+
+def draw_time_figure(layout: FigureLayout) -> Figure:
+    """Median OSPA of the trials at each scan; quartiles are shaded if a panel has few curves."""
+    few = all(len(curves) <= _FEW for curves in layout.panels.values())
+    ends = [times[-1] for group in layout.groups if len(times := group.curves().times)]
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        times, errors = curve.group.curves()
+        low, median, high = find_quartiles(errors)
+        if few:
+            axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)
+        axes.plot(times, median, **_style_line(curve.style))
+
+    def dress(axes: Axes) -> None:
+        axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
+        axes.set_ylim(bottom=0)
+        top = axes.get_ylim()[1]
+        ticks = [tick for tick in (0, 0.5, 1, 2, 5, 10, 20, 50) if tick <= max(top, 1)]
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_yticks([], minor=True)
+        axes.set_xlim(0, max([*ends, 1e-3]))
+        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+
+    return _draw_grid(layout, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
+
+
+def _draw_grid(
+    layout: FigureLayout, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
+) -> Figure:
+    rows = -(-len(layout.panels) // layout.columns)
+    width = _WIDTH if layout.columns > 1 else 0.6 * _WIDTH
+    with _open_drawing(0.8 + 2.15 * rows + 0.22 * -(-len(layout.legend) // 3), width=width) as figure:
+        every = figure.subplots(rows, layout.columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes, (title, curves) in zip(every, layout.panels.items(), strict=False):
+            for curve in curves:
+                draw(axes, curve)
+            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+            axes.grid(lw=0.5, alpha=0.4)
+            axes.spines[["top", "right"]].set_visible(False)
+        for axes in every[: len(layout.panels)]:
+            dress(axes)
+        for axes in every[len(layout.panels) :]:
+            axes.set_visible(False)
+        for axes in every[max(0, len(layout.panels) - layout.columns) : len(layout.panels)]:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(labels[0])  # a label of the whole figure would overlap the legend
+        figure.supylabel(labels[1], fontsize=10)
+        _draw_legend(figure, {name: _style_line(style) for name, style in layout.legend.items()})
+    return figure
+
+
+def draw_score_figure(found: Sequence[Answer]) -> Figure:
+    """Normalised scores with intervals: a line per cell, a colour and shape per planner."""
+    cells = list(dict.fromkeys(score.cell for score in found))
+    planners = list(dict.fromkeys(score.planner for score in found))
+    looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i % 4]) for i, p in enumerate(planners)}
+    each = max(0.3, 0.07 * len(planners))  # inches, height of a cell
+    with _open_drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+        axes = figure.add_subplot()
+        for score in found:
+            index = planners.index(score.planner)
+            height = cells.index(score.cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
+            colour, shape = looks[score.planner]
+            ends = [100 * score.mean.low, 100 * score.mean.high]
+            axes.plot(ends, [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(100 * score.mean.value, height, shape, color=colour, ms=5)
+        for end in (0, 100):
+            axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+        values = [100 * score.mean.value for score in found]
+        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # long intervals are cut off
+        axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
+        axes.set_yticks(range(len(cells)), [_format_row(cell) for cell in cells])
+        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.grid(axis="x", lw=0.5, alpha=0.4)
+        axes.spines[["top", "right"]].set_visible(False)
+        _draw_legend(figure, {p: {"color": colour, "marker": shape, "ls": ""} for p, (colour, shape) in looks.items()})
+    return figure
+
+
+def _format_row(cell: Cell | None) -> str:
+    """Text of a cell beside a line of dots; only the scenario's name if the cell has no other factor."""
+    named = cell is not None and [name for name, _ in cell] == ["scenario"]
+    return cell[0][1] if cell and named else cell_text(cell) or "all missions"
+
+
+def draw_scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
+    """Values of each planner over those of the baseline: a panel per planner, a point (n, 2) per map, at least one."""
+    low, high, log = _find_limits(np.concatenate([*points.values()]))
+    columns = min(COLUMNS, len(points))
+    rows = -(-len(points) // columns)
+    with _open_drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
+        for i, (other, pairs) in enumerate(points.items()):
+            axes = figure.add_subplot(rows, columns, i + 1)
+            axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
+            axes.plot(pairs[:, 0], pairs[:, 1], "o", color=rgb(COLOURS[0]), ms=4.5, alpha=0.6, mew=0)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(MaxNLocator(5))
+            if log:
+                axes.set(xscale="log", yscale="log")
+            axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+            title = other.replace("(", "(\n", 1) if len(other) > 34 else other
+            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
+            axes.grid(lw=0.5, alpha=0.4)
+        figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
+        figure.supylabel(f"planner: {metric.title}", fontsize=10)
+    return figure
+
+
+def _find_limits(values: Array) -> tuple[float, float, bool]:
+    """Ends of both axes, and True if these are logarithmic because the values span more than a factor of 30."""
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 30 * low:
+        return low / 1.15, high * 1.15, True
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin, False
+
+
+@contextmanager
+def _open_drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
+    """A figure of so many inches, to be drawn in the common style."""
+    with open_figure(width, height, letters=_LETTERS) as figure:
+        yield figure
+        figure.draw_without_rendering()  # lays the figure out once for all its files
+        figure.set_layout_engine("none")
+
+
+def _draw_legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
+    """Draw a legend below the panels, where it hides no data; looks: Matplotlib's options by label."""
+    handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
+    figure.legend(handles=order_by_rows(handles, columns), loc="outside lower center", ncols=columns, frameon=False)
+
+
+def _style_line(style: Style) -> dict[str, Any]:
+    """Matplotlib's options for a curve."""
+    return {"color": rgb(style.colour), "ls": style.dash, "lw": 1.7}

@@ -1,0 +1,111 @@
+"""Layout of a study's figures: the curves of each panel, and their colours and dashes."""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle, product
+
+from sim.study.analysis.cell_text import Cell, cell_text
+from sim.study.analysis.groups import Group, find_varying_factors
+from sim.views.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
+
+COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
+DASHES = ("-", "--", ":", "-.")
+PANELS = 12  # largest number of panels in one figure, if factors allow
+COLUMNS = 3
+
+
+@dataclass(frozen=True)
+class Style:
+    """Colour and dash of a curve."""
+
+    colour: Colour
+    dash: str = "-"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One group in one panel."""
+
+    label: str
+    style: Style
+    group: Group
+
+
+@dataclass(frozen=True, eq=False)
+class FigureLayout:
+    """Panels of a figure: curves over the same axes, by their titles."""
+
+    title: str  # text that all panels share
+    panels: dict[str, list[Curve]]
+    columns: int
+
+    @property
+    def groups(self) -> list[Group]:
+        """The group of each curve."""
+        return [curve.group for curves in self.panels.values() for curve in curves]
+
+    @property
+    def legend(self) -> dict[str, Style]:
+        """Every label with its style."""
+        return {curve.label: curve.style for curves in self.panels.values() for curve in curves}
+
+
+def lay_out_figures(groups: Sequence[Group]) -> list[FigureLayout]:
+    """The figures of a study.
+
+    Several planners: a panel per cell, a curve per planner, as in [Li22] Fig. 5. A single planner: a panel per value of
+    the first factor, curves for the other factors, as in [Li22] Fig. 4.
+    If there were too many panels, each value of the factor with the fewest values has its own figure.
+    """
+    order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
+    if len(order) == 1:
+        return [_lay_out_one_planner(groups)]
+    looks = product(DASHES, COLOURS)  # colours vary first
+    styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
+    return [_lay_out_planners(shared, part, styles) for shared, part in _split((), groups)]
+
+
+def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
+    """The groups of each figure, with the factors that have the same value in it."""
+    factors = find_varying_factors(groups)
+    if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
+        yield shared, list(groups)
+        return
+    fewest = min(factors, key=lambda name: len(factors[name]))
+    for value in factors[fewest]:
+        part = [group for group in groups if (fewest, value) in group.cell]
+        yield from _split((*shared, (fewest, value)), part)
+
+
+def _lay_out_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
+    factors = find_varying_factors(groups)
+    panels = defaultdict[str, list[Curve]](list)
+    for group in groups:
+        title = cell_text(_select_factors(group.cell, factors))
+        panels[title].append(Curve(group.planner, styles[group.planner], group))
+    sizes = [len(values) for values in factors.values()]
+    crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
+    columns = sizes[1] if crossed else COLUMNS  # two factors form rows and columns
+    return FigureLayout(cell_text(shared), panels, min(columns, len(panels)))
+
+
+def _lay_out_one_planner(groups: Sequence[Group]) -> FigureLayout:
+    """Panels by the first factor, colours by the last, and dashes by the factors in between."""
+    factors = list(find_varying_factors(groups))
+    outer = factors[:1] if len(factors) > 1 else []
+    inner = factors[len(outer) :]
+    last = list(dict.fromkeys(_select_factors(group.cell, inner[-1:]) for group in groups))
+    between = list(dict.fromkeys(_select_factors(group.cell, inner[:-1]) for group in groups))
+    panels = defaultdict[str, list[Curve]](list)
+    for group in groups:
+        colour = COLOURS[last.index(_select_factors(group.cell, inner[-1:])) % len(COLOURS)]
+        dash = DASHES[between.index(_select_factors(group.cell, inner[:-1])) % len(DASHES)]
+        label = cell_text(_select_factors(group.cell, inner)) or group.planner
+        title = cell_text(_select_factors(group.cell, outer))
+        panels[title].append(Curve(label, Style(colour, dash), group))
+    return FigureLayout("", panels, min(COLUMNS, len(panels)))
+
+
+def _select_factors(cell: Cell, names: Collection[str]) -> Cell:
+    return tuple(factor for factor in cell if factor[0] in names)

@@ -1,0 +1,227 @@
+"""Report of a study: `report.html`, tables and figures."""
+
+import base64
+import hashlib
+import os
+import platform
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from html import escape
+from itertools import groupby
+from pathlib import Path
+
+from sim.facts.metrics.metric import Metric
+from sim.mission.atomic_files import write_whole
+from sim.study.analysis.answers import Answer, find_answers
+from sim.study.analysis.cell_text import SYMBOLS, append_cell, cell_text
+from sim.study.analysis.groups import (
+    Group,
+    drop_constant_factors,
+    find_constant_factors,
+    find_varying_factors,
+    group_rows,
+)
+from sim.study.analysis.metric_choice import RUNTIME, choose_metrics, find_shown_metric, list_available
+from sim.study.analysis.normalised_score import score_planners
+from sim.study.analysis.planner_labels import find_baseline, format_entrant
+from sim.study.report.answer_columns import format_csv
+from sim.study.report.figures.pictures import Picture, draw_pictures, draw_score_picture
+from sim.study.report.html_parts import (
+    make_bullet_list,
+    make_command_line,
+    make_html_table,
+    make_page,
+    make_paragraph,
+    make_titled_tables,
+)
+from sim.study.report.sentences import list_shortfalls, write_notes, write_verdict
+from sim.study.report.single_trials import list_failures, show_extreme_maps
+from sim.study.report.tables import make_answer_tables, make_runtime_tables, make_score_table
+from sim.study.study import ScoreScale
+from sim.study.tasks import Row
+from tracking.errors import InputError
+
+_FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
+_HOW_TO_READ = (
+    "A map is the forest and the people of one seed. Every planner flies the same maps. A cell is one combination of "
+    "the settings that the study varies.",
+    "Brackets show 95 % intervals over the maps of a cell. Those of means and mean differences are Student's t "
+    "intervals, extended for skewness; those of medians end at two values of the sample. They are not corrected for "
+    "their number: of twenty intervals, expect one to miss the true value.",
+    "With eight maps or more, intervals of shares of scans contain the true mean in at least 92 % of cases. "
+    "This was counted by drawing maps from trials that were flown.",
+    "Intervals of mean OSPA in metres do not, with any number of maps up to 50. On about one map in fifty a planner "
+    "loses people for good, and such a map outweighs all others; samples without one miss the mean. Shares of scans "
+    "tell more, and so do medians over the maps, whose intervals are reliable with six maps or more.",
+    "Intervals of mean GOSPA contain the true mean in 95 % of cases (median over planners and worlds of bench-1), at "
+    "worst in 76 %. For other metrics, such as run times, this was not counted.",
+    "Two planners can be told apart if the interval of their difference excludes zero and they share at least six "
+    "maps. If several differences are shown, a star marks those that survive Holm's correction for all of them.",
+    "Maps needed is the number of maps with which a paired t test at 5 % finds a difference of the observed size in "
+    "four of five comparisons. It is as uncertain as the difference itself.",
+    "If maps are repeated, a map's value is the mean of its repeats.",
+    "A difference is the planner's value minus the baseline's on the same map. The last lines of a table compare means "
+    "over all cells, seed by seed.",
+    "Failed trials and undefined values do not count. They are listed wherever they are left out.",
+)
+_HOW_TO_FLY = (
+    "Click a command to select it, and run it in a shell. It writes film and recording into a folder under runs/."
+)
+
+
+@dataclass(frozen=True)
+class About:
+    """Facts about a study that its rows do not contain."""
+
+    study: str  # name
+    description: str = ""
+    command: str = ""  # command line that runs the study again
+    versions: Mapping[str, str] = field(default_factory=dict)
+    machine: str = field(  # machine that made the report; trials may have flown on others
+        default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
+    )
+    wall_s: float | None = None  # sum over all trials, even if they flew at the same time
+    baseline: str | None = None  # a planner of the rows, by default the first
+    labels: Mapping[str, str] = field(default_factory=dict)  # labels of planners, as from `labels_of`
+    metrics: tuple[str, ...] = ()  # names of metrics, by default the usual ones
+    score: ScoreScale | None = None  # the study's score
+
+
+def write(rows: Sequence[Row], folder: Path, about: About) -> None:
+    """Write report.html, table.csv and figures/*.svg, *.png into `folder`: all of them, or none.
+
+    Figures of an earlier report that this one lacks are removed. InputError if a metric or the baseline is unknown,
+    there are no rows, or the folder cannot be written.
+    """
+    files = make_files(rows, about)
+    try:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:  # files get their names when all are written
+            for name, data in files.items():
+                stack.enter_context(write_whole(folder / name)).write_bytes(data)
+        for path in (folder / "figures").iterdir():
+            if re.fullmatch(_FIGURES, path.name) and f"figures/{path.name}" not in files:
+                path.unlink()
+    except OSError as error:
+        raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
+
+
+def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
+    """The files of a report by name."""
+    baseline = find_baseline(rows, about.baseline, about.labels)
+    every = group_rows(rows, baseline, about.labels)
+    groups, metrics = drop_constant_factors(every), choose_metrics(rows, about.metrics)
+    found = find_answers(groups, metrics, baseline)
+    times = find_answers(
+        groups, [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)], baseline
+    )
+    drawn = draw_pictures(groups, baseline, metrics)
+    scoring, scored = list[Picture](), ""
+    if scores := score_planners(rows, groups, about.score, about.labels):
+        scoring, table = [draw_score_picture(scores.scores, scores.ends)], make_score_table(scores, groups)
+        scored = make_paragraph(table.note) + make_html_table(table) + _embed_figures(scoring)
+    full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
+    every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
+    full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
+    extremes, commands = show_extreme_maps(groups, metrics[0])
+    best_and_worst = "Least and greatest maps" if metrics[0].better == "neither" else "Best and worst maps"
+    of_each = make_paragraph(f"For each planner separately, by {metrics[0].title}.")
+    sections = {
+        "In short": _write_verdicts(found, baseline, metrics[0]),
+        "What was run": _describe_study(rows, every, about, baseline),
+        "Scores": scored,
+        "Results": f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
+        "Figures": _embed_figures(drawn),
+        "Run time": make_titled_tables(make_runtime_tables(times)),
+        best_and_worst: of_each + extremes if commands else "",
+        f"Failures: {sum(len(group.failed) for group in every)}": list_failures(every),
+        "Fly them again": make_paragraph(_HOW_TO_FLY) + commands if commands else "",
+        "How to read this": make_bullet_list(_HOW_TO_READ),
+    }
+    opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
+    files = {
+        "report.html": make_page(f"{about.study}: understory", opening, sections).encode(),
+        "table.csv": format_csv(full_answers, baseline).encode(),
+    }
+    for picture in (*drawn, *scoring):
+        files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
+    return files
+
+
+def _embed_figures(pictures: Sequence[Picture]) -> str:
+    """Pictures within the page, as SVG unless PNG is much smaller."""
+    parts = []
+    for picture in pictures:
+        small = len(picture.svg) < 3 * len(picture.png)
+        kind, data = ("svg+xml", picture.svg) if small else ("png", picture.png)
+        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+        image = f'<img src="{source}" alt="{escape(picture.alt)}">'
+        caption = f"<figcaption>{escape(picture.caption)}</figcaption>"
+        parts.append(f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>")
+    return "\n".join(parts)
+
+
+def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
+    """Verdicts by one metric, with a sentence for each planner, and remarks on omitted trials and faults."""
+    shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
+    of_metric = [answer for answer in found if answer.metric == metric]
+    summed = {answer.planner for answer in of_metric if answer.cell is None}
+    sentences = [
+        write_verdict(append_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
+        for answer in of_metric
+        if answer.difference and (answer.cell is None or answer.planner not in summed)
+    ]
+    left_out = list_shortfalls(of_metric)
+    lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
+    flown = max(answer.flown for answer in of_metric)
+    counted = f"Maps flown: {flown}; a comparison counts those on which both planners have a value."
+    return make_bullet_list(lines) + (
+        (make_paragraph(counted) if sentences else "") + make_bullet_list(left_out) if left_out else ""
+    )
+
+
+def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
+    seeds, changing = sorted({row.seed for row in rows}), find_varying_factors(every)
+    failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
+    versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
+    settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
+    hashes = sorted(row.recording for row in rows if row.recording)  # equal in any order if all missions are
+    planners = dict.fromkeys(format_entrant(row) for group in every for row in (*group.done, *group.failed))
+    facts = [
+        ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
+        ("everywhere", cell_text(find_constant_factors(every))),
+        ("set for all trials", ", ".join(sorted(settings))),
+        *((f"{SYMBOLS.get(name, name)} varies", ", ".join(values)) for name, values in changing.items()),
+        ("planners", "; ".join(planners)),
+        ("labels", "; ".join(f"{label} is {planner}" for planner, label in about.labels.items())),
+        ("baseline", baseline),
+        ("seeds (maps)", f"{len(seeds)}: {format_ranges(seeds)}"),
+        ("repeats of each map", str(repeats) if repeats > 1 else ""),
+        ("trials", f"{len(rows) - failed} done, {failed} failed"),
+        ("time of all trials, added up", "" if about.wall_s is None else format_duration(about.wall_s)),
+        ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
+        ("hash of all recordings", hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""),
+        ("report made on", about.machine),
+        ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+    ]
+    lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts if value]
+    text = "<dl>\n" + "\n".join(lines) + "\n</dl>"
+    return text + (
+        make_paragraph("The command that runs it again:") + make_command_line(about.command) if about.command else ""
+    )
+
+
+def format_ranges(numbers: Sequence[int]) -> str:
+    """Ascending integers as text, such as 0-4, 7."""
+    runs = [[number for _, number in run] for _, run in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0])]
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def format_duration(seconds: float) -> str:
+    """A duration in words."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,101 @@
+"""Sentences about the answers of a study: verdicts on planners, and notes and shortfalls below the tables."""
+
+import math
+from collections.abc import Sequence
+
+from sim.facts.metrics.metric import Metric
+from sim.study.analysis.answers import Answer
+from sim.study.analysis.cell_text import append_cell
+from sim.study.analysis.differences import Difference
+from sim.study.analysis.intervals import LEVEL, POWER
+
+ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
+
+
+def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
+    """One sentence that says whether a planner is better or worse than the baseline, or cannot be told apart.
+
+    shown: number of differences that the page shows, including this one.
+    """
+    if not gap.pairs:
+        return f"{planner} and {baseline} cannot be told apart: they have no map in common."
+    unit = " points" if metric.unit == "%" else f" {metric.unit}".rstrip()
+    mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
+    over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
+    within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
+    counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
+    ending = counted if metric.better != "neither" else ""
+    apart = f"{planner} {_name_direction(metric, gap)} {baseline}"
+    alike = ", being equal on every map" if gap.tied == gap.pairs else ""
+    start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart{alike}"
+    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_write_remark(gap, shown)}".strip()
+
+
+def _write_remark(gap: Difference, shown: int) -> str:
+    if gap.significant:
+        lone = gap.survives or shown == 1
+        return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
+    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart; at least six are needed. "
+    needed = f"To find a difference of this size takes about {gap.needed:.0f} maps."
+    return (few if gap.pairs < 6 else "") + (needed if math.isfinite(gap.needed) else "")
+
+
+def _name_direction(metric: Metric, gap: Difference) -> str:
+    above = gap.mean.value > 0
+    if metric.better == "neither":
+        return "is above" if above else "is below"
+    return "is better than" if above == (metric.better == "higher") else "is worse than"
+
+
+def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
+    """Notes below the tables of these answers, one line each; wide: as for `make_answer_tables`."""
+    compared = [answer.difference.pairs for answer in found if answer.difference and answer.difference.pairs]
+    counted = [answer.maps for answer in found if answer.maps > 1]
+    lines = [
+        "In brackets: 95 % intervals over the maps (seeds). On a new set of as many maps, expect the mean within 1.4 "
+        "times this interval.",
+    ]
+    if any(answer.metric.unit == "m" for answer in found) or min([*counted, *compared], default=ENOUGH) < ENOUGH:
+        few = f"Intervals over fewer than {ENOUGH} maps, and those of mean errors in metres, are right less often"
+        lines.append(f"{few} than in 95 % of cases (docs/how-to/reports.md).")
+    if any(answer.maps < answer.flown for answer in found):
+        lines.append("Maps: the number with a value, of all flown. Mean and median are over those with a value.")
+    if compared:
+        lines.append("Differences, and won, tied, lost, are over the maps on which both planners have a value.")
+    if compared and wide:
+        chance = f"{100 * POWER:.0f} %"
+        lines.append(f"Maps needed: so many maps show a difference of this size with a probability of {chance}.")
+    if len(compared) > 1:
+        lines.append(_write_correction_note(compared))
+    if any(answer.trials + answer.failed > answer.flown for answer in found):
+        lines.append("Each map counts once, with the mean of its repeats.")
+    return lines
+
+
+def _write_correction_note(pairs: Sequence[int]) -> str:
+    """Note on the star, or on its absence if there are too few maps: no p-value of n maps is below 2 / 2ⁿ."""
+    chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
+    needed = math.ceil(math.log2(2 * len(pairs) / chance))
+    if max(pairs) < needed:
+        return f"No difference can survive {shown} ({100 * chance:.0f} %) on fewer than {needed} maps."
+    return f"* survives {shown} ({100 * chance:.0f} %)."
+
+
+def list_shortfalls(found: Sequence[Answer]) -> list[str]:
+    """Remarks on incomplete numbers, one line each: failed trials, undefined values, faults and maps without a pair."""
+    lines: dict[str, None] = {}
+    for answer in found:
+        place = append_cell(answer.planner, answer.cell)
+        if answer.failed:
+            lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
+        if answer.faulty:
+            lines[f"{place}: faults in {answer.faulty} of {answer.trials} trials; `understory run` shows them"] = None
+        if answer.undefined:
+            what = f"{answer.metric.label} is undefined in {answer.undefined} of {answer.trials} trials"
+            lines[f"{place}: {what}"] = None
+        gaps = answer.difference
+        if gaps and gaps.unpaired:
+            where = " in every cell" if answer.cell is None else ""
+            counted = f"{gaps.pairs} of {gaps.pairs + gaps.unpaired} maps"
+            lines[f"{place}: {counted} have a value of this planner and of the baseline{where}"] = None
+    return list(lines)

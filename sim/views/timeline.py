@@ -1,0 +1,278 @@
+"""The timeline of a mission: states of each person in the cameras and to the tracks, above the error of the fleet."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from sim.facts.event import IDENTITIES, Event, assign_lanes, find_ends
+from sim.facts.history import BROKEN, STATES, History
+from sim.facts.metrics.holding import HOLDS, find_episodes
+from sim.views.drawing import palette
+from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
+from sim.views.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
+from tracking.numerics.arrays import Array, Indices
+
+_WIDTH = 11.0  # inches
+_BAR, _GAP = 1.0, 0.8  # lanes, height of the bar of the tracks, and of the gap to the next person
+_MOST_LANES, _FOLDED = 100.0, 6.0  # lanes, largest height of all people, and that of those who are folded
+_MOST_DEEP = 12.0  # lanes, largest height of the tracks that stand for no person
+_MOST_NAMED = 5  # largest number of UAVs that are named beside a person's lanes
+_VEIL = rgb((250, 214, 212))
+_SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
+_HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
+_UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+_MEANT = {
+    "held": "held by all",
+    "held by some": "held by some UAVs",
+    "off": "off, in the track's ellipse",
+}
+
+Shade = tuple[float, float, float]
+
+
+class Row(NamedTuple):
+    """A person in the timeline, and the UAVs that have a lane there."""
+
+    person: int
+    uavs: Sequence[int]
+
+    @property
+    def height(self) -> float:
+        """Height [lanes] with the bar of the tracks and the gap to the next row."""
+        return len(self.uavs) + _BAR + _GAP
+
+
+class Bar(NamedTuple):
+    """A rectangle of one colour."""
+
+    start: float  # s
+    end: float
+    top: float  # lanes
+    height: float
+    shade: Shade
+
+
+def choose_rows(history: History) -> tuple[list[Row], list[int]]:
+    """The rows of people, and the people without one because there are too many.
+
+    If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
+    those that had the person in a frame have a lane.
+    """
+    _, uavs, people = history.tracks.shape
+    had = (history.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
+    rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
+    if sum(row.height for row in rows) <= _MOST_LANES:
+        return rows, []
+    lost = np.isin(history.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
+    rows = [rows[m] for m in np.argsort(-lost, kind="stable").tolist()]
+    fit = int(np.searchsorted(np.cumsum([row.height for row in rows]), _MOST_LANES - _FOLDED - _GAP, side="right"))
+    return rows[: max(fit, 1)], sorted(row.person for row in rows[max(fit, 1) :])
+
+
+def draw_timeline(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
+    """The timeline: a lane per UAV and a bar for the fleet's tracks for each person, and below them mean OSPA.
+
+    ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. People without
+    a row of their own have one together, with shares of their states to the tracks. The last row shows the tracks that
+    stand for no person, if there are any; simultaneous ones are below one another.
+    """
+    uavs = history.tracks.shape[1]
+    places = _Places(history, events)
+    widest = max((len(row.uavs) for row in places.rows), default=uavs)
+    lane = float(np.clip(0.5 / (widest + 1), 0.06, 0.12)) * (1.0 if len(places.rows) <= 8 else 0.75)  # inches
+    height = places.bottom * lane
+    with open_figure(_WIDTH, height + 3.1, letters=10) as figure:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
+        shades = _draw_people(above, history, events, places)
+        _name_rows(above, history, places)
+        above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
+        above.set_title(_write_title(history), loc="left", fontsize=12, fontweight="bold")
+        draw_mean(below, history.times, ospa)
+        below.set_xlim(*find_ends(history.times, 0, len(history.times) - 1))
+        for axes in (above, below):
+            _mark_breakdowns(axes, history, events, named=axes is below)
+        handles = _make_legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
+        columns = 6 if uavs <= len(UAV_COLOURS) else 4
+        ordered = order_by_rows(handles, columns)
+        figure.legend(handles=ordered, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+    return figure
+
+
+class _Places:
+    """The rows from the top down, with their places [lanes]."""
+
+    def __init__(self, history: History, events: Sequence[Event]) -> None:
+        self.rows, self.folded = choose_rows(history)
+        self.unmatched = assign_lanes(events)
+        edges = np.cumsum([0.0, *(row.height for row in self.rows)]).tolist()
+        self.tops = dict(zip((row.person for row in self.rows), edges, strict=False))
+        self.fold_top = float(edges[-1])
+        empty = 0.0 if self.rows else 1 + _BAR + _GAP
+        self.unmatched_top = self.fold_top + (_FOLDED + _GAP) * bool(self.folded) + empty
+        deep = 1 + max((lane for _, lane in self.unmatched), default=-1)
+        self.thin = min(_BAR, _MOST_DEEP / max(deep, 1))  # height of a track that stands for no person
+        self.bottom = self.unmatched_top + (deep * self.thin + _GAP) * bool(deep)
+
+    def bar_of(self, person: int) -> float:
+        """Middle [lanes] of the bar of a person's tracks, or of the row of the folded people."""
+        for row in self.rows:
+            if row.person == person:
+                return float(self.tops[person] + len(row.uavs) + _BAR / 2)
+        return self.fold_top + _FOLDED / 2
+
+
+def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: _Places) -> set[Shade]:
+    """Draw the rows and return the colours in them."""
+    times = history.times
+    bars = []
+    for event, lane in places.unmatched:
+        top = places.unmatched_top + (lane + 0.2) * places.thin
+        shade = rgb(_UNMATCHED[event.kind])
+        bars.append(Bar(*find_ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
+    for event in events:
+        if event.kind in IDENTITIES and event.person is not None:
+            axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
+    for m, uavs in places.rows:
+        bars += _make_hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
+        for lane, i in enumerate(uavs):
+            bars += _make_lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
+    if places.folded:
+        bars += _make_share_bars(times, history.hold_states[:, places.folded], places.fold_top)
+    corners = [
+        [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
+        for bar in bars
+    ]
+    axes.add_collection(PolyCollection(corners, facecolors=[bar.shade for bar in bars], lw=0))
+    return {bar.shade for bar in bars}
+
+
+def _name_rows(axes: Axes, history: History, places: _Places) -> None:
+    named = history.tracks.shape[1] > len(UAV_COLOURS)
+    middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
+    names = [f"person {row.person}{_list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
+    shares = [_format_share(history, row.person) for row in places.rows]
+    if places.folded:
+        middles.append(places.fold_top + _FOLDED / 2)
+        names.append(f"{len(places.folded)} others")
+        shares.append(f"held {100 * _compute_held_share(history, places.folded):.1f} %")
+    if count := len(places.unmatched):
+        middles.append((places.unmatched_top + places.bottom - _GAP) / 2)
+        names.append("no person")
+        shares.append(f"{count} track{'s' * (count > 1)}")
+    axes.set_yticks(middles, names)
+    axes.tick_params(axis="both", length=0, labelbottom=False)
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(middles, shares)
+    right.tick_params(axis="y", length=0)
+    for spines in (axes.spines, right.spines):
+        spines[:].set_visible(False)
+    if not places.rows:
+        axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
+
+
+def _list_in_brackets(uavs: Sequence[int]) -> str:
+    more = ", ..." if len(uavs) > _MOST_NAMED else ""
+    return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
+
+
+def _make_share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
+    """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
+    bars: list[Bar] = []
+    for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
+        low = top
+        for hold in ("lost", "not found yet", "off", "held by some", "held"):
+            height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
+            if height:
+                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(_HOLDS[hold])))
+            low += height
+    return bars
+
+
+def _make_lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
+    """The states of a person in a camera."""
+    colour = uav_colour(uav)
+    bars = []
+    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
+    for first, last, value in find_episodes(states):
+        if value != BROKEN and STATES[value] in shades:
+            inset = 0.35 if STATES[value] == "out of view" else 0.06
+            shade = rgb(shades[STATES[value]])
+            bars.append(Bar(*find_ends(times, first, last), top + inset, 1 - 2 * inset, shade))
+    return bars
+
+
+def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
+    """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
+    bars: list[Bar] = []
+    for first, last, value in find_episodes(states):
+        start, end = find_ends(times, first, last)
+        hold = HOLDS[value]
+        if hold == "lost":
+            bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
+        if hold in _HOLDS:
+            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(_HOLDS[hold])))
+    return bars
+
+
+def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
+    for n, event in enumerate(event for event in events if event.kind == "breakdown"):
+        start = float(history.times[event.first])
+        axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
+        if named:
+            late = start > sum(axes.get_xlim()) / 2
+            axes.text(
+                start,
+                1.0 - 0.14 * (n % 6),
+                f"  {event.text}  ",
+                transform=axes.get_xaxis_transform(),
+                ha="right" if late else "left",
+                va="top",
+                fontsize=9,
+                bbox={"color": "white", "alpha": 0.8, "lw": 0, "pad": 1},
+            )
+
+
+def _make_legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
+    """Handles of the legend for the drawn shades, and for marks of switched tracks."""
+    if uavs <= len(UAV_COLOURS):
+        known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
+    else:
+        known = {"seen: lanes are the UAVs in brackets": [*UAV_COLOURS]}
+    known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
+    known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
+    known |= {_MEANT.get(kind, kind): [colour] for kind, colour in (_HOLDS | _UNMATCHED).items()}
+    drawn = {label: colours[0] for label, colours in known.items() if shades.intersection(map(rgb, colours))}
+    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
+    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
+
+
+def _write_title(history: History) -> str:
+    if not history.present.any():
+        return "No people"
+    share = _compute_held_share(history, slice(None))
+    lost = [loss for loss in history.losses if loss.kind == "person lost"]
+    times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
+    text = f"People held {100 * share:.1f} % of the time, {times}"
+    if lost:
+        worst = max(lost, key=lambda loss: loss.scans)
+        start, end = find_ends(history.times, worst.first, worst.last)
+        text += f", at worst person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
+    return text
+
+
+def _format_share(history: History, person: int) -> str:
+    here = history.present[:, person].any()
+    return f"held {100 * _compute_held_share(history, [person]):.1f} %" if here else "absent"
+
+
+def _compute_held_share(history: History, people: slice | Sequence[int]) -> float:
+    """Share of scans and working UAVs at which present people are held, as in the summary."""
+    working = np.count_nonzero(history.working, axis=1)[:, None]
+    pairs = (working * history.present[:, people]).sum()
+    return float(history.held[:, people].sum() / max(pairs, 1))

@@ -1,0 +1,197 @@
+"""A recorded mission: what its tables, arrays and figures hold, against the recording's own accessors."""
+
+import dataclasses
+import re
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.recordings import broken, record
+from matplotlib.figure import Figure
+
+from sim.facts.columns import TABLES
+from sim.facts.flight import Flight, load
+from sim.facts.numbering import number_snapshot
+from sim.facts.rerender import Rerenderer
+from sim.mission.archive import save
+from sim.mission.recording import FIELDS
+from sim.views.drawing.map_view import MapView
+from sim.views.frames.frame_panels import draw_frame_page
+from tracking.errors import InputError
+
+TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
+
+
+def losing():
+    """A mission of 4 s in which no person is held from 1 s to 2 s."""
+
+    def lost(snapshot):
+        return dataclasses.replace(snapshot, tracks=[()] * 3) if 1.0 <= snapshot.time <= 2.0 else snapshot
+
+    return record(21, seed=3, change=lost)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return Flight(losing())
+
+
+def test_each_row_of_a_table_is_what_the_recording_says(flight):
+    r = flight.recording
+    tracks, measured, ospa = (flight.columns(name) for name in ("tracks", "measurements", "ospa"))
+    assert len(tracks["time_s"]) == 3 * (21 - 6) * 4
+    for k, i in np.ndindex(21, 3):
+        rows = (tracks["time_s"] == r.times[k]) & (tracks["uav"] == i)
+        held = r.tracks_at(k, i)
+        assert tracks["track"][rows].tolist() == [r.track_numbers[track.id] for track in held]
+        for name, (row, column) in {"xx_m2": (0, 0), "xy_m2": (0, 1), "yy_m2": (1, 1)}.items():
+            assert tracks[name][rows].tolist() == [track.belief.covariance[row, column] for track in held]
+        for axis, name in enumerate(("x_m", "y_m", "vx_m_per_s", "vy_m_per_s")):
+            assert tracks[name][rows].tolist() == [track.belief.mean[axis] for track in held]
+        rows = (measured["time_s"] == r.times[k]) & (measured["uav"] == i)
+        found = np.column_stack([measured["x_m"][rows], measured["y_m"][rows]])
+        np.testing.assert_array_equal(found, r.scan_at(k, i).measurements)
+        pixels = np.column_stack([measured["u_px"][rows], measured["v_px"][rows]])
+        np.testing.assert_array_equal(pixels, r.pixels_at(k, i))
+    np.testing.assert_array_equal(ospa["ospa_m"].reshape(21, 3), r.ospa[..., 0])
+
+
+def test_people_sightings_and_losses_are_those_of_the_history(flight):
+    history = flight.history
+    people, sightings, losses = (flight.columns(name) for name in ("people", "sightings", "losses"))
+    assert len(people["time_s"]) == history.present.sum() == 21 * 4 - 5  # the fourth comes after a second
+    gone = (people["time_s"] >= 1.0) & (people["time_s"] <= 2.0)
+    assert not people["held_by_uavs"][gone].any()
+    step = people["person"] == 0
+    np.testing.assert_allclose(np.diff(people["x_m"][step])[0] / 0.2, people["vx_m_per_s"][step][0])
+    seen = sightings["inside"]
+    assert seen.sum() == history.inside.sum()
+    assert (sightings["hidden_by_tree"][seen] >= 0).sum() == (history.hidden_by >= 0).sum() > 0
+    outside = np.argwhere(history.present & ~history.inside.any(axis=1) & ~history.held.astype(bool))[0]
+    visible = flight.recording.visible.copy()
+    visible[outside[0], 1, outside[1]] = 3  # at the edge of the frame
+    cut = Flight(dataclasses.replace(flight.recording, visible=visible)).columns("sightings")
+    assert len(cut["uav"]) == len(sightings["uav"]) + 1
+    assert (sightings["held_by_track"] >= 0).sum() == (history.tracks >= 0).sum()
+    assert [tuple(row) for row in zip(*losses.values(), strict=True)] == [
+        (loss.person, 0.2 * loss.first, pytest.approx(0.2 * (loss.last + 1)), loss.found, *loss.scans)
+        for loss in history.losses
+    ]
+    events = flight.columns("events")
+    assert [*zip(*events.values(), strict=True)] == [(e.time, e.kind, e.sentence) for e in flight.events]
+    assert "person lost" in events["kind"]
+
+
+@pytest.mark.parametrize("options", [{"people": 0}, {"uavs": 1}, {"mode": "ideal"}, {"scans": 1}])
+def test_every_table_and_figure_stands_small_missions(options):
+    flight = Flight(record(**options))
+    for name in TABLES:
+        assert len({len(column) for column in flight.columns(name).values()}) == 1
+        assert list(flight.table(name).columns) == list(flight.columns(name))
+    for figure in (flight.ospa_figure(), flight.timeline_figure(), flight.map_figure(0.0)):
+        assert isinstance(figure, Figure)
+    assert "hover" in repr(flight)
+
+
+def test_tables_take_pandas_or_polars(flight, monkeypatch):
+    assert type(flight.table("trees")).__module__.startswith("pandas")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "polars", types.SimpleNamespace(DataFrame=lambda columns: ("polars", columns)))
+    library, columns = flight.table("trees")
+    assert library == "polars" and list(columns) == list(flight.columns("trees"))
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(InputError, match="pandas or polars; neither is installed"):
+        flight.table("trees")
+
+
+def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
+    figure = flight.map_figure(3.63)  # nearest to scan 18
+    shown = figure.axes[0].get_images()[0].get_array()
+    view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
+    image = np.zeros(shown.shape, np.uint8)
+    for k in range(19):
+        view.draw(image, number_snapshot(flight.recording, k))
+    np.testing.assert_array_equal(shown, image)
+    place = np.array([12.0, -7.0])  # m
+    figure.axes[0].plot(*place, "x")
+    # Pixels of the figure, from its top.
+    drawn = figure.axes[0].transData.transform(place) * [1, -1] + [0, shown.shape[0]]
+    np.testing.assert_allclose(drawn - 0.5, view.pixels(place), atol=0.01)
+    shown = flight.frame_figure(3.0, uav=2).axes[0].get_images()[0].get_array()
+    with Rerenderer(flight.recording) as again:
+        np.testing.assert_array_equal(shown, draw_frame_page(again, 15, 2, size=640))
+
+
+@pytest.mark.parametrize(
+    ("ask", "reason"),
+    [
+        (lambda f: f.map_figure(4.5), "time: 4.5 s is not in the recording; allowed are 0 to 4 s"),
+        (lambda f: f.map_figure(float("nan")), "time: nan s is not in the recording"),
+        (lambda f: f.map_figure(-0.1), "time: -0.1 s is not in the recording; allowed are 0 to 4 s"),
+        (lambda f: f.frame_figure(1.0, uav=3), "uav: there is no UAV 3; allowed are 0 to 2"),
+        (lambda f: f.frame_figure(1.0, uav=-1), "uav: there is no UAV -1"),
+        (lambda f: Flight(broken(f.recording, 1, 4)).frame_figure(1.0, uav=1), "time: at 1 s UAV 1 had broken"),
+        (lambda f: f.table("track"), "table: 'track' is unknown; .*did you mean tracks"),
+        (lambda f: load("nowhere"), "DIR: nowhere does not exist"),
+    ],
+)
+def test_wrong_questions_are_answered_in_one_line(flight, ask, reason):
+    with pytest.raises(InputError, match=reason) as caught:
+        ask(flight)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_flight_is_shown_by_its_results_in_one_line(flight):
+    mine = Flight(dataclasses.replace(flight.recording, planner="mine:Mine"))
+    errors = mine.recording.ospa[..., 0]
+    lost, rest = [[loss for loss in mine.history.losses if loss.found is found] for found in (True, False)]
+    told = f", and {len(rest)} of people not found before" if rest else ""
+    longest = max(loss.last - loss.first + 1 for loss in lost) / 5
+    assert repr(mine).startswith("<Flight: mine:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")
+    assert f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m; people held " in repr(mine)
+    assert repr(mine).endswith(f"; losses {len(lost)}, the longest {longest:.1f} s{told}>") and "\n" not in repr(mine)
+    unknown = Flight(dataclasses.replace(flight.recording, track_means=flight.recording.track_means + 1e3))
+    assert repr(unknown).endswith("; losses none, and 4 of people not found before>")
+    assert len(unknown.columns("losses")["person"]) == 4
+
+
+def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, flight):
+    """IPython shows figures only once pyplot has told it how; a stand-in for its shell hears of it here."""
+    shown = types.SimpleNamespace(type_printers={})
+    shown.for_type = shown.type_printers.__setitem__
+    shell = types.SimpleNamespace(display_formatter=types.SimpleNamespace(formatters={"image/png": shown}))
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
+    save(flight.recording, tmp_path / "mission.npz")
+    figure = load(tmp_path).ospa_figure()
+    assert shown.type_printers[Figure](figure).startswith(b"\x89PNG")
+
+
+def test_arrays_have_the_shapes_that_their_annotations_tell(flight):
+    r = flight.recording
+    sizes = {"K": 21, "n": 3, "M": 4, "T": len(r.trees), "D": len(r.measurements), "S": len(r.track_ids)}
+    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2], "C": len(r.contacts), "K*n+1": 21 * 3 + 1, "6|7": 6}
+    told = {name: field.shape.split() for name, field in FIELDS.items() if field.shape}
+    assert r.believed is None  # as navigation is exact
+    held = {name: getattr(r, name) for name in told if name != "believed"} | {"frames": r.frames_taken}
+    assert {name: tuple(int(sizes.get(s, s)) for s in shape) for name, shape in told.items() if name in held} == {
+        name: array.shape for name, array in held.items()
+    }
+
+
+def test_its_page_lists_every_column_and_runs_block_by_block(flight, tmp_path, monkeypatch, capsys):
+    tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
+    columns = {name: list(flight.columns(name)) for name in TABLES}
+    assert {name: re.findall(r"`(\w+)`", text) for name, text in tables.items()} == columns
+    folder = tmp_path / "runs" / "forest-sma-nbo-gospa-seed0"
+    folder.mkdir(parents=True)
+    save(flight.recording, folder / "mission.npz")
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    blocks = re.findall(r"^```python\n(.*?)^```$", TEXT, flags=re.M | re.S)
+    assert len(blocks) == 6
+    for block in blocks:
+        exec(compile(block, "notebooks.md", "exec"), names)
+    assert (tmp_path / "loss.png").exists() and isinstance(names["figure"], Figure)
+    assert "nearest UAV to each person: [" in capsys.readouterr().out

@@ -1,0 +1,256 @@
+"""Frames rendered again are those flown; what is drawn on them is where it is; wrong input leaves nothing."""
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.flights import PAIR, filmed
+from helpers.recordings import record
+
+from sim.facts.rerender import Rerenderer
+from sim.facts.scan_choice import find_scans
+from sim.facts.sightings import Sight, Sighting
+from sim.mission.archive import save
+from sim.mission.recording import Recording
+from sim.views.drawing.labels import Labels
+from sim.views.drawing.lettering import TextStyle
+from sim.views.drawing.map_view import outline_ellipse
+from sim.views.drawing.palette import INK, PANEL, track_colour
+from sim.views.frames import frame_panels
+from sim.views.frames.annotation import annotate
+from sim.views.frames.frame_panels import _describe_view, _draw_panel, write_frames
+from sim.world.world import World
+from tracking.errors import InputError
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.tracker import Track
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """A mission, and its images."""
+    return filmed(PAIR.format("body"))
+
+
+def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
+    recording, _ = filmed("uavs.0.rate=1", "trees.density=0", duration=2)
+    taken, idle = (Sight.of(recording, k, 0) for k in (5, 6))
+    assert any(p.status == "in view" for p in taken.people)
+    assert {p.status for p in idle.people} <= {"in view", "outside the view"}
+    assert any(p.status == "in view" for p in idle.people)
+
+
+def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
+    monkeypatch.setattr(World, "place_uavs", lambda self, poses: None)
+    recording, images = mission
+    with Rerenderer(recording) as again:
+        flown = [(k, i) for k, row in enumerate(images) for i in range(len(row))]
+        assert any(again.image(k, i).tobytes() != images[k][i].tobytes() for k, i in flown)
+
+
+def test_an_image_needs_neither_the_tracks_nor_the_measurements_of_its_scan(mission, monkeypatch):
+    recording, images = mission
+    monkeypatch.delattr(Recording, "tracks_at")
+    monkeypatch.delattr(Recording, "scan_at")
+    with Rerenderer(recording) as again:
+        assert again.image(3, 1).tobytes() == images[3][1].tobytes()
+
+
+def northwards(degrees):
+    """A pose 10 m up, tilted from looking down towards the north."""
+    half = math.radians(degrees) / 2
+    return Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(half), 0.0, 0.0, math.cos(half)]))
+
+
+def scene(*, tracks=(), people=(), trees=(), pose=None):
+    """A sight of one UAV with 20 m on the ground in 128 pixels, which found what is in `people`."""
+    setting = synthetic.scenario(uavs=1, people=len(people))
+    trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
+    first = next(synthetic.snapshots(setting, trees, 1))
+    snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
+    return Sight(setting.uavs[0].true_camera, trees, snapshot, 0, ())
+
+
+def bare(seen):
+    """The same without measurements."""
+    scan = dataclasses.replace(seen.snapshot.scans[0], measurements=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
+    snapshot = dataclasses.replace(seen.snapshot, scans=[scan], pixels=[np.zeros((0, 2))])
+    return dataclasses.replace(seen, snapshot=snapshot)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "size", "side"),
+    [(128, 896, 896), (128, 900, 896), (128, 128, 128), (128, 100, 100), (480, 896, 896), (480, 1000, 960)],
+)
+def test_each_pixel_of_the_camera_is_a_square_unless_that_is_far_from_the_size(pixels, size, side):
+    frame = np.random.default_rng(0).integers(0, 256, (pixels, pixels, 3)).astype(np.uint8)
+    view, _ = annotate(frame, bare(scene()), size)
+    assert view.shape == (side, side, 3)
+    if side > pixels and side % pixels:
+        enlarged = cv2.resize(frame, (side, side), interpolation=cv2.INTER_LINEAR)
+        np.testing.assert_array_equal(view[: side // 2], enlarged[: side // 2])
+    elif side > pixels:
+        factor = side // pixels
+        enlarged = frame.repeat(factor, axis=0).repeat(factor, axis=1)
+        upper = slice(0, int(0.85 * side))  # below are the scale bar and north
+        np.testing.assert_array_equal(view[upper], enlarged[upper])
+        assert np.any(view != enlarged)
+
+
+def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
+    belief = Gaussian(np.array([3.0, -2.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0, 1.0]))
+    seen = bare(scene(tracks=(Track(2, belief),)))
+    view, shown = annotate(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
+    assert shown == {"track, 95 % ellipse"}
+    ring = outline_ellipse(belief.mean[:2], belief.covariance[:2, :2])
+    points = np.column_stack([ring, np.full(len(ring), TARGET_HEIGHT)])
+    on_it = 8 * seen.camera.project(seen.pose, points)[0]
+    right = [tuple(view[y, x].tolist()) == track_colour(2) for x, y in np.floor(on_it).astype(int)]
+    assert np.mean(right) > 0.8 and np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
+
+
+def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
+    """Its first place would be to the right of the track's mark, where the person is."""
+    person, beside = np.array([1.2, 0.0]), Gaussian(np.zeros(4), np.diag([0.01, 0.01, 1.0, 1.0]))
+    seen = bare(scene(people=[person]))
+    seen = dataclasses.replace(seen, people=(Sighting(0, person, True, {}, 10, True),))
+    named = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, tracks=[(Track(2, beside),)]))
+    without, view = (annotate(np.full((128, 128, 3), 90, np.uint8), each, 1024)[0] for each in (seen, named))
+    x, y = np.round(8 * seen.camera.project(seen.pose, np.array([[*person, TARGET_HEIGHT]]))[0][0]).astype(int)
+    around = slice(y - 12, y + 12), slice(x - 12, x + 12)
+    np.testing.assert_array_equal(view[around], without[around])
+    assert np.any(view != without)
+
+
+def test_neither_names_nor_marks_hide_north_and_the_scale():
+    blank = np.full((128, 128, 3), 90, np.uint8)
+    without, _ = annotate(blank, bare(scene()), 512)
+    rows, columns = np.nonzero((without == INK).all(axis=2) | (without == PANEL).all(axis=2))
+    assert columns.min() < 100 and columns.max() > 400 and len(rows) > 300
+    for x, y in np.stack(np.meshgrid(np.arange(-9.5, 10, 2), np.arange(-9.5, -4, 0.5)), axis=-1).reshape(-1, 2):
+        track = Track(2, Gaussian(np.array([x, y, 0.0, 0.0]), np.diag([0.01, 0.01, 1.0, 1.0])))
+        view, _ = annotate(blank, bare(scene(tracks=(track,), trees=[Tree(x, y, 1.0)])), 512)
+        np.testing.assert_array_equal(view[rows, columns], without[rows, columns])
+
+
+def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
+    tree = Tree(2.0, 1.0, 3.0)
+    frame = np.full((128, 128, 3), 90, np.uint8)
+    seen = bare(scene(trees=[tree]))
+    view, shown = annotate(frame, seen, 1024)
+    assert shown == {"rim of what trees hide"}
+    rows, columns = np.nonzero(np.any(view != 90, axis=2))
+    # Pixels that changed, the corners with scale and north aside; trees that hide nobody have no names.
+    uv = np.column_stack([columns, rows])[rows < 800] + 0.5
+    ground = seen.camera.ground_points(seen.pose, uv / 8, TARGET_HEIGHT)
+    free = seen.forest.visible(seen.pose.position, np.column_stack([ground, np.full(len(uv), TARGET_HEIGHT)]))[0]
+    assert np.mean(free) > 0.85  # the rest is the soft edge of the line
+    assert len(free) > 2000
+
+
+def test_numbers_of_the_view_are_those_of_the_geometry():
+    altitude = 20 / (2 * math.tan(math.radians(30)))
+    camera = Camera(math.radians(60), 128)
+    assert _describe_view(camera, Pose.level(5.0, 0.0, altitude)) == [
+        "128 pixels, 60°",
+        "altitude 17.3 m, 0.0° off nadir",
+        "edges 20.0 m on the ground",
+        "15.6 × 15.6 cm a pixel in the middle",
+    ]
+    # Tilted by 30 degrees to the north, the lower edge looks straight down.
+    told = _describe_view(camera, northwards(30))
+    bottom, top = 2 * 10 * math.tan(math.radians(30)) * math.cos(math.radians(30)) / np.array([1.0, 0.5])
+    assert told[1] == "altitude 10.0 m, 30.0° off nadir"
+    assert f"bottom {bottom:.1f}, " in told[3] and f"top {top:.1f}, " in told[3]
+    assert _describe_view(camera, northwards(90))[-1] == "reaches the horizon"
+
+
+@pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
+def test_names_keep_clear_of_one_another_and_of_marks_inside_the_image(anchor, count):
+    image, changed = np.full((300, 300, 3), 128, np.uint8), []
+    labels = Labels(image)
+    labels.reserve(np.array(anchor), 8.0)
+    for k in range(count):
+        before = image.copy()
+        labels.put(f"track {k}", np.array(anchor), TextStyle(13, INK, True, PANEL))
+        changed.append(np.any(image != before, axis=2))
+    assert np.sum(changed, axis=0).max() == 1
+    assert max(map(np.sum, changed)) < 1.1 * min(map(np.sum, changed))  # none is cut off
+    x, y = map(int, anchor)
+    assert not np.any(np.array(changed)[:, max(y - 8, 0) : y + 8, x - 8 : x + 8])
+
+
+def test_views_of_anything_can_be_drawn():
+    for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
+        recording = record(3, seed=0, **options)
+        with Rerenderer(recording) as again:
+            page = frame_panels.draw_frame_page(again, 2, 1, size=300)
+        assert page.shape[0] >= 276 and page.dtype == np.uint8
+    seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
+    view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
+    assert view.shape == (256, 256, 3) and _draw_panel(seen, [], {}, shown, height=100).shape[0] > 200
+
+
+def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypatch):
+    blank, place = np.full((128, 128, 3), 90, np.uint8), np.array([2.0, 1.0])
+    found, truth = {"detection", "measurement, 95 % ellipse"}, {"truth: person"}
+    plain, hiding = {"rim of what trees hide"}, {"tree that hides a person"}
+    seen = scene(people=[place])
+    scan = dataclasses.replace(seen.snapshot.scans[0], measurements=place[None], covariances=0.1 * np.eye(2)[None])
+    pixels = seen.camera.project(seen.pose, np.array([[*place, TARGET_HEIGHT]]))[0]
+    seen = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, scans=[scan], pixels=[pixels]))
+    in_view = dataclasses.replace(seen, people=(Sighting(0, place, True, {}, 10, True),))
+    tree = scene(people=[place], trees=[Tree(*place, 3.0)])
+    hidden = dataclasses.replace(bare(tree), people=(Sighting(0, place, True, {0: 1.0}, 0, False),))
+    two = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(-6.0, 6.0, 2.0))))
+    beside = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(10.0, 10.0, 2.0))))
+    away = Track(0, Gaussian(np.array([30.0, 0.0, 0.0, 0.0]), np.eye(4)))
+    for sight, expected in (
+        (bare(scene()), set()),
+        (bare(scene(tracks=(away,))), set()),
+        (in_view, found | truth),
+        (hidden, truth | hiding),
+        (two, truth | hiding | plain),
+        (beside, truth | hiding),
+    ):
+        assert annotate(blank, sight, 512)[1] == expected
+    listed = []
+    monkeypatch.setattr(frame_panels, "write", lambda image, text, at, style, align=0.0: listed.append(text))
+    frame_panels._draw_panel(in_view, [], {}, found | truth, height=100)
+    assert set(listed) & (found | truth | plain | hiding) == found | truth
+
+
+def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp_path, monkeypatch):
+    recording, _ = mission
+    assert find_scans(recording, 0.0, None) == [0] and find_scans(recording, 1.07, None) == [5]
+    assert find_scans(recording, 4.0, None) == [20] and find_scans(recording, 0.6, 1.2) == [3, 4, 5, 6]
+    assert find_scans(recording, 3.9, 4.0) == [20]
+    with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
+        find_scans(recording, 1.05, 1.15)
+    monkeypatch.setattr(
+        frame_panels, "draw_frame_page", lambda rerenderer, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
+    )
+    with pytest.raises(ZeroDivisionError):
+        write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_path):
+    (tmp_path / "run").mkdir()
+    save(record(mode="ideal", seed=0), tmp_path / "run" / "mission.npz")
+    code, out, err = call("frames", "run", "--uav", "1", "--time", "0.4:0.8", "--size", "256")
+    assert (code, err) == (0, "")
+    names = [f"uav1-scan000{k}-0.{2 * k}s.png" for k in (2, 3, 4)]
+    assert sorted(path.name for path in (tmp_path / "run" / "frames-uav1-0.4-0.8s").iterdir()) == names
+    assert names[0] in out
+    assert call("frames", "run/mission.npz", "--uav", "1", "--time", "0.4:0.8", "--size", "256")[0] == 0
+    first, second = (tmp_path / "run" / f"frames-uav1-0.4-0.8s{suffix}" / names[0] for suffix in ("", "-2"))
+    assert first.read_bytes() == second.read_bytes() and cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30
+    assert call("frames", "run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
+    assert [path.name for path in (tmp_path / "deep" / "new").iterdir()] == ["uav0-scan0005-1.0s.png"]
+    code, out, err = call("frames", "run", "--uav", "0", "--time", "1", "--out", "deep/new")
+    assert (code, out) == (2, "") and err.startswith("understory: --out: deep/new exists")

@@ -1,0 +1,121 @@
+"""Intervals hold the true mean as often as the report says, on maps drawn from trials that were flown.
+
+`data/trials.csv` is of `understory compare --planner sma-nbo-mwtp --planner sma-nbo --planner greedy --planner hover
+--sensing ideal --duration 20` on seeds 0 to 171, and of 40 s without `hover` on fewer.
+"""
+
+import csv
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.study.analysis.intervals import estimate_means, estimate_medians
+from sim.study.report.sentences import ENOUGH
+
+DATA = Path(__file__).parents[3] / "data" / "trials.csv"
+GOSPA = DATA.with_name("gospa.csv")  # of bench-1 without `fleet` on seeds 0 to 49, a line each world and planner
+DOC = Path(__file__).parents[4] / "docs" / "how-to" / "reports.md"
+NUMBERS = (2, 3, 5, 8, 10, 20, 50)
+SAMPLES = 4000
+# Share [%] of intervals that contain the mean of all maps flown, by number of maps in a sample; of planners and their
+# differences, in missions of 20 s and 40 s. For scans with OSPA under 1 m: the lowest coverage.
+SHARES = {2: 86, 3: 90, 5: 91, 8: 94, 10: 93, 20: 94, 50: 95}
+# For a mission's mean and median OSPA, and its mean GOSPA in the worlds of bench-1: median and lowest coverage.
+ERRORS = {
+    "ospa.mean_m": {2: (92, 81), 3: (91, 80), 5: (86, 70), 8: (85, 67), 10: (83, 58), 20: (91, 44), 50: (91, 45)},
+    "ospa.median_m": {2: (91, 84), 3: (92, 81), 5: (90, 68), 8: (91, 67), 10: (91, 60), 20: (92, 42), 50: (94, 28)},
+    "gospa.mean_m": {2: (93, 87), 3: (96, 83), 5: (96, 79), 8: (96, 77), 10: (96, 76), 20: (95, 76), 50: (95, 86)},
+}
+
+
+def pools(metric):
+    """The values (maps,) of every planner, and of its difference from the first, by duration or by world."""
+    table, first = {}, "sma-nbo-mwtp"
+    if metric == "gospa.mean_m":
+        first = "sma-nbo-gospa"
+        with GOSPA.open(newline="") as file:
+            for world, planner, *values in list(csv.reader(file))[1:]:
+                table[world, planner] = dict(enumerate(map(float, values)))
+        return _with_differences(table, first)
+    with DATA.open(newline="") as file:
+        for line in csv.DictReader(file):
+            table.setdefault((line["duration_s"], line["planner"]), {})[int(line["seed"])] = float(line[metric])
+    return _with_differences(table, first)
+
+
+def _with_differences(table, first):
+    found = {}
+    for (place, planner), values in table.items():
+        base = table[place, first]
+        assert base.keys() == values.keys()
+        found[place, planner] = np.array([values[seed] for seed in sorted(values)])
+        if values is not base:
+            found[place, f"{planner} less"] = np.array([values[s] - base[s] for s in sorted(values)])
+    return found
+
+
+def held(metric, maps, estimates=estimate_means, truth=np.mean):
+    """Shares, by pool, of samples of so many maps with the pool's own value in their interval."""
+    rng = np.random.default_rng(maps)
+    found = {}
+    for name, values in pools(metric).items():
+        drawn = values[rng.integers(0, len(values), (maps, SAMPLES))]
+        slack = 1e-12 * np.abs(values).max()
+        aim = truth(values)
+        found[name] = np.mean([e.low - slack <= aim <= e.high + slack for e in estimates(drawn)])
+    return found
+
+
+def test_the_trials_are_of_many_maps_and_the_page_has_their_numbers():
+    sizes = {name: len(values) for name, values in pools("ospa.mean_m").items()}
+    assert {len(values) for values in pools("gospa.mean_m").values()} == {50}
+    assert sizes["20", "hover"] == 172 and sizes["40", "greedy"] >= 60 and len(sizes) == 7 + 5
+    pattern = r"^\| (\d+) " + r"\| (\d+) % " * 4 + r"\|$"
+    rows = re.findall(pattern, DOC.read_text(encoding="utf-8"), flags=re.M)
+    assert [tuple(map(int, row)) for row in rows] == [
+        (n, SHARES[n], *(counted[n][1] for counted in ERRORS.values())) for n in NUMBERS
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maps", NUMBERS)
+def test_intervals_of_shares_hold_the_mean_and_mean_difference(maps):
+    least = min(held("ospa.share_under_1m", maps).values())
+    assert least >= 0.92 or maps < ENOUGH
+    assert 100 * least == pytest.approx(SHARES[maps], abs=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metric", ERRORS)
+@pytest.mark.parametrize("maps", NUMBERS)
+def test_intervals_of_mean_errors_hold_as_often_as_tables_say(metric, maps):
+    found = [100 * share for share in held(metric, maps).values()]
+    assert (np.median(found), min(found)) == pytest.approx(ERRORS[metric][maps], abs=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("maps", "least"), [(8, 91), (10, 91), (20, 93), (50, 94)])
+def test_wider_intervals_of_shares_hold_the_mean_of_as_many_other_maps(maps, least):
+    rng = np.random.default_rng(maps)
+    found = []
+    for values in pools("ospa.share_under_1m").values():
+        here, there = values[rng.integers(0, len(values), (2, maps, SAMPLES))]
+        other = there.mean(axis=0)
+        found.append(np.mean([widened(e, x) for e, x in zip(estimate_means(here), other, strict=True)]))
+    assert 100 * min(found) == pytest.approx(least, abs=1) and np.median(found) == pytest.approx(0.95, abs=0.01)
+
+
+def widened(estimate, other):
+    """Test if another mean lies within the square root of two times the interval's width about the value."""
+    reach = math.sqrt(2) * (estimate.high - estimate.value if other > estimate.value else estimate.value - estimate.low)
+    return abs(other - estimate.value) <= reach + 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metric", ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"])
+@pytest.mark.parametrize("maps", [6, 8, 10, 20, 50])
+def test_intervals_of_medians_hold_whatever_the_metric(metric, maps):
+    assert min(held(metric, maps, estimate_medians, np.median).values()) >= 0.945

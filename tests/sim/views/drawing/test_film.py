@@ -1,0 +1,325 @@
+"""The video plays in browsers, shows things where they are, and is there whole or not at all."""
+
+import dataclasses
+import math
+import os
+
+import av
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.films import decoded
+from msgspec import structs
+
+from sim.facts.metrics.holding import HOLDS
+from sim.views.drawing.film import HEIGHT, WIDTH, Film, Video
+from sim.views.drawing.layout import Box, arrange_parts
+from sim.views.drawing.lettering import TextStyle, measure_width, write
+from sim.views.drawing.map_view import MARGIN, MapView
+from sim.views.drawing.palette import (
+    CANOPY,
+    FAINT,
+    INK,
+    LOST,
+    NOT_FOUND_YET,
+    PANEL,
+    mix,
+    track_colour,
+    uav_colour,
+    uav_dashes,
+)
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.tracker import Track
+
+OPEN, ALONE = Forest(()), synthetic.scenario(uavs=1)
+SCALE = 540 / (100 + 2 * MARGIN)  # pixels a metre
+RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}
+
+
+@pytest.fixture(scope="module")
+def mission():
+    setting = synthetic.scenario()
+    trees = synthetic.forest(setting)
+    return setting, trees, list(synthetic.snapshots(setting, trees, 8))
+
+
+def write_video(path, mission, frames=8):
+    setting, trees, snapshots = mission
+    with Video(path, Film(setting, trees, planner="hover"), fps=5) as video:
+        for snapshot in snapshots[:frames]:
+            video.add(snapshot, synthetic.frames(setting, trees, snapshot))
+
+
+def empty(uavs=3, **changes):
+    """A snapshot with UAVs and nothing else."""
+    first = next(synthetic.snapshots(synthetic.scenario(uavs, people=0), OPEN, 1))
+    return dataclasses.replace(first, plans=None, **changes)
+
+
+def drawn(mission, snapshot, frames=None):
+    """A snapshot as the first picture of a film."""
+    setting, trees, _ = mission
+    return Film(setting, trees, planner="hover").draw(snapshot, frames)
+
+
+def changed_near(image, before, x, y, reach):
+    """True if something changed, and only within `reach` pixels of (x, y)."""
+    rows, columns = np.nonzero(np.any(image != before, axis=2))
+    assert len(rows) > 0
+    return max(abs(rows + 0.5 - y).max(), abs(columns + 0.5 - x).max()) <= reach
+
+
+def test_the_file_is_h264_in_real_time_with_its_index_first(tmp_path, mission):
+    write_video(tmp_path / "mission.mp4", mission)
+    with av.open(str(tmp_path / "mission.mp4")) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert stream.codec_context.colorspace == 6  # BT.601, as OpenCV converts; browsers would take BT.709
+        assert (stream.width, stream.height) == (WIDTH, HEIGHT) == (1280, 720)
+        assert float(stream.duration * stream.time_base) == pytest.approx(8 / 5)
+        times = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
+    np.testing.assert_allclose(times, np.arange(8) / 5)
+    content = (tmp_path / "mission.mp4").read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat")
+
+
+def test_decoded_pictures_are_the_drawn_ones_also_of_a_video_closed_early(tmp_path, mission):
+    setting, trees, snapshots = mission
+    write_video(tmp_path / "mission.mp4", mission)
+    film = Film(setting, trees, planner="hover")
+    for snapshot, shown in zip(snapshots, decoded(tmp_path / "mission.mp4")[0], strict=True):
+        image = film.draw(snapshot, synthetic.frames(setting, trees, snapshot))
+        assert np.abs(shown.astype(float) - image).mean() < 3.0
+        # The orange border of UAV 1, and what the other usual matrix would make of it.
+        border = np.median(shown[300:440, -13:-10].reshape(-1, 3), axis=0)
+        assert np.linalg.norm(border - uav_colour(1)) < 10 < np.linalg.norm(border - (238, 149, 0))
+    write_video(tmp_path / "mission.mp4", mission, frames=1)
+    assert [frame.shape for frame in decoded(tmp_path / "mission.mp4")[0]] == [(720, 1280, 3)]
+    assert os.listdir(tmp_path) == ["mission.mp4"]
+
+
+def test_the_tile_of_each_uav_wears_its_colour_round_its_own_frame(mission):
+    flat = [np.full((128, 128, 3), 60 + 50 * i, dtype=np.uint8) for i in range(3)]
+    image = drawn(mission, empty(), flat)
+    right = image[:, -40]
+    for i in range(3):
+        rows = np.flatnonzero(np.all(right == 60 + 50 * i, axis=1))
+        assert len(rows) > 150
+        np.testing.assert_array_equal(image[rows[0] - 2, -40], uav_colour(i))
+        np.testing.assert_array_equal(image[rows[-1] + 2, -40], uav_colour(i))
+
+
+def test_frames_people_and_views_that_are_missing_are_not_drawn(mission):
+    blank, first = drawn(mission, empty()), mission[2][0]
+    assert sum(map(len, first.pixels)) > 0 and np.any(drawn(mission, first)[:, -200:] != blank[:, -200:])
+    absent = empty(people=np.full((2, 2), np.nan), headings=np.zeros(2), visible=np.zeros((3, 2), int))
+    np.testing.assert_array_equal(drawn(mission, absent), blank)
+    tilted = [Pose(np.array([0.0, 0.0, 20.0]), np.array([np.sin(0.5), 0.0, 0.0, np.cos(0.5)]))] * 3
+    assert drawn(mission, dataclasses.replace(first, cameras=tilted, poses=tilted)).shape == (HEIGHT, WIDTH, 3)
+
+
+def one_uav(above=(500.0, 500.0), **changes):
+    """A snapshot of a UAV above a place and of nothing else."""
+    pose = Pose.level(*above, 17.32)
+    return empty(1, poses=[pose], cameras=[pose], **changes)
+
+
+def mapped(snapshot, holds=None, forest=OPEN, size=(790, 540)):
+    image, view = np.zeros((size[1], size[0], 3), dtype=np.uint8), MapView(ALONE, forest, size)
+    assert view.scale == pytest.approx(SCALE * size[1] / 540)
+    view.draw(image, snapshot, holds)
+    return image
+
+
+def pixel(x, y):
+    """Column and row of a place."""
+    return round(395 + x * SCALE - 0.5), round(270 - y * SCALE - 0.5)
+
+
+def test_people_tracks_and_uavs_stand_where_they_are():
+    before, (x, y) = mapped(one_uav()), pixel(40.0, 20.0)
+    image = mapped(one_uav(people=np.array([[40.0, 20.0]]), headings=np.zeros(1), visible=np.ones((1, 1), int)))
+    assert changed_near(image, before, 395 + 40 * SCALE, 270 - 20 * SCALE, 12) and image[y, x].max() < 60
+    ring = Gaussian(np.array([40.0, 20.0, 0.0, 0.0]), np.diag([4.0, 1.0, 1.0, 1.0]))
+    image = mapped(one_uav(tracks=[(Track(1, ring),)]))
+    # The ellipse that holds 95 % of a planar Gaussian reaches 2.4477 standard deviations.
+    for dx, dy in ((2.4477 * 2.0, 0.0), (0.0, 2.4477)):
+        column, row = pixel(40.0 + dx, 20.0 + dy)
+        assert np.abs(image[row, column].astype(int) - track_colour(1)).max() < 60
+    image = mapped(one_uav((40.0, 20.0)))
+    np.testing.assert_array_equal(image[y, x], uav_colour(0))
+    edge = image[pixel(40.0, 10.0)[1], x + 20]
+    assert np.abs(edge.astype(int) - uav_colour(0)).max() < 60
+
+
+@pytest.mark.parametrize(
+    ("visible", "above", "hold", "colour"),
+    [(5, (15.0, 5.0), "held", INK), (0, (15.0, 5.0), "lost", PANEL), (0, (60.0, 5.0), "not found yet", FAINT)],
+)
+def test_people_are_marked_as_seen_hidden_out_of_view_and_lost(visible, above, hold, colour):
+    there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1), "visible": np.array([[visible]])}
+    image, (x, y) = mapped(one_uav(above, **there), np.array([HOLDS.index(hold)])), pixel(10.0, 5.0)
+    assert np.abs(image[y, x].astype(int) - colour).max() < 60
+    ring = image[y - 12 : y + 13, x - 12 : x + 13].reshape(-1, 3)
+    assert {name for name, c in RINGS.items() if np.any(np.all(ring == c, axis=1))} == {hold} & set(RINGS)
+
+
+def test_a_slow_camera_keeps_no_other_cameras_people_in_view():
+    slow, fast = synthetic.scenario(uavs=2).uavs
+    setting = structs.replace(synthetic.scenario(uavs=2), uavs=(structs.replace(slow, rate=1), fast))
+    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1)}
+    for k, colour in enumerate((INK, FAINT)):
+        above = [Pose.level(-60.0, 0.0, 17.32), Pose.level(10.0 + 50 * k, 5.0, 17.32)]
+        shown = np.array([[0], [1 - k]])
+        view.draw(image, empty(2, time=0.2 * k, poses=above, cameras=above, visible=shown, **there))
+        x, y = pixel(10.0, 5.0)
+        assert np.abs(image[y, x].astype(int) - colour).max() < 60
+
+
+def test_the_name_of_a_uav_does_not_stand_in_the_view_of_another():
+    view, image = MapView(synthetic.scenario(uavs=2), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    above = [Pose.level(0.0, 0.0, 17.32), Pose.level(-8.0, 8.0, 17.32)]  # the first one's corner is in the other view
+    view.draw(image, empty(2, poses=above, cameras=above))
+    (left, top), (right, bottom) = pixel(-17.5, 17.5), pixel(1.5, -1.5)
+    name = np.all(image == mix(uav_colour(0), INK, 0.7), axis=2)
+    assert name.sum() > 20 and not name[top:bottom, left:right].any()
+
+
+@pytest.mark.parametrize("uav", [0, 6, 12])
+def test_views_of_one_colour_have_lines_with_different_dashes(uav):
+    view, image = MapView(synthetic.scenario(uavs=13), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    above = [Pose.level(0.0, 0.0, 17.32) if i == uav else Pose.level(500.0, 500.0, 17.32) for i in range(13)]
+    view.draw(image, empty(13, poses=above, cameras=above))
+    (left, top), (right, _) = pixel(-10.0, 10.0), pixel(10.0, 10.0)
+    edge = image[top - 1 : top + 3, left + 8 : right - 8].astype(int)
+    drawn = (np.abs(edge - uav_colour(uav)).max(axis=2) < 60).any(axis=0)
+    dash, gap = uav_dashes(uav) or (1, 0)
+    dashes = len(drawn) / (dash + gap) if gap else 0
+    assert drawn.mean() == pytest.approx((dash + 2 * (gap > 0)) / (dash + gap), abs=0.15)  # with round ends
+    assert np.count_nonzero(np.diff(drawn.astype(int)) == 1) == pytest.approx(dashes, abs=1.5)
+
+
+def test_in_a_crowd_uavs_have_names_and_no_two_names_overlap(monkeypatch):
+    written = []
+
+    def note(image, text, at, style):
+        written.append(
+            (text, at[0], at[1] - style.size / 2, at[0] + measure_width(text, style), at[1] + style.size / 2)
+        )
+
+    monkeypatch.setattr("sim.views.drawing.labels.write", note)
+    rng = np.random.default_rng(3)
+    setting = synthetic.scenario(uavs=20, people=80)
+    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    people = rng.uniform(-45, 45, (80, 2))
+    held = tuple(Track(i, Gaussian(np.array([*place, 0, 0]), np.eye(4))) for i, place in enumerate(people + 1.0))
+    above = [Pose.level(12.0 * i - 42.0, 20.0 * j - 30.0, 5.0) for i in range(5) for j in range(4)]
+    there = {"people": people, "headings": np.zeros(80), "visible": np.zeros((20, 80), int), "tracks": [held] * 20}
+    snapshot = empty(20, poses=above, cameras=above, **there)
+    view.draw(image, snapshot, np.full(80, HOLDS.index("lost")))
+    names = [text for text, *_ in written]
+    assert names[:20] == [f"UAV {i}" for i in range(20)]
+    assert any(name.startswith("person") for name in names) and len(names) < 20 + 80 + 80
+    for n, (one, left, top, right, bottom) in enumerate(written):
+        for other, left2, top2, right2, bottom2 in written[:n]:
+            common = max(0.0, min(right, right2) - max(left, left2)) * max(0.0, min(bottom, bottom2) - max(top, top2))
+            assert common <= 20.0, (one, other)
+
+
+def test_no_name_covers_a_person():
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        grid = 5.0 * np.array([(i, j) for i in (-1.5, -0.5, 0.5, 1.5) for j in (-1, 1)])
+        people = grid + rng.uniform(-1, 1, (8, 2))
+        held = [Track(i, Gaussian(np.array([x + 2.0, y + 1.0, 0, 0]), np.eye(4))) for i, (x, y) in enumerate(people)]
+        there = {"people": people, "headings": np.zeros(8), "visible": np.ones((1, 8), int), "tracks": [tuple(held)]}
+        image = mapped(one_uav((0.0, 0.0), **there), np.full(8, HOLDS.index("lost")))
+        for place in people:
+            x, y = pixel(*place)
+            assert np.abs(image[y, x].astype(int) - INK).max() < 60
+
+
+def test_porous_crowns_are_paler_the_more_ground_shows_through_them():
+    trees = [
+        Tree(x, 0.0, 5.0, 3.0, 6.0, 0.2, density) for x, density in ((-33, 0.0), (-11, 0.3), (11, 1.5), (33, math.inf))
+    ]
+    view = MapView(synthetic.scenario(), Forest(tuple(trees)), (900, 640))
+    shades = [view._ground[tuple(view.pixels(np.array([tree.x, 2.5]))[::-1].astype(int))].astype(int) for tree in trees]
+    paper, full = np.array(PANEL), 0.6 * np.array(CANOPY) + 0.4 * np.array(PANEL)
+    for tree, shade in zip(trees, shades, strict=True):
+        cover = 1.0 - math.exp(-0.5 * tree.leaf_area_density * 3.0)
+        assert tree.cover == pytest.approx(cover) and np.abs(shade - (cover * full + (1 - cover) * paper)).max() <= 2
+
+
+def test_trees_are_discs_of_the_canopys_size():
+    image = mapped(one_uav(), forest=Forest((Tree(0.0, 0.0, 5.0),)), size=(1580, 1080))
+    green = np.all(np.abs(image.astype(int) - image[540 + 25, 790 + 25]) < 8, axis=2)
+    rows, columns = np.nonzero(green)
+    distance = np.hypot(rows + 0.5 - 540, columns + 0.5 - 790)
+    radius = 5 * 2 * SCALE
+    assert radius - 2 < distance.max() <= radius + 1
+    # All but the trunk and a line of two pixels round the canopy.
+    assert len(rows) == pytest.approx(np.pi * (radius - 1) ** 2, rel=0.03)
+
+
+@pytest.mark.parametrize("options", [{"uavs": 1}, {"uavs": 20, "people": 9}, {"mode": "ideal"}, {"people": 0}])
+@pytest.mark.parametrize("area", [(150.0, 100.0), (60.0, 300.0), (500.0, 50.0)])
+def test_any_team_and_area_can_be_drawn(options, area):
+    setting = synthetic.scenario(area=area, **options)
+    trees = synthetic.forest(setting, 5)
+    film = Film(setting, trees, planner="hover")
+    for snapshot in synthetic.snapshots(setting, trees, 1):
+        frames = synthetic.frames(setting, trees, snapshot) if setting.sensing.mode == "camera" else None
+        image = film.draw(snapshot, frames)
+        assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
+        assert np.mean(np.all(image == PANEL, axis=2)) > 0.02
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.7, 1.46, 3.0, 8.0])
+@pytest.mark.parametrize("layout", ["map+cameras", "map", "cameras", "last"])
+def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect, layout):
+    panel = Box(10, 48, 1260, 632)
+    for uavs in range(1, 21):
+        view = arrange_parts(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
+        assert list(view.tiles) == {"map": [], "last": [uavs - 1]}.get(layout, list(range(uavs)))
+        assert (view.map is None) == (layout == "cameras")
+        taken = np.zeros((720, 1280), dtype=np.int8)
+        for box in [*view.tiles.values(), *([] if view.map is None else [view.map])]:
+            assert panel.x <= box.x and box.x + box.width <= panel.x + panel.width
+            assert panel.y <= box.y and box.y + box.height <= panel.y + panel.height
+            taken[box.slices] += 1
+        assert taken.max() <= 1
+        if layout == "map+cameras":
+            assert view.map.width / view.map.height == pytest.approx(aspect, rel=0.02)
+            assert all(box.width == box.height >= 80 for box in view.tiles.values())
+
+
+def test_a_video_appears_when_it_is_closed_and_never_after_an_error(tmp_path, mission):
+    setting, trees, snapshots = mission
+    film = Film(setting, trees, planner="p")
+    with pytest.raises(ZeroDivisionError), Video(tmp_path / "a.mp4", film, fps=5) as video:
+        video.add(snapshots[0], None)
+        raise ZeroDivisionError
+    write_video(tmp_path / "b.mp4", mission, frames=0)
+    assert os.listdir(tmp_path) == []
+    video = Video(tmp_path / "mission.mp4", film, fps=5)
+    video.add(snapshots[0], None)
+    assert not (tmp_path / "mission.mp4").exists()
+    video.close()
+    assert os.listdir(tmp_path) == ["mission.mp4"]
+
+
+@pytest.mark.parametrize("at", [(-50.0, -50.0), (0.0, 20.0), (199.0, 39.0), (500.0, 90.0)])
+def test_text_is_moved_inside_the_image(at):
+    image = np.full((40, 200, 3), 255, dtype=np.uint8)
+    free = np.full((40, 400, 3), 255, dtype=np.uint8)
+    style = TextStyle(14, (0, 0, 0), bold=True)
+    write(image, "UAV 7", at, style)
+    write(free, "UAV 7", (150.0, 20.0), style)
+    assert (255.0 - image).sum() == (255.0 - free).sum() > 0
+    columns = np.flatnonzero((free < 128).any(axis=(0, 2)))
+    # Ink and advance differ by the side bearings: 2 pixels with one version of FreeType, 3 with another.
+    assert abs(columns[-1] + 1 - columns[0] - measure_width("UAV 7", style)) <= 3
