@@ -12,7 +12,7 @@ from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
-from sim.mission.snapshot import Snapshot, measure_errors
+from sim.mission.snapshot import FlownPlans, Snapshot, measure_errors
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.wind import Air
 from sim.mission.world_setup import draw_starts, make_forest_and_people
@@ -62,8 +62,8 @@ class Mission:
             scenario, self.forest, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
-        self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
-        self._coming: dict[int, list[Plan]] = {}  # plans not yet flown, by the scan at which they are due
+        self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
+        self._flown: FlownPlans | None = None
         self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
         self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
         self._radio = chance("network")
@@ -211,7 +211,7 @@ class Mission:
             if given is not None:
                 check_plans(given, team)  # an error unless empty
             self._command(None)
-            return self.present
+            return replace(self.present, flown=self._flown)
         with self.clock.planning():
             if given is not None:
                 made, faults = check_plans(given, team)
@@ -227,6 +227,7 @@ class Mission:
         return replace(
             self.present,
             plans=every,
+            flown=self._flown,
             plan_bytes=sent,
             plan_rounds=self._rounds,
             faults=(*self.present.faults, *faults),
@@ -238,8 +239,13 @@ class Mission:
         Plans are due `network.plan_delay` after their decision. UAVs that have broken down hover.
         """
         if plans is not None:
-            self._coming[self._k + self._delay] = plans
-        due = self._coming.pop(self._k, None)
+            self._decisions.append(FlownPlans(self.time, plans))
+        (n,) = self.scenario.find_flown([decision.made for decision in self._decisions], [self.time])
+        due = None
+        if n >= 0 and self._decisions[n] is not self._flown:
+            self._flown = self._decisions[n]
+            self._decisions = self._decisions[n:]
+            due = self._flown.plans
         commands = np.zeros_like(self._commands)
         for i in self._working:
             commands[i] = self._commands[i] if due is None else due[i].controls[0]
