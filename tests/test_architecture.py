@@ -53,7 +53,7 @@ PLANNING = {
     "sim/mission/warmup.py",
     "sim/running/mission_flight.py",
     "sim/running/results.py",
-    "sim/study/analysis/planner_labels.py",
+    "sim/study/analysis/labels.py",
     "sim/study/analysis/normalised_score.py",
     "sim/study/cells.py",
     "sim/cli/run.py",

@@ -8,7 +8,6 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.cli.recordings import check_new, find_folder
 from sim.facts.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times, sort_by_severity
 from sim.facts.explain.explanation import explain_person, find_stretches
 from sim.facts.explain.observation import Observer
@@ -21,7 +20,7 @@ from sim.facts.text import TextGroup
 from sim.mission.atomic_files import claim_place, write_whole
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
-from sim.terminal.commands import Recorded
+from sim.terminal.commands import Recorded, check_new, find_folder
 from sim.terminal.console import console, print_remarks, show_place
 from sim.views.drawing.plots import save
 from sim.views.explain_picture import draw_explanation
