@@ -22,6 +22,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.navigation import make_navigation_errors
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
@@ -144,17 +145,15 @@ class Mission:
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         believed = self._believe(cameras)
-        heights = [b.position[2] - c.position[2] for b, c in zip(believed, cameras, strict=True)]
-        self._world.altitude_errors = np.array(heights)
-        looks = [
-            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people, believed[i])
-            for i, pose in enumerate(cameras)
-        ]
-        faults += [fault for look in looks for fault in look.faults]
+        readings = []
+        for i, pose in enumerate(cameras):
+            shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
+            readings.append(self._sensors.take(shot) if takes[i] else self._sensors.rest(shot))
+        faults += [fault for reading in readings for fault in reading.faults]
         network, places = self.scenario.network, np.array([body.position for body in bodies])
         links = draw_links(network, time, places, self._radio)
         with self.clock.measure("tracking"):
-            tracks, sent = self._knowledge.track(time, looks, links, self._working)
+            tracks, sent = self._knowledge.track(time, readings, links, self._working)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
@@ -164,7 +163,7 @@ class Mission:
         else:
             self._situations = []
         self.faults += faults
-        self.frames = [look.image for look in looks]
+        self.frames = [reading.image for reading in readings]
         self.present = Snapshot(
             time=time,
             people=people,
@@ -174,13 +173,13 @@ class Mission:
             believed=believed if any(self._errors) else None,
             frames=np.array(takes),
             commands=self._commands,
-            scans=[look.scan for look in looks],
-            pixels=[look.pixels for look in looks],
+            scans=[reading.scan for reading in readings],
+            pixels=[reading.pixels for reading in readings],
             tracks=tracks,
             plans=None,
             ospa=measure_errors(tracks, self._working, people),
-            visible=np.array([look.visible for look in looks]),
-            matched=np.array([look.matched for look in looks]),
+            visible=np.array([reading.visible for reading in readings]),
+            matched=np.array([reading.matched for reading in readings]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
             plan_bytes=np.zeros(len(bodies), dtype=np.int64),
@@ -265,7 +264,8 @@ class Mission:
                 flown = self._commands.copy()
                 for i, errors in enumerate(self._errors):
                     flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
-                self._world.advance(flown, steps, None if self._air is None else self._air.steps(steps))
+                winds = None if self._air is None else self._air.steps(steps)
+                self._world.advance(flown, steps, winds, self.present.altitude_errors)
             for errors in filter(None, self._errors):
                 errors.advance(1.0 / rates.sensing)
             self._sense_and_track()
