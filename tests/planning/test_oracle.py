@@ -29,7 +29,7 @@ from sim.study.report.terminal import show
 from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.tracker import Track
 
 SHORT = ("duration=1", "sensing.mode=ideal", "dynamics=kinematic")

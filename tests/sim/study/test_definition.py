@@ -19,7 +19,7 @@ from sim.study.cells import add_trackers, list_cells
 from sim.study.definition import STUDIES, Study, adapt_study, read_study
 from sim.study.trials import list_trials
 from tracking.errors import InputError
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 FILE = """
 [study]
