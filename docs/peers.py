@@ -36,7 +36,7 @@ from stonesoup.updater.kalman import KalmanUpdater
 from sim.scenario.quantities import parse_integers
 from sim.study.analysis.intervals import estimate_means
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence

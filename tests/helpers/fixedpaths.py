@@ -11,7 +11,7 @@ from sim.world.trajectories import SAMPLES_PER_SECOND
 from sim.world.walkers import walk
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree

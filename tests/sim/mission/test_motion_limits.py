@@ -12,13 +12,13 @@ from helpers.flights import mission_of, recording_of
 from msgspec.structs import replace
 from scipy.stats import poisson
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.facts.recorded_fleet import make_known_forest
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
 from sim.scenario.loading import load
 from sim.sensing.cameras import view_of
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import squared_distance

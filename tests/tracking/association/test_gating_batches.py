@@ -56,7 +56,7 @@ def test_no_measurement_is_in_a_gate_of_another_batch(side):
     tracks, measurements = (np.concatenate([part[k] for part in parts]) for k in range(2))
     np.testing.assert_array_equal(np.sort(tracks), np.arange(300))
     assert len(set(measurements.tolist())) == len(measurements) < len(z)  # false alarms far from all are in none
-    gates = gated_likelihood(before.means, before.covariances, z, noise, PARAMETERS.gate_probability) > 0.0
+    gates = gated_likelihood(before.means, before.covariances, z, noise, PARAMETERS.settings.gate_probability) > 0.0
     for rows, columns in parts:
         assert np.all(np.diff(rows) > 0) and np.all(np.diff(columns) > 0)
         assert np.all(np.isin(np.flatnonzero(gates[rows].any(axis=0)), columns))
