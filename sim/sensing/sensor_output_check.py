@@ -1,15 +1,16 @@
 """Detection check: validates the output of plug-in detectors and sensor modes for trackers and recordings."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from sim.sensing.fault import Fault
-from sim.sensing.sensor_mode import SensorOutput
+from sim.sensing.sensor_mode import Noise, SensorOutput
 from tracking.detection.detector import Detections, Frame
 from tracking.numerics.arrays import Array, Flags
 from tracking.plugins.plugin_error import Unusable
-from tracking.plugins.result_check import Form, check_fields, check_kind, read_numbers
+from tracking.plugins.result_check import WHOLE, Form, check_fields, check_kind, read_numbers
 
 _FARTHEST = 1e6  # m or pixels; larger coordinates are meaningless
 _DETECTION = {
@@ -34,34 +35,28 @@ def check_detections(found: Detections) -> Detections:
 
 
 def check_output(output: SensorOutput, people: Array) -> SensorOutput:
-    """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong.
-
-    Values that `matched` returns are checked by `check_matches`.
-    """
+    """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
     check_kind("output", output, SensorOutput)
-    faults = tuple(output.faults)
+    count, faults = len(output.ground), tuple(output.faults)
     for fault in faults:
         check_kind("faults", fault, Fault)
     if output.frame is not None:
         _check_frame(output.frame)
+    if output.noise not in get_args(Noise):
+        raise Unusable(f"noise {output.noise!r} is unknown; allowed are {' and '.join(get_args(Noise))}")
+    if output.noise == "none" and output.covariances is None:
+        raise Unusable("noise is 'none', but there are no covariances")
+    owners = WHOLE.check("owners", output.owners, count)
+    if owners.min(initial=0) < -1 or owners.max(initial=-1) >= len(people):
+        raise Unusable(f"owners are not from -1 to {len(people) - 1}")
+    _check_present("owners", np.isin(np.arange(len(people)), owners), people)
     visible = Form(whole="biu").check("visible", output.visible, len(people))  # True and False count as 1 and 0
     if visible.min(initial=0) < 0:
         raise Unusable("visible are below 0")
     _check_present("visible", visible > 0, people)
-    given = [name for name in _DETECTION if getattr(output, name) is not None]
-    arrays = check_fields(output, {name: _DETECTION[name] for name in given}, len(output.ground))
-    if output.errors is not None:
-        arrays["errors"] = _DETECTION["covariances"].check("errors", output.errors, len(output.ground))
-    return replace(output, visible=visible, faults=faults, **arrays)
-
-
-def check_matches(matched: object, people: Array) -> Flags:
-    """Valid mask (M,) of detected people, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
-    found = np.array(matched)
-    if found.shape != (len(people),) or found.dtype != np.bool_:
-        raise Unusable(f"matched is not an array ({len(people)},) of True and False")
-    _check_present("matched", found, people)
-    return found
+    given = {name: form for name, form in _DETECTION.items() if getattr(output, name) is not None}
+    arrays = check_fields(output, given, count)
+    return replace(output, owners=owners, visible=visible, faults=faults, **arrays)
 
 
 def _check_present(name: str, found: Flags, people: Array) -> None:
