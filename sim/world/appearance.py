@@ -15,12 +15,12 @@ from tracking.numerics.exponential import power_each
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
 
-# Strengths with `randomise = true`, for which the scenario gives no other value.
-FULL: dict[str, float | bool] = {
+# Strengths of `appearance = "full"`.
+FULL = {
     "light_deg": 60.0,
     "ambient": 0.15,
     "ground_tint": 0.1,
-    "ground_moved": True,
+    "ground_moved": 1.0,
     "canopy_tint": 0.2,
     "clothing_hue_deg": 6.0,
     "clothing_shade": 0.3,
@@ -73,10 +73,10 @@ class AppearanceSample:
 
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
     """Sample the appearance of a map, such that the strength of one variation does not change the others."""
-    strength: dict[str, float] = {}  # the scenario's value; by default full or zero
-    for name, full in FULL.items():
-        given = getattr(scenario.appearance, name)
-        strength[name] = float(full * scenario.appearance.randomise if given is None else given)
+    wanted = scenario.appearance
+    strength = {name: full * float(wanted.randomise) for name, full in FULL.items()}
+    blur = strength["blur"] if wanted.blur is None else wanted.blur
+    noise = strength["noise"] if wanted.noise is None else wanted.noise
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
     zenith, azimuth = math.radians(strength["light_deg"] * scene.random()), math.radians(scene.uniform(-180.0, 180.0))
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
@@ -99,8 +99,8 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
         canopies=(1 + season) * (1 + each),
         gains=power_each(1 + strength["exposure"], cameras.uniform(-1, 1, len(scenario.uavs))),
-        blur=strength["blur"],
-        noise=strength["noise"],
+        blur=blur,
+        noise=noise,
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sim.scenario.csv_tables import Row, RowErrors, read_csv
+from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
@@ -35,7 +35,7 @@ class StemMap:
     """Trees of a stem map in the order of its rows."""
 
     trees: tuple[Tree, ...]
-    rows: tuple[Row, ...]  # that of each tree
+    rows: tuple[TableRow, ...]  # that of each tree
     unused: tuple[str, ...]  # columns that are not used, such as the species
 
     @property
@@ -52,7 +52,7 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
     subtracted from positions. InputError begins with `field` and names file, line and column of a wrong entry, also
     that of a second stem at the same place.
     """
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     trees: list[Tree] = []
     errors = RowErrors(f"{field}: {path}")
     for row in read_csv(path, field, ("x", "y"), _ALIASES):
@@ -79,7 +79,7 @@ def find_unused_columns(trees: Trees) -> list[str]:
     return [f"trees.file: not used: column{'s' * (len(unused) > 1)} {', '.join(unused)}"] if unused else []
 
 
-def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
+def _make_tree(row: TableRow, missing: Trees, least: float) -> Tree:
     sizes = {name: _read_size(row, name, least) for name in _SIZES}
     if sizes["trunk_radius"] is None and sizes["dbh"] is not None:
         sizes["trunk_radius"] = sizes["dbh"] / 200  # from a diameter in cm
@@ -96,7 +96,7 @@ def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
     return Tree(x, y, radius, base, top, trunk, missing.leaf_area if density is None else density)
 
 
-def _read_size(row: Row, name: str, least: float) -> float | None:
+def _read_size(row: TableRow, name: str, least: float) -> float | None:
     """A size, with the units of `_UNITS`; None if it is missing."""
     size, (unit, factor, most) = row.optional_number(name), _UNITS.get(name, ("m", 1.0, 200.0))
     if size is not None and not least * factor <= size <= most:

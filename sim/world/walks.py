@@ -20,6 +20,7 @@ _STANDING = 0.01  # m/s, speed of people standing still; not zero, because steer
 _GO = (6.0, 14.0)  # s, shortest and longest time between two stops
 _STOP = (2.0, 8.0)  # s, shortest and longest stop
 _RAMP = 1.5  # s, time to stop or to set off
+_GROUP = 3  # people; the last group may be smaller
 _GAP = 1.5  # m, distance between neighbours in a group
 _CLOSE = 0.5  # m, room around the starts of a group's members
 _PART = (0.4, 0.9)  # earliest and latest time at which a group parts, as shares of the mission
@@ -62,13 +63,13 @@ class StopAndGo:
 
 
 class Groups:
-    """Walks of groups of `people.group` people, side by side to one place after another, until the group parts."""
+    """Walks of groups of three, side by side to one place after another, until the group parts."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Paths.itineraries`; all members of a group have the pace of the first."""
         found = []
-        for first in range(0, paces.shape[1], people.group):
-            size = min(people.group, paces.shape[1] - first)
+        for first in range(0, paces.shape[1], _GROUP):
+            size = min(_GROUP, paces.shape[1] - first)
             found += _draw_group(size, paces[:, first], half, rng)
         return found
 
