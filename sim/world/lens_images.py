@@ -15,7 +15,7 @@ from tracking.numerics.arrays import Array
 _FINER, _FEW_FINER, _FEW = 1.5, 3.0, 100_000
 
 
-class View(NamedTuple):
+class StraightView(NamedTuple):
     """A straight image, in which a bent one lies; a straight image lies in itself, and has no sources and places."""
 
     straight: Camera
@@ -24,13 +24,13 @@ class View(NamedTuple):
 
 
 @lru_cache(64)
-def straighten(camera: Camera) -> View:
+def straighten(camera: Camera) -> StraightView:
     """The view through a lens: rendered without it, finer and so wide that it has all of the bent image.
 
     A pixel is the sample at its centre, as in a rendered image, of colour and person alike.
     """
     if not camera.is_bent:
-        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((2, 0, 0)))
+        return StraightView(camera, np.empty((0, 0), dtype=np.int64), np.empty((2, 0, 0)))
     optics, (width, height) = camera.optics, camera.size
     v, u = np.mgrid[0:height, 0:width] + 0.5
     scale = (_FEW_FINER if width * height <= _FEW else _FINER) * np.array([optics.fx, optics.fy])
@@ -41,14 +41,14 @@ def straighten(camera: Camera) -> View:
     straight = Camera.calibrated(columns, rows, focal, centre)
     places = (scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low).T.reshape(2, height, width)
     j, i = places.astype(np.int64)
-    return View(straight, columns * i + j, np.ascontiguousarray(places - 0.5))
+    return StraightView(straight, columns * i + j, np.ascontiguousarray(places - 0.5))
 
 
-def cut_rows(view: View, top: int, bottom: int) -> View:
+def cut_rows(view: StraightView, top: int, bottom: int) -> StraightView:
     """The view of an image's rows from `top` to `bottom` alone."""
     o, low, high = view.straight.optics, top, bottom
     sources, places = view.sources[top:bottom], view.places[:, top:bottom]
     if sources.size:
         low, high = int(sources.min()) // o.width, int(sources.max()) // o.width + 1
     straight = Camera.calibrated(o.width, high - low, (o.fx, o.fy), (o.cx, o.cy - low))
-    return View(straight, sources - low * o.width, places - np.array([[[0.0]], [[low]]]))
+    return StraightView(straight, sources - low * o.width, places - np.array([[[0.0]], [[low]]]))

@@ -15,7 +15,7 @@ from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
 from sim.world.attitude import settle
-from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
+from sim.world.bodies import AWAY, Bodies, Body, BodyModel, Placed, list_models, order_solids
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
@@ -37,8 +37,9 @@ class Shown(NamedTuple):
 class World:
     """Ground, trees, people and quadrotors, with the clients of the engine that they need, which the world owns.
 
-    `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario;
-    `centres` gives their positions. Trees stand still, people are placed, and UAVs follow velocity commands.
+    `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario, and
+    `solids` the parts of trees in the same order; `centres` gives their positions. Trees stand still, people are
+    placed, and UAVs follow velocity commands.
     `states` (n, 13) has the UAVs' positions m, quaternions xyzw, velocities m/s and spins rad/s.
     If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
     Except with OpenGL, a world can be copied and pickled; the copy has its own clients in the same state.
@@ -66,14 +67,15 @@ class World:
         uavs = scenario.uavs
         self.states = np.array([(*uav.start, uav.altitude, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) for uav in uavs], dtype=float)
         self._altitudes = self.states[:, 2].copy()
-        centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
-        centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
+        self._solids = order_solids(forest)
+        self.solids = tuple(solid for solid, _ in self._solids)
+        centres = [(s.x, s.y, (s.bottom + s.top) / 2) for s in self.solids]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres, self._headings = np.full((people, 3), np.nan), np.zeros(people)
         self._memories = np.zeros((len(uavs), 3))  # m/s², memories of `steady_thrusts`
         self._touched: set[Contact] = set()
         self._closed = False
-        self._top = max(2 * TARGET_HEIGHT, *(t.canopy_top for t in forest.trees), 0.0)  # m, of trees and people
+        self._top = max(2 * TARGET_HEIGHT, *(s.top for s in self.solids), 0.0)  # m, of trees and people
         self._kinematic = scenario.dynamics == "kinematic"
         if client is not None or self.opengl:
             _ = self._bodies
@@ -89,13 +91,13 @@ class World:
         return self._bodies.engine
 
     @cached_property
-    def looks(self) -> tuple[Look, ...]:
+    def models(self) -> tuple[BodyModel, ...]:
         """What renderers know of the bodies, in their order."""
-        return list_looks(self._scenario, self.trees, self.style)
+        return list_models(self._scenario, self._solids, self.style)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Canopies, trunks, people and UAVs."""
+        """Parts of trees, people and UAVs."""
         return self._bodies.all
 
     @cached_property
@@ -106,7 +108,7 @@ class World:
             largest = max(max(straighten(uav.true_camera).straight.size) for uav in self._scenario.uavs)
             client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
         try:
-            made = Bodies(client, self._scenario, self.looks, opengl=self.opengl, drawn=self._given is not None)
+            made = Bodies(client, self._scenario, self.models, opengl=self.opengl, drawn=self._given is not None)
             self._put_uavs(made)
             self._put_people(made)
         except BaseException:
@@ -124,7 +126,7 @@ class World:
     @cached_property
     def _shown_bodies(self) -> ShownBodies:
         moving, cameras = len(self._headings) + len(self.states), len(self.states)
-        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.looks, moving, cameras)
+        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.models, moving, cameras)
 
     def _find_pose(self, moving: int) -> Placed:
         """Where a body that moves is, people first and then UAVs."""
