@@ -125,7 +125,8 @@ def read_csv(
         given = [entry.strip() for entry in next(table)]
         rows: Iterable[list[str]] = table
         if nameless and len(given) == len(columns) and _are_numbers(given):
-            rows, given = chain([given], table), list(columns)
+            rows = chain([given], table)
+            given = list(columns)
         header = _read_header(given, name, columns, aliases or {}, hints or {})
         names = {column: own for column, own in zip(header, given, strict=True) if column != own}
         for entries in rows:

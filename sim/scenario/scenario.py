@@ -41,7 +41,8 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     planning: Annotated[float, Meta(ge=0.01, le=1000)] = 1
 
     def __post_init__(self) -> None:
-        rate, step = self.physics, self.sensing
+        rate = self.physics
+        step = self.sensing
         if rate % step:
             near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
             raise ValueError(f"physics {rate} Hz is not a multiple of sensing {step} Hz, as {near} would be")
@@ -299,7 +300,8 @@ def _arrange(value: Any, table: str) -> Any:  # noqa: ANN401 - settings
         return [_arrange(item, table) for item in value]
     if not isinstance(value, Struct) or table not in _ALWAYS_RECORDED:
         return msgspec.to_builtins(value)
-    missing, found = _ALWAYS_RECORDED[table].split(), {}
+    missing = _ALWAYS_RECORDED[table].split()
+    found: dict[str, Any] = {}
     for key in msgspec.structs.fields(value):
         own = getattr(value, key.name)
         if key.name in missing:

@@ -30,7 +30,8 @@ FULL = {
 }
 PERSON_HUE = 16.0  # deg, hue of all tones of the model of a person; the detector is made for 10 to 22
 LIGHT = (0.35, 0.25, 1.0)  # direction towards the light
-AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light on a surface that faces it
+AMBIENT = 0.75  # share of the light on a surface that faces it, as is the next
+DIFFUSE = 0.6
 _TILE = 32.0  # m, edge of the ground's texture
 
 
@@ -72,13 +73,22 @@ class AppearanceSample:
 
 
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
-    """Sample the appearance of a map, such that the strength of one variation does not change the others."""
+    """Sample the appearance of a map, such that the strength of one variation does not change the others.
+
+    Args:
+        scenario: Strengths, and the number of UAVs.
+        seed: Decides everything but the noise.
+        trees: Number T of trees.
+        people: Number M of people.
+        repeat: Decides the noise, together with the seed.
+    """
     wanted = scenario.appearance
     strength = {name: full * float(wanted.randomise) for name, full in FULL.items()}
     blur = strength["blur"] if wanted.blur is None else wanted.blur
     noise = strength["noise"] if wanted.noise is None else wanted.noise
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
-    zenith, azimuth = math.radians(strength["light_deg"] * scene.random()), math.radians(scene.uniform(-180.0, 180.0))
+    zenith = math.radians(strength["light_deg"] * scene.random())
+    azimuth = math.radians(scene.uniform(-180.0, 180.0))
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
     tint = 1 + strength["ground_tint"] * scene.uniform(-1, 1, 3)
     place = strength["ground_moved"] * scene.uniform(-1, 1, 3) * [math.pi, _TILE / 2, _TILE / 2]

@@ -132,9 +132,19 @@ class Bodies:
     def __init__(
         self, client: int, scenario: Scenario, models: tuple[BodyModel, ...], *, opengl: bool, drawn: bool
     ) -> None:
-        """Make all bodies, with their leaves if they are drawn; people are absent, and UAVs at their starts."""
+        """Make all bodies; people are absent, and UAVs at their starts.
+
+        Args:
+            client: The engine's client.
+            scenario: Rate of physics.
+            models: All bodies.
+            opengl: True if OpenGL draws.
+            drawn: True if images of this client are drawn, so that leaves are needed.
+        """
         self._drawn = drawn
-        self.client, self.engine, self.opengl = client, Engine(client), opengl
+        self.client = client
+        self.engine = Engine(client)
+        self.opengl = opengl
         self.engine.setGravity(0.0, 0.0, -GRAVITY)
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
         self.engine.setPhysicsEngineParameter(deterministicOverlappingPairs=1)

@@ -121,7 +121,8 @@ def _place(radii: Array, trunks: Array, area: Area, rng: np.random.Generator, ke
     thickest = float(trunks.max(initial=0.0))
     half = np.array([area.width, area.height]) / 2
     count = len(radii)
-    centres, n = np.empty((count, 2)), 0
+    centres = np.empty((count, 2))
+    n = 0
     for _ in range(0, _ATTEMPTS, _BATCH):
         # Candidates are checked in the order drawn, so the result is the same as if they were drawn one by one.
         candidates = rng.uniform(-half, half, (_BATCH, 2))

@@ -48,7 +48,9 @@ class Leaves:
         rng = stream(self.seed, "leaves", self.index)
         solid = self.solid
         count = draw_poisson(rng, solid.leaf_area_density * self.volume / (self.edge * self.edge))
-        share, height, up = rng.random(count), rng.random(count), rng.uniform(-1.0, 1.0, count)
+        share = rng.random(count)
+        height = rng.random(count)
+        up = rng.uniform(-1.0, 1.0, count)
         turns = rng.uniform(-math.pi, math.pi, (3, count))
         (c, cos_tilt, cos_spin), (s, sin_tilt, sin_spin) = cos_each(turns), sin_each(turns)
         radius = solid.radius * np.sqrt(share)

@@ -21,7 +21,8 @@ _ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
-_SLOW, _FASTEST = 0.2, 12.14  # m/s: people who walk are faster, and those who run slower
+_SLOW = 0.2  # m/s, people who walk are faster
+_FASTEST = 12.14  # m/s, people who run are slower
 _HINTS = {"time": "; if frames are counted, people.fps says how many there are in a second"}
 _UNITS = "are times in seconds and places in metres?"
 _PLAIN = People()  # a file as it stands
@@ -71,7 +72,8 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
         doubts.append(f"{name}: left out: {_name_ids(single)}, in a single row; a path needs two or more")
     if not speeds:
         return span, doubts
-    usual, fastest = median(speeds.values()), max(speeds, key=lambda person: speeds[person])
+    usual = median(speeds.values())
+    fastest = max(speeds, key=lambda person: speeds[person])
     line = f"{span}, at {min(speeds.values()):.2f} to {speeds[fastest]:.2f} m/s, {usual:.2f} m/s in the median"
     if usual < _SLOW:
         doubts.append(f"{name}: half of the people move at {usual:.2f} m/s or less; {_UNITS}")

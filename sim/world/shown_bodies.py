@@ -54,4 +54,5 @@ class ShownBodies:
     def _remove(self, bodies: NDArray[np.int64]) -> None:
         for k in bodies.tolist():
             self._engine.removeBody(int(self._ids[k]))
-        self._ids[bodies], self._shown[bodies] = -1, False
+        self._ids[bodies] = -1
+        self._shown[bodies] = False

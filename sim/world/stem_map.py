@@ -1,6 +1,6 @@
 """Stem maps: trees at given places, as forest inventories list them in CSV files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,8 @@ from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
 
 MAX_STEMS = 100_000
+# Columns of trees that are exported: the fields of `Tree` with their units.
+TREE_COLUMNS = tuple(f"{f.name}_{'m2_per_m3' if f.name == 'leaf_area_density' else 'm'}" for f in fields(Tree))
 _SIZES = ("crown_radius", "crown_base", "height", "trunk_radius", "dbh")
 _COLUMNS = ("x", "y", *_SIZES, "leaf_area_density")
 _CANOPY = {"canopy_radius": "crown_radius", "canopy_base": "crown_base", "canopy_top": "height"}
@@ -98,7 +100,8 @@ def _make_tree(row: TableRow, missing: Trees, least: float) -> Tree:
 
 def _read_size(row: TableRow, name: str, least: float) -> float | None:
     """A size, with the units of `_UNITS`; None if it is missing."""
-    size, (unit, factor, most) = row.optional_number(name), _UNITS.get(name, ("m", 1.0, 200.0))
+    size = row.optional_number(name)
+    unit, factor, most = _UNITS.get(name, ("m", 1.0, 200.0))
     if size is not None and not least * factor <= size <= most:
         raise row.error(name, f"{spell(size)} {unit} is not allowed; expected {least * factor:g} to {most:g}")
     return size

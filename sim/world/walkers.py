@@ -34,8 +34,16 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
 
     Ways of walking decide where people want to go. After the last waypoint, or if they have none, people wander. They
     avoid obstacles by turning, never by stopping. Absent people walk, too, and others avoid them.
+
+    Args:
+        people: Their number, ways of walking and speeds.
+        area: The rectangle in which they stay.
+        forest: Trees, round whose trunks they walk.
+        duration: Time, s.
+        rng: All randomness.
     """
-    count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
+    count = people.count
+    samples = math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN
     if count and min(half) < _LEAST_SIDE:
         least = 2 * (MARGIN + _LEAST_SIDE)
@@ -135,7 +143,8 @@ def _draw_starts(
 
     A state is position m, heading rad and turn rate rad/s.
     """
-    states, paths = np.zeros((len(wanted), 4)), []
+    states = np.zeros((len(wanted), 4))
+    paths = []
     for i, (waypoints, _, room) in enumerate(wanted):
         path = np.array(waypoints, dtype=float)
         for attempt in range(_ATTEMPTS):

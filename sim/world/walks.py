@@ -91,7 +91,8 @@ def _draw_group(size: int, pace: Array, half: Array, rng: np.random.Generator) -
 
 def _draw_walk(start: Array, pace: Array, half: Array, rng: np.random.Generator) -> Array:
     """Start and random places (n, 2) m to walk to in turn, as many as a person with paces (K,) m/s can reach."""
-    points, left = [start], float(np.sum(pace)) / SAMPLES_PER_SECOND
+    points = [start]
+    left = float(np.sum(pace)) / SAMPLES_PER_SECOND
     while left > 0:
         place = rng.uniform(-half, half)
         way = float(length(place - points[-1]))
@@ -102,11 +103,14 @@ def _draw_walk(start: Array, pace: Array, half: Array, rng: np.random.Generator)
 
 def _draw_stops(samples: int, rng: np.random.Generator) -> Array:
     """Factor (K,) of a person's pace over time: 1 while walking, 0 during stops, with ramps in between."""
-    going, k, goes = np.ones(samples), 0, rng.uniform() < 0.7
+    going = np.ones(samples)
+    k = 0
+    goes = rng.uniform() < 0.7
     while k < samples:
         end = k + round(rng.uniform(*(_GO if goes else _STOP)) * SAMPLES_PER_SECOND)
         going[k:end] = goes
-        k, goes = end, not goes
+        k = end
+        goes = not goes
     width = round(_RAMP * SAMPLES_PER_SECOND)
     sums = np.cumsum(np.concatenate([[0.0], np.full(width - 1, going[0]), going]))
     return np.asarray((sums[width:] - sums[:-width]) / width)

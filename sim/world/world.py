@@ -57,10 +57,20 @@ class World:
         *,
         client: int | None = None,
     ) -> None:
-        """Build the world in the engine's `client`, such as one with a window; by default in a new one."""
+        """Build the world.
+
+        Args:
+            scenario: Fleet, dynamics, rates and appearance.
+            forest: The trees.
+            people: Number of people; they are absent until they are placed.
+            seed: Decides the appearance.
+            repeat: Decides the noise of images, together with the seed.
+            client: The engine's client, such as one with a window; by default a new one.
+        """
         self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
-        self._scenario, self._dt = scenario, 1.0 / scenario.rates.physics  # s, of the engine
+        self._scenario = scenario
+        self._dt = 1.0 / scenario.rates.physics  # s, of the engine
         self._origin = scenario, forest, people, seed, repeat
         self.trees = forest.trees
         self._given = client
@@ -71,7 +81,8 @@ class World:
         self.solids = tuple(solid for solid, _ in self._solids)
         centres = [(s.x, s.y, (s.bottom + s.top) / 2) for s in self.solids]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
-        self._people_centres, self._headings = np.full((people, 3), np.nan), np.zeros(people)
+        self._people_centres = np.full((people, 3), np.nan)
+        self._headings = np.zeros(people)
         self._memories = np.zeros((len(uavs), 3))  # m/s², memories of `steady_thrusts`
         self._touched: set[Contact] = set()
         self._closed = False
@@ -125,7 +136,8 @@ class World:
 
     @cached_property
     def _shown_bodies(self) -> ShownBodies:
-        moving, cameras = len(self._headings) + len(self.states), len(self.states)
+        cameras = len(self.states)
+        moving = len(self._headings) + cameras
         return ShownBodies(pybullet.connect(pybullet.DIRECT), self.models, moving, cameras)
 
     def _find_pose(self, moving: int) -> Placed:
@@ -133,7 +145,8 @@ class World:
         if (uav := moving - len(self._headings)) >= 0:
             state = self.states[uav].tolist()
             return state[_POSITION], state[_QUATERNION]
-        (x, y, _), yaw = self._people_centres[moving].tolist(), float(self._headings[moving])
+        x, y, _ = self._people_centres[moving].tolist()
+        yaw = float(self._headings[moving])
         yaw = 0.0 if math.isnan(yaw) else yaw
         return AWAY if math.isnan(x) else (x, y, 0.0), (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
 
@@ -187,7 +200,8 @@ class World:
         The engine makes only those steps before which a UAV is near another body.
         """
         air = np.zeros((steps, 2)) if winds is None else winds
-        targets, done = self._make_targets(commands, altitude_errors), 0
+        targets = self._make_targets(commands, altitude_errors)
+        done = 0
         while done < steps:
             if self._kinematic:
                 done += glide_while_clear(self.states, commands, self._dt, steps - done, self._top)
@@ -214,7 +228,8 @@ class World:
             self._note_contacts()
             return
         self._put_uavs(bodies)
-        targets, calm = self._make_targets(commands, altitude_errors), wind is None
+        targets = self._make_targets(commands, altitude_errors)
+        calm = wind is None
         given = wrenches(self.states, targets, self._memories, _CALM if wind is None else wind, calm, self._dt)
         for body, state, wrench in zip(bodies.uavs, self.states.tolist(), given.tolist(), strict=True):
             self.engine.applyExternalForce(body.id, -1, wrench[:3], state[_POSITION], pybullet.WORLD_FRAME)
@@ -231,7 +246,8 @@ class World:
 
     def take_contacts(self) -> tuple[Contact, ...]:
         """Contacts of UAVs since the last call, sorted; a contact of two UAVs is listed once, for the first."""
-        taken, self._touched = tuple(sorted(self._touched)), set()
+        taken = tuple(sorted(self._touched))
+        self._touched = set()
         return taken
 
     def close(self) -> None:
