@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.commands import called
-from helpers.pages import DOCS, blocks
+from helpers.pages import DOCS
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.tracker_check import check_tracker
 from tracking.track import Track
 
-PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
-exec(next(content for language, content in blocks(PAGE) if language == "python"))
+exec((DOCS / "examples" / "own_tracker.py").read_text(encoding="utf-8"))
 Nearest = globals()["Nearest"]
 Nearest.__module__ = __name__
 
