@@ -57,12 +57,12 @@ from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repea
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
-from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
-from sim.study.backends import ExecutorBackend, Pool
-from sim.study.scheduler import complete, fly_tasks
+from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
+from sim.study.definition import adapt_study, make_study, read_study
+from sim.study.executors import Pool
+from sim.study.scheduler import complete, fly_trials
 from sim.study.store import Store, tabulate_rows
-from sim.study.study import adapt_study, make_study, read_study
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 from sim.world.walks import Itinerary
 from tracking.detection.detector import Detections, Detector, Frame
 from tracking.errors import InputError, check_known
@@ -160,6 +160,7 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "SensorMode",
     "SensorOutput",
     "SensorSetup",
+    "Shot",
     # Pieces of the built-in planners; they may change from one version to the next.
     "Composed",
     "Coordination",
@@ -282,6 +283,7 @@ def compare(
     repeats: int = 1,
     settings: Mapping[str, Any] | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
@@ -294,6 +296,7 @@ def compare(
         repeats: Number of flights on each map, each with different noise.
         settings: Keys of the scenarios to change, as {"trees.density": 75}.
         workers: Number of processes; by default one per core.
+        executor: Flies the missions in place of such processes, for example dask's `client.get_executor(pure=False)`.
 
     Returns:
         A pandas data frame, or a polars one if pandas is not installed. Its columns are planner, scenario, seed,
@@ -304,9 +307,9 @@ def compare(
     """
     tabulate_rows([])  # raises the error for a missing library now rather than after the flights
     processes = None if workers is None else parse_integer(workers, "workers", least=1, most=WORKERS)
-    listed = list_tasks(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
-    with Pool(processes) as pool:
-        return tabulate_rows(fly_tasks(listed, pool))
+    listed = list_trials(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
+    with nullcontext(executor) if executor else Pool(processes) as flying:
+        return tabulate_rows(fly_trials(listed, flying))
 
 
 def fly_study(
@@ -328,8 +331,8 @@ def fly_study(
         planners: Names of planners in place of the study's.
         seeds: Maps in place of the study's, as `--seeds` takes them: "0-9" or "0,3,5".
         settings: Keys of the scenarios to change in all trials.
-        executor: Flies the trials, such as that of MPI or of a dask client. A trial that hangs in it is waited for. By
-            default they fly in processes of this machine, one per core.
+        executor: Flies the trials, for example dask's `client.get_executor(pure=False)`; by default, processes of this
+            machine, one per core.
 
     Returns:
         A data frame as that of `compare`, with a column for each factor, such as `factor.lambda`.
@@ -340,12 +343,8 @@ def fly_study(
     tabulate_rows([])  # as in `compare`
     names = (planners,) if isinstance(planners, str) else tuple(planners)
     made = adapt_study(read_study(str(study)), planners=names, seeds=seeds, overrides=format_overrides(settings))
-    listed = list_tasks(made)
-    with Store.open(Path(out), made.name) as store:
-        if executor is not None:
-            return tabulate_rows(complete(listed, store, ExecutorBackend(executor)))
-        with Pool() as pool:
-            return tabulate_rows(complete(listed, store, pool))
+    with Store.open(Path(out), made.name) as store, nullcontext(executor) if executor else Pool() as flying:
+        return tabulate_rows(complete(list_trials(made), store, flying))
 
 
 def export(

@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+from concurrent.futures import Executor
 
 from sim.installation import ROOT
 
@@ -33,10 +34,10 @@ COMMANDS = {
 app = make_command_group(start, COMMANDS)
 
 
-def main() -> None:
-    """Run the command line and exit."""
+def main(executor: Executor | None = None) -> None:
+    """Run the command line and exit; executor: flies the trials of `compare`, by default processes of this machine."""
     gc.set_threshold(50_000)  # imports make many objects that stay; to walk over them again and again took 0.2 s
-    run_command_line(app)
+    run_command_line(app, executor)
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ PLANNING = {
     "sim/cli/compare.py",
     "sim/cli/lists.py",
     "sim/facts/explain/planned_visibility.py",
-    "sim/study/tasks.py",
+    "sim/study/trials.py",
 }
 # A recorded mission has figures, which are imported when they are asked for: the one arrow that points up.
 UPWARD = {"sim/facts/flight.py": "views"}

@@ -3,17 +3,18 @@
 import csv
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT, SHORTER, Here, blocks, generator, text_of
+from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator, text_of
 from helpers.studies import short, sql, store
 
 import understory
 from sim.study.cells import list_cells
-from sim.study.study import read_study
-from sim.study.tasks import list_tasks
+from sim.study.definition import read_study
 from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 
 APART = ("lost-person", "learning", "trained-detector")
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in APART]
@@ -188,7 +189,7 @@ def test_study_files_query_python_and_metrics_on_pages_are_as_they_say(tmp_path,
     page = text_of("how-to/studies")
     found = {language: content for language, content in blocks(page) if language != "sh"}
     (tmp_path / "mine.toml").write_text(found["toml"])
-    assert len(list_tasks(read_study("mine.toml"))) == 10 * 2 * (1 + 2)
+    assert len(list_trials(read_study("mine.toml"))) == 10 * 2 * (1 + 2)
     (tmp_path / "trackers.toml").write_text(dict(blocks(text_of("how-to/trackers")))["toml"])
     assert [cell.settings for cell in list_cells(read_study("trackers.toml"))] == [
         {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
@@ -196,7 +197,7 @@ def test_study_files_query_python_and_metrics_on_pages_are_as_they_say(tmp_path,
     made = short(["hover"], "0-1", factors={"lambda": {"15": {"trees": {"density": 15}}}})
     mean = np.mean([row.metrics["ospa.share_under_1m"] for row in store(tmp_path, made)])
     assert sql(tmp_path, found["sql"]) == [("15", "hover", pytest.approx(mean))]
-    monkeypatch.setattr(understory, "Pool", Here)
+    monkeypatch.setattr(understory, "Pool", lambda: ThreadPoolExecutor(1))
     exec(compile(found["python"], "studies.md", "exec"), {"__name__": "__main__"})
     assert "breakdown" in capsys.readouterr().out
     for name in fly_trial(made[0]).row.metrics:

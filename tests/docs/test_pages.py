@@ -58,9 +58,10 @@ def test_a_page_begins_with_its_purpose_and_an_example_and_has_the_tables_of_the
 @pytest.mark.parametrize("page", TEXTS, ids=named)
 def test_names_of_modules_files_and_their_content_exist(page):
     text = page.read_text(encoding="utf-8")
-    names = r"(?<![\w./-])(?:sim|planning|tracking|understory)(?:\.[A-Za-z_]\w*)+(?![\w/])"
+    names = r"(?<![\w./-])(?:sim|planning|tracking)(?:\.[A-Za-z_]\w*)+(?![\w/])"
     for name in set(re.findall(names, text)) - KEYS:
         pkgutil.resolve_name(name)
+    assert set(re.findall(r"`understory\.(\w+)", text)) - {"py"} <= set(understory.__all__)
     for path in set(re.findall(r"(?<![\w./-])(?:sim|planning|tracking|tests|docs|assets)/[\w./-]*\w", text)):
         assert (ROOT / path).exists(), path
 

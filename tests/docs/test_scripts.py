@@ -14,7 +14,7 @@ from sim.facts.metrics.searching import _find_people_in_the_open
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 from sim.study.store import Store, read_rows
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 
 sys.path.append(str(DOCS))
 import canopy
@@ -40,7 +40,7 @@ def test_the_page_on_canopies_has_what_the_command_prints(capsys):
 
 def test_means_of_flights_are_over_all_folders_and_drawn_from_the_flight_without_errors(tmp_path, monkeypatch, capsys):
     """The study in two parts; GOSPA tells the place in the study and the seed."""
-    tasks = list_tasks(replace(flights.STUDY, seeds="0-2"))
+    tasks = list_trials(replace(flights.STUDY, seeds="0-2"))
     parts = [tmp_path / "estimated", tmp_path / "others"]
     for part in parts:
         with Store.open(part, "flights") as store:

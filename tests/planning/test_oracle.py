@@ -24,7 +24,7 @@ from sim.running import results as flights
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.study.analysis.planner_labels import find_baseline
-from sim.study.report.report import About
+from sim.study.report.comparison import About
 from sim.study.report.terminal import show
 from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console

@@ -39,7 +39,7 @@ def find_planned_visibility(
     """
     scenario, now = recording.setting, float(recording.times[k])
     rate = scenario.rates.sensing
-    plan = sum(scenario.plan_start(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
+    plan = int(recording.flown_decisions[k])
     if plan < 0 or not recording.working[k, uav]:
         return None
     at, corners, poses = _plan_flight(recording, plan, uav)

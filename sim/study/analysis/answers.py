@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.facts.metrics.metric import Metric
-from sim.study.analysis.cell_text import Cell
 from sim.study.analysis.differences import Difference, average_by_map, differences, find_common_values, pair_differences
 from sim.study.analysis.groups import Group, Run
 from sim.study.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, estimate_means, estimate_medians
+from sim.study.cells import Levels
 from tracking.numerics.arrays import Array
 
 
@@ -17,7 +17,7 @@ from tracking.numerics.arrays import Array
 class Answer:
     """One metric of one planner in one cell, or over all cells."""
 
-    cell: Cell | None  # None means all cells
+    cell: Levels | None  # None means all cells
     planner: str
     metric: Metric
     maps: int = 0  # number of maps with a finite value

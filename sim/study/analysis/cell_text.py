@@ -3,15 +3,13 @@
 import re
 from collections.abc import Sequence
 
-from sim.study.cells import COMPARED_FACTORS
-from sim.study.tasks import Row, Task
+from sim.study.cells import COMPARED_FACTORS, Levels
+from sim.study.trials import TrialPlace
 
-Cell = tuple[tuple[str, str], ...]  # name and value of each factor that varies over the study
 SYMBOLS = {"lambda": "λ"}
-Placed = Row | Task  # a trial that was flown or is yet to be flown
 
 
-def cells_of(rows: Sequence[Placed]) -> list[Cell]:
+def cells_of(rows: Sequence[TrialPlace]) -> list[Levels]:
     """The cell of each row; scenario and version are factors, too, if the rows differ in them."""
     differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
     found = [
@@ -21,14 +19,14 @@ def cells_of(rows: Sequence[Placed]) -> list[Cell]:
     return [tuple(factor for factor in cell if factor[0] not in COMPARED_FACTORS) for cell in found]
 
 
-def cell_text(cell: Cell | None) -> str:
+def cell_text(cell: Levels | None) -> str:
     """A cell as text, such as λ = 45, R = 5; None means all cells."""
     if cell is None:
         return "all cells"
     return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
 
 
-def append_cell(planner: str, cell: Cell | None) -> str:
+def append_cell(planner: str, cell: Levels | None) -> str:
     """A planner with its cell, if the study has cells: greedy (λ = 45, R = 5)."""
     return planner if cell == () else f"{planner} ({cell_text(cell)})"
 

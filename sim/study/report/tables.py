@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 from sim.facts.metrics.metric import UNKNOWN, Metric
 from sim.study.analysis.answers import Answer, map_means
-from sim.study.analysis.cell_text import Cell, cell_text
+from sim.study.analysis.cell_text import cell_text
 from sim.study.analysis.groups import Group
 from sim.study.analysis.normalised_score import Scored
+from sim.study.cells import Levels
 from sim.study.report.answer_columns import make_entries
 
 SCORES = "Normalised score of each planner [%]"  # title of the table
@@ -17,7 +18,7 @@ SCORES = "Normalised score of each planner [%]"  # title of the table
 class TableRow(NamedTuple):
     """A row of a table."""
 
-    cell: Cell | None  # empty if the study has no cells; None means all cells
+    cell: Levels | None  # empty if the study has no cells; None means all cells
     texts: list[str]
 
 
@@ -79,7 +80,7 @@ def make_runtime_tables(found: Sequence[Answer]) -> list[Table]:
 
 def _list_means_by_cell(
     found: Iterable[Answer], planners: Sequence[str], missing: str
-) -> Iterator[tuple[Cell | None, list[str]]]:
+) -> Iterator[tuple[Levels | None, list[str]]]:
     """Each cell of the answers of one metric, with the mean of each planner."""
     for cell, of_cell in groupby(found, lambda answer: answer.cell):
         means = {answer.planner: answer.mean.text(answer.metric) for answer in of_cell}

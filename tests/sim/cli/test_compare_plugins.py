@@ -5,7 +5,7 @@ import sys
 import pytest
 from helpers.studies import Serial
 
-FLAGS = ["--duration", "1", "--sensing", "ideal"]
+FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
 MODULE = """
 from planning.planner import Exchange
 from tracking.filter.kalman import NearlyConstantVelocity
@@ -84,16 +84,16 @@ def test_trackers_planners_and_levels_that_cannot_be_made_are_refused_too(refuse
 
 
 def test_plug_ins_are_made_once_for_each_setting_and_planner_and_not_for_trials(compare):
-    flags = ["--tracker", "theirs:Counted", "--maps", "4", "--repeats", "3", *FLAGS]
+    flags = ["--tracker", "theirs:Counted", "--seeds", "0-3", "--repeats", "3", *FLAGS]
 
     def counts(*more):
         """Numbers of trackers and of planners made, and of trials flown."""
-        backend = Serial({"no planner": []})  # invents its rows, so that all that is made is made before the flights
-        assert compare("--planner", "theirs:Planner", *flags, *more, backend=backend)[0] == 0
+        executor = Serial({"no planner": []})  # invents its rows, so that all that is made is made before the flights
+        assert compare("--planner", "theirs:Planner", *flags, *more, executor=executor)[0] == 0
         made = sys.modules["theirs"].made
         trackers, planners = made.count("tracker"), made.count("planner")
         made.clear()
-        return trackers, planners, len(backend.flown)
+        return trackers, planners, len(executor.flown)
 
     assert counts() == (3, 1, 12)  # three UAVs
     assert counts() == (0, 0, 0)  # all trials are in the store

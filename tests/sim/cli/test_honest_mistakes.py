@@ -168,7 +168,7 @@ def test_a_planner_that_hangs_or_crashes_ends_a_timed_run_in_one_line(refused, w
 def test_of_planners_that_hang_or_crash_a_comparison_loses_their_trials_only(call, wrong, tmp_path):
     wrong("\n\n".join(code.replace("class Mine", f"class {name.title()}") for name, (code, _) in ENDS.items()))
     planners = [word for name in ("mine:Hangs", "mine:Crashes", "hover") for word in ("--planner", name)]
-    options = "--duration 1 --sensing ideal --seeds 0 --workers 2 --timeout 5 --out study".split()
+    options = "--duration 1 --set sensing.mode=ideal --seeds 0 --workers 2 --timeout 5 --out study".split()
     call("compare", "forest", *planners, *options)
     with sqlite3.connect(tmp_path / "study" / "study.sqlite") as store:
         errors = dict(store.execute("SELECT planner, error FROM trials"))

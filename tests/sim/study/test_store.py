@@ -76,9 +76,9 @@ def test_levels_may_be_renamed(filled):
     folder, *_ = filled
     renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
     with Store.open(folder, "short") as opened:
-        backend = Serial()
-        rows = complete(renamed, opened, backend)
-    assert backend.flown == [] and {row.factors for row in rows} == {(("density", "few"),)}
+        executor = Serial()
+        rows = complete(renamed, opened, executor)
+    assert executor.flown == [] and {row.factors for row in rows} == {(("density", "few"),)}
     shown = [row.factors for row in read_rows(folder)]
     assert shown.count((("density", "few"),)) == 6 and shown.count((("lambda", "5"),)) == 6
 
@@ -93,9 +93,9 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
     kept = len(read_rows(tmp_path))
     assert 0 < kept < 40
     with Store.open(tmp_path, "short") as opened:
-        backend = Serial({"hover": [None] * 40})
-        rows = complete(tasks, opened, backend)
-    assert len(backend.flown) == 40 - kept
+        executor = Serial({"hover": [None] * 40})
+        rows = complete(tasks, opened, executor)
+    assert len(executor.flown) == 40 - kept
     assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks]
     assert sql(tmp_path, "PRAGMA integrity_check") == [("ok",)]
 

@@ -119,7 +119,7 @@ BROKEN = {
     Blank: {"scans": "cannot give a message: it is no tracking.fusion.message.Message but NoneType"},
     Infinite: {"scans": "cannot give its tracks after step: means of tracks are not finite"},
     Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 people have"},
-    Needy: {"unknown start": "cannot take a scan: IndexError: tuple index out of range ("},
+    Needy: {"unknown start": "cannot take a scan: IndexError: list index out of range ("},
     Lost: {"people": "0 of 4 people have", "covariances": "covariances are far too small"},
     Standing: {"people": "0 of 4 people have"},
     Timid: {"covariances": "covariances are far too large"},

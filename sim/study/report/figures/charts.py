@@ -12,8 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer
-from sim.study.analysis.cell_text import Cell, cell_text
+from sim.study.analysis.cell_text import cell_text
 from sim.study.analysis.distributions import compute_ecdf, find_quartiles
+from sim.study.cells import Levels
 from sim.study.report.figures.panels import COLOURS, COLUMNS, Curve, FigureLayout, Style
 from sim.views.drawing.palette import FAINT
 from sim.views.drawing.plots import open_figure, order_by_rows, rgb
@@ -123,7 +124,7 @@ def draw_score_figure(found: Sequence[Answer]) -> Figure:
     return figure
 
 
-def _format_row(cell: Cell | None) -> str:
+def _format_row(cell: Levels | None) -> str:
     """Text of a cell beside a line of dots; only the scenario's name if the cell has no other factor."""
     named = cell is not None and [name for name, _ in cell] == ["scenario"]
     return cell[0][1] if cell and named else cell_text(cell) or "all missions"

@@ -17,8 +17,9 @@ from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.report.answer_columns import Entry, format_csv, make_entries
+from sim.study.report.comparison import About
 from sim.study.report.html_parts import make_bullet_list, make_titled_tables
-from sim.study.report.report import About, make_files
+from sim.study.report.report_files import make_files
 from sim.study.report.sentences import list_shortfalls, write_notes
 from sim.study.report.tables import make_answer_tables
 from sim.study.report.terminal import show

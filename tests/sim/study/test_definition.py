@@ -16,8 +16,8 @@ from sim.scenario.overrides import _parse_value
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import flatten, format_value
 from sim.study.cells import add_trackers, list_cells
-from sim.study.study import STUDIES, Study, adapt_study, read_study
-from sim.study.tasks import list_tasks
+from sim.study.definition import STUDIES, Study, adapt_study, read_study
+from sim.study.trials import list_trials
 from tracking.errors import InputError
 from tracking.geometry.visibility import TARGET_HEIGHT
 
@@ -62,7 +62,7 @@ def written(tmp_path):
 
 
 def test_trials_are_the_product_of_levels_planners_and_seeds_less_what_is_excluded(written):
-    found = list_tasks(read_study(written(FILE)))
+    found = list_trials(read_study(written(FILE)))
     assert len(found) == 3 * 2 * (3 + 2) == len({task.key for task in found})
     assert [task.seed for task in found[::10]] == [3, 0, 1]  # seed by seed
     shown = [(dict(task.factors)["lambda"], dict(task.factors)["H"], task.planner) for task in found[:10]]
@@ -81,7 +81,7 @@ def test_trials_are_the_product_of_levels_planners_and_seeds_less_what_is_exclud
 
 def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_said(written):
     def key(content, **changes):
-        return list_tasks(adapt_study(read_study(written(content)), **changes))[0].key
+        return list_trials(adapt_study(read_study(written(content)), **changes))[0].key
 
     base = '[study]\nplanners = ["hover"]\nseeds = "1"\n'
     first = key(base)
@@ -101,11 +101,11 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
     ],
 )
 def test_spellings_of_one_planner_are_the_same_trials_and_none_is_flown_twice(one, other):
-    first, second = (list_tasks(Study("x", (text,), seeds="0"))[0] for text in (one, other))
+    first, second = (list_trials(Study("x", (text,), seeds="0"))[0] for text in (one, other))
     assert first.key == second.key and (first.planner, second.planner) == (one, other)
     with pytest.raises(InputError, match=re.escape(f"study: x: {one} and {other} are the same trials; each counts")):
-        list_tasks(Study("x", (one, other), seeds="0"))
-    assert list_tasks(Study("x", ("sma-nbo(beta=0.25)",), seeds="0"))[0].key != first.key
+        list_trials(Study("x", (one, other), seeds="0"))
+    assert list_trials(Study("x", ("sma-nbo(beta=0.25)",), seeds="0"))[0].key != first.key
 
 
 def test_a_changed_plug_in_or_trajectory_file_however_large_is_another_trial(tmp_path, monkeypatch):
@@ -114,37 +114,37 @@ def test_a_changed_plug_in_or_trajectory_file_however_large_is_another_trial(tmp
     study = Study(name="x", planners=("keyed:Keyed",), seeds="0", settings={"people.trajectories": f'"{people}"'})
     planner.write_text("class Keyed:\n    def plan(self, team, rng): ...\n")
     people.write_text("t,id,x,y\n0,a,0,0\n1,a,1,1\n")
-    first = list_tasks(study)[0].key
-    assert list_tasks(study)[0].key == first
+    first = list_trials(study)[0].key
+    assert list_trials(study)[0].key == first
     people.write_text("t,id,x,y\n0,a,0,0\n1,a,1,2\n")
-    second = list_tasks(study)[0].key
+    second = list_trials(study)[0].key
     planner.write_text("class Keyed:\n    def plan(self, team, rng): return 1\n")
-    assert len({first, second, list_tasks(study)[0].key}) == 3
+    assert len({first, second, list_trials(study)[0].key}) == 3
     study = Study(name="x", planners=("hover",), seeds="0", settings={"people.trajectories": f'"{people}"'})
     keys = set()
     for last in b"12":
         with people.open("wb") as file:
             file.seek(2**26 + 1)
             file.write(bytes([last]))
-        keys.add(list_tasks(study)[0].key)
+        keys.add(list_trials(study)[0].key)
     assert len(keys) == 2
 
 
 def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
-    sizes = {name: len(list_tasks(read_study(name))) for name in STUDIES}
+    sizes = {name: len(list_trials(read_study(name))) for name in STUDIES}
     assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50 and sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
     assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10 and sizes["message-losses"] == 11 * 2 * 8
     assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
     for name in STUDIES:
         assert read_study(name).name == name and read_study(name).description
-    paper = list_tasks(adapt_study(read_study("paper-planners"), seeds="0"))
+    paper = list_trials(adapt_study(read_study("paper-planners"), seeds="0"))
     assert {task.setting.trees.canopy_radius for task in paper} == {5.0}
     assert {task.setting.sensing.mode for task in paper} == {"camera"}
     dec = Counter((dict(t.factors)["lambda"], dict(t.factors)["H"]) for t in paper if t.planner.startswith("dec"))
     assert dec == {(x, h): 1 for x in ("15", "75") for h in ("3", "5")}
     found = list_cells(ORIGINAL)
     assert len(found) == 3 * 3 * 3 + 2 * 2  # Dec-POMDP where the paper has it
-    for task in list_tasks(ORIGINAL):
+    for task in list_trials(ORIGINAL):
         s = task.setting
         assert (s.sensing.mode, s.sensing.occlusion, s.sensing.noise) == ("ideal", "disc", "range_bearing")
         assert (s.dynamics, s.first_decision, s.duration) == ("kinematic", 1.0, 40.0)
@@ -168,7 +168,7 @@ def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
 def test_a_scenario_file_is_found_from_the_study_file_and_tells_cells_apart(tmp_path, written):
     (tmp_path / "grove.toml").write_text("trees.density = 3\n")
     study = read_study(written('[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = ["forest", "grove.toml"]'))
-    one, other = list_tasks(study)
+    one, other = list_trials(study)
     assert (one.factors, other.factors) == ((("scenario", "forest"),), (("scenario", "grove"),))
     assert other.scenario == str(tmp_path / "grove.toml") and other.setting.trees.density == 3
 
@@ -178,7 +178,7 @@ def test_scenarios_whose_files_have_one_name_are_shown_with_their_folders(writte
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "grove.toml").write_text(f"trees.density = {density}\n")
     names = ["sparse/grove.toml", "dense/grove.toml"]
-    made = list_tasks(read_study(written(f'[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = {names}')))
+    made = list_trials(read_study(written(f'[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = {names}')))
     assert [dict(task.factors)["scenario"] for task in made] == [str(tmp_path / name) for name in names]
 
 
@@ -197,7 +197,7 @@ def test_trackers_given_by_flag_take_the_place_of_those_that_a_study_leaves_out(
 def test_a_scenario_file_is_left_out_as_it_is_named(written, tmp_path):
     (tmp_path / "grove.toml").write_text("trees.density = 3\n")
     head = '[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = ["forest", "grove.toml"]\n'
-    (left,) = list_tasks(read_study(written(head + '[[exclude]]\nscenario = "grove.toml"')))
+    (left,) = list_trials(read_study(written(head + '[[exclude]]\nscenario = "grove.toml"')))
     assert left.scenario == "forest"
 
 
@@ -215,7 +215,7 @@ def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
     assert load("forest", [f"network.cuts={format_value(cuts)}"]).network.cuts[0].start == 3.5
     assert flatten({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
     for name in STUDIES:
-        for task in list_tasks(adapt_study(read_study(name), seeds="0")):
+        for task in list_trials(adapt_study(read_study(name), seeds="0")):
             words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
             assert load(task.scenario, shlex.split(shlex.join(words))[1::2]) == task.setting
 
@@ -319,7 +319,7 @@ WRONG |= {name: (HEAD + content, message) for name, (content, message) in WRONG_
 @pytest.mark.parametrize(("content", "message"), WRONG.values(), ids=WRONG)
 def test_a_wrong_study_is_one_line(written, content, message):
     with pytest.raises(InputError, match=message) as raised:
-        list_tasks(read_study(written(content)))
+        list_trials(read_study(written(content)))
     assert "\n" not in str(raised.value)
 
 
@@ -327,9 +327,9 @@ def test_errors_name_the_file_of_a_scenario_and_blame_no_study_for_flags(written
     for key in ("trees.densty", "scenario", "planner"):
         (tmp_path / "grove.toml").write_text(f"{key} = 3\n")
         with pytest.raises(InputError, match=f"mine.toml: study.scenarios: .*grove.toml: {key}: unknown key"):
-            list_tasks(read_study(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
+            list_trials(read_study(written("[study]\nplanners = ['hover']\nscenarios = ['grove.toml']")))
     with pytest.raises(InputError, match=r"^trees.densty: unknown key"):
-        list_tasks(adapt_study(read_study("faults"), overrides=["trees.densty=3"]))
+        list_trials(adapt_study(read_study("faults"), overrides=["trees.densty=3"]))
 
 
 def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
@@ -346,7 +346,7 @@ def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
 
 def walked(density):
     """The scenario and planner of each step."""
-    found = [(dict(t.factors), t) for t in list_tasks(WALK)]
+    found = [(dict(t.factors), t) for t in list_trials(WALK)]
     return {f["step"]: (t.setting, load_planner(t.planner)) for f, t in found if f["lambda"] == density}
 
 
@@ -361,7 +361,7 @@ def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
     for density in ("15", "45", "75"):
         (first,) = [
             t
-            for t in list_tasks(ORIGINAL)
+            for t in list_trials(ORIGINAL)
             if t.planner.startswith("sma-nbo-mwtp") and dict(t.factors) == {"lambda": density, "H": "5"}
         ]
         setting, planner = walked(density)["1-paper"]
