@@ -58,7 +58,7 @@ class Tracker:
     `initial` tracks are of the time of the first scan, and have ids below one million.
 
     Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. This tracker
-    adds `negative_information`, re-acquisition (`reacquire_after`), and, as the paper's code, deletion at very
+    adds `negative_information`, re-acquisition (`reacquire_after`) and, like the paper's code, deletion at very
     large covariance (`max_variance`). With "existence" it merges tracks of one person; with "m_of_n" only one of them
     gets detections, so that the others end. Detection always depends on the view.
     """
@@ -197,7 +197,7 @@ class Tracker:
         # Tracks of hidden people may be close to each other without competing for a measurement.
         recent = message.times[:, DETECTED_AT] > now - _SHARED_WITHIN
         ids = message.ids.copy()
-        merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that is deleted
+        merged: dict[int, int] = {}  # row of the track that stays, by the row of the deleted one
         for kept, other in find_duplicates((means, covariances), existence, ~gone & recent, p.match_gate):
             existence[kept] = min(existence[kept] + existence[other], 1.0)
             gone[other], merged[other] = True, kept

@@ -1,4 +1,4 @@
-"""Terms of the objective besides that of tracks: separation of UAVs, and search, compiled."""
+"""Terms of the objective besides the tracks' term: separation of UAVs, and search, compiled."""
 
 import math
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ class _Views(NamedTuple):
 
 
 class _Seeing(NamedTuple):
-    """Whose views V places have, and the fields of view of the n UAVs."""
+    """The UAV at each of V places, and the fields of view of the n UAVs."""
 
     uavs: Indices  # (V,)
     views: Array  # (n, 5, 3), see `field_of_view.view_quadrangle`
@@ -194,7 +194,7 @@ def _make_sights(views: Array, ways: Sequence[float]) -> _Sights:
 def _count_steps_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
     """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; the others are at `ends`.
 
-    ends (n, 3) m. Cells beyond `LEAST_RADIUS` to which another UAV is certain to be nearer are left out.
+    ends (n, 3) m. Cells beyond `LEAST_RADIUS` are left out if another UAV is certain to be nearer to them.
     """
     total = np.zeros(len(places))
     east, north = places[:, 0] + sights.aims[uav, 0], places[:, 1] + sights.aims[uav, 1]

@@ -22,10 +22,10 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
     views (T, 2, K): flags of the samples that the frames of this scan show, and those that the frames before showed, by
     one UAV or by any of several; elapsed (T,) s since the frames before; detection: probability in plain view.
     Negative information of the last frames is already in the belief, although the Gaussian has tails again in the empty
-    place. A second look there only tells that no person has come since. So where frames of both times show a place, the
+    place. A second look there only says that no person has come since. So where frames of both times show a place, the
     likelihood falls with the share of the belief that people cross between them.
-    Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
-    belief even if they showed all of it, which is no information, or if the fleet did not hold the track then.
+    Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are assumed to be in
+    the belief even if they showed all of it, which is no information, or if the fleet did not have the track then.
     """
     missed = np.ones((len(views), views.shape[2]))
     for t in range(len(missed)):

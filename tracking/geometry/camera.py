@@ -60,7 +60,7 @@ def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
     """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
 
     Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
-    because its sine and cosine are those of the C library.
+    because it uses the sine and cosine of the C library.
     """
     rate = math.sqrt(spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2])
     scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt

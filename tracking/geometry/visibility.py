@@ -17,7 +17,7 @@ from tracking.numerics.stacks import cholesky_factors, elementwise
 
 # m, height of the one point that stands for a person: half of a walking person's 1.7 m.
 TARGET_HEIGHT = 0.85
-# Area that leaves in random directions show along a line, as a share of their own. Source: [Monsi53].
+# Area of leaves in random directions as seen along a line, as a share of their true area. Source: [Monsi53].
 EXTINCTION = 0.5
 # A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
 # to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
@@ -122,7 +122,7 @@ class Forest:
 
     @cached_property
     def blockers(self) -> Array:
-        """Cylinders (B, 6) on lines of sight: those of all solids, or with "disc" one opaque disc for each canopy.
+        """Cylinders (B, 6) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
         at the target's height, where every line of sight ends.
@@ -155,7 +155,7 @@ class Forest:
         return make_grid(self.blockers)
 
     def visible(self, cameras: Array, points: Array) -> Flags:
-        """Flags (C, N) of points (N, 3) m at which cameras (C, 3) m rather see than miss a person in view.
+        """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.
 
         Without porous trees, these are the unobstructed lines.
         """
@@ -164,7 +164,7 @@ class Forest:
     def free_shares(self, cameras: Array, points: Array) -> Array:
         """Free shares (C, N) of lines from cameras (C, 3) m to points (N, 3) m, in or out of the field of view.
 
-        The result equals that of testing every tree, for cameras and points at any height.
+        The result is the same as if every tree were tested, for cameras and points at any height.
         """
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _find_free_shares(origins, ends, self.blockers, self.grid)
@@ -190,7 +190,7 @@ def detectable_share(free: float) -> float:
 
 @inlined
 def any_of_two(part: float) -> float:
-    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
+    """Probability that a person shows, from the probability of either part: free ** `PART_EXPONENT`."""
     return 1.0 - (1.0 - part) * (1.0 - part)
 
 
