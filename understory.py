@@ -78,7 +78,8 @@ from tracking.fusion.rule import Contribution, FusionRule, LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.line_of_sight import Grid, free_share
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, detectable_share, visible_samples
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, detectable_share, visible_samples
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array
