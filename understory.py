@@ -29,7 +29,7 @@ from planning.composed import Composed
 from planning.coordination.decision import Coordination
 from planning.made_up_teams import make_random_team
 from planning.objective.nbo import make_objective
-from planning.objective.objective import Term
+from planning.objective.terms import Term
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import make_pursuits
 from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
@@ -69,17 +69,16 @@ from tracking.errors import InputError, check_known
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.filter.motion import MotionModel
-from tracking.fleet import step as step_fleet
+from tracking.fusion.consensus import step as step_fleet
 from tracking.fusion.exchange import TrackExchange
-from tracking.fusion.kla import KullbackLeiblerAverage
 from tracking.fusion.member import Member
 from tracking.fusion.message import Message
-from tracking.fusion.rule import Contribution, FusionRule, LocalBeliefs
+from tracking.fusion.rule import Contribution, FusionRule, KullbackLeiblerAverage, LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import Forest, detectable_share, visible_samples
+from tracking.geometry.visibility import Forest, visible_samples
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array

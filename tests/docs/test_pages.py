@@ -9,8 +9,8 @@ import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator, text_of
 
 import understory
+from planning.catalogue import PLANNERS
 from planning.planner_check import CHECKS
-from planning.planners import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.scenario.loading import decode, load
 from sim.scenario.scenario import Scenario
