@@ -50,8 +50,8 @@ _PRICE = 1e6  # m² per m and step, above any gain in knowledge
 class Separation:
     """Penalty far above any gain in knowledge for plans that bring UAVs nearer than `distance` [m] in space.
 
-    UAVs are taken to fly straight between steps. If all plans come too near, the one that keeps the most distance costs
-    least.
+    UAVs are assumed to fly straight between steps. If all plans come too near, the plan that keeps the most distance
+    costs least.
     """
 
     distance: float
