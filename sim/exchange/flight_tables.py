@@ -92,7 +92,7 @@ class CameraRow(NamedTuple):
         return self.widen(size)
 
     def widen(self, size: tuple[int, int]) -> "CameraRow":
-        """The camera of wide images whose middle square is this one."""
+        """The camera of wide images with this one as their middle square."""
         focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
         whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
         return CameraRow.calibrated(whole)._replace(clock_offset=self.clock_offset)
