@@ -28,7 +28,7 @@ from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.planner_check import check_planner
 from planning.planner_loading import PlannerError, resolve_planner
 from sim.environments.observations import Observations
-from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight, load
 from sim.mission.mission import Mission
@@ -151,8 +151,9 @@ def track(
     Raises:
         InputError: If the input is wrong.
     """
-    options = FlightOptions(format_overrides(settings), origin, sigma, detector)
-    return Flight(track_flight(read_flight(folder, options), name=f"flight {Path(folder).resolve().name}").recording)
+    changes = format_overrides(settings)
+    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
+    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
 
 
 def mission(

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.exchange.ros_bag import Message
+from sim.exchange.ros_bag import RosMessage as Message
 from sim.facts.numbering import name_track
 from sim.facts.sightings import PERSON_RADIUS
 from sim.mission.recording import Recording
