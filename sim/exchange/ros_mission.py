@@ -16,23 +16,20 @@ from sim.exchange.ros_flight import flip
 from sim.exchange.ros_scene import LEVEL, WORLD, UavScene, draw_forest, draw_people, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
-from sim.facts.metrics.holding import HOLDS
-from sim.facts.metrics.score import FAR
-from sim.facts.numbering import number_snapshot
+from sim.facts.metrics.holding import FAR, HOLDS
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import PERSON_RADIUS
+from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, rotation
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _INFO = 20  # level of messages of a log
-_SIZE = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)  # m, of a person
-_BODY = _SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
+_BODY = PERSON_SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
 _PLOTS = {"OSPA [m]": ros.ERRORS["ospa"], "GOSPA [m]": ros.ERRORS["gospa"], "Bytes sent": ros.BYTES_SENT}
 _MOST = 4  # panels of the layout in a row or column
 
@@ -80,7 +77,7 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                     _write_tracks(bag, snapshot, i)
                 bag.write(ros.UAV_MARKERS, time, markers, i)
             if truth and recording.labelled:
-                holds = [HOLDS[hold] for hold in flight.history.hold_states[k]]
+                holds = [HOLDS[hold] for hold in flight.people.hold_states[k]]
                 bag.write(ros.PEOPLE, time, draw_people(snapshot, holds))
                 _write_errors(bag, snapshot)
         _write_events(bag, events)
@@ -201,7 +198,7 @@ def _place(time: float, belief: Gaussian, score: float = 1.0, name: str = "") ->
     return {
         "header": head(time),
         "results": [(("person", score), (pose, entries.ravel()))],
-        "bbox": (pose, _SIZE),
+        "bbox": (pose, PERSON_SIZE),
         "id": name,
     }
 

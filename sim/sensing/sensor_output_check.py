@@ -1,11 +1,12 @@
 """Detection check: validates the output of plug-in detectors and sensor modes for trackers and recordings."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from sim.sensing.fault import Fault
-from sim.sensing.sensor_mode import SensorOutput
+from sim.sensing.sensor_mode import Noise, SensorOutput
 from tracking.detection.detector import Detections, Frame
 from tracking.errors import spell
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -32,34 +33,26 @@ def check_detections(found: Detections) -> Detections:
 
 
 def check_output(output: SensorOutput, people: Array) -> SensorOutput:
-    """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong.
-
-    Values that `matched` returns are checked by `check_matches`.
-    """
+    """Valid output of a sensor mode, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
     _check_kind("output", output, SensorOutput)
     count, faults = len(output.ground), tuple(output.faults)
     for fault in faults:
         _check_kind("faults", fault, Fault)
     if output.frame is not None:
         _check_frame(output.frame)
+    if output.noise not in get_args(Noise):
+        raise Unusable(f"noise {output.noise!r} is unknown; allowed are {' and '.join(get_args(Noise))}")
+    if output.noise == "none" and output.covariances is None:
+        raise Unusable("noise is 'none', but there are no covariances")
     return replace(
         output,
         ground=_check_output("ground", output.ground, count),
+        owners=_check_owners(output.owners, people, count),
         visible=_check_visible(output.visible, people),
         covariances=None if output.covariances is None else _check_output("covariances", output.covariances, count),
-        errors=None if output.errors is None else _check_output("covariances", output.errors, count),
         pixels=None if output.pixels is None else _check_output("pixels", output.pixels, count),
         faults=faults,
     )
-
-
-def check_matches(matched: object, people: Array) -> Flags:
-    """Valid mask (M,) of detected people, given people (M, 2) m, NaN if absent; `Unusable` says what is wrong."""
-    found = np.array(matched)
-    if found.shape != (len(people),) or found.dtype != np.bool_:
-        raise Unusable(f"matched is not an array ({len(people)},) of True and False")
-    _check_present("matched", found, people)
-    return found
 
 
 def _check_output(name: str, given: object, count: int) -> Array:
@@ -70,6 +63,15 @@ def _check_output(name: str, given: object, count: int) -> Array:
     elif np.abs(array).max(initial=0.0) > _FARTHEST:
         raise Unusable(f"{name} more than {spell(_FARTHEST)} {_UNITS[name]} away")
     return array
+
+
+def _check_owners(given: object, people: Array, count: int) -> Indices:
+    """Index (N,) of the person of each of `count` detections, -1 for none."""
+    owners = check_whole_numbers("owners", given, (count,))
+    if owners.min(initial=0) < -1 or owners.max(initial=-1) >= len(people):
+        raise Unusable(f"owners are not from -1 to {len(people) - 1}")
+    _check_present("owners", np.isin(np.arange(len(people)), owners), people)
+    return owners
 
 
 def _check_visible(given: object, people: Array) -> Indices:
