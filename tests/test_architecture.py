@@ -26,11 +26,11 @@ LAYERS = {
             "track",
             "registration",
         ),
-        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
+        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker"),
         "undetected",
     ),
     "planning": (
-        *("planner", "planners", "planner_loading", "options", "prediction", "objective", "optimizers"),
+        *("planner", "catalogue", "planner_loading", "options", "prediction", "objective", "optimizers"),
         *("coordination", "composed", "baselines", "rivals", "oracle", "made_up_teams", "planner_check"),
     ),
     "sim": (

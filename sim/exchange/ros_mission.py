@@ -22,8 +22,9 @@ from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.camera import Camera, rotation
+from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
+from tracking.geometry.quaternions import rotation
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 

@@ -15,7 +15,7 @@ from sim.mission.recording import Recording
 from sim.scenario.camera_settings import CameraSettings, make_camera
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
-from tracking.geometry.interpolation import interpolate_poses
+from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import tan
