@@ -32,17 +32,15 @@ def _find_rate(given: Mapping[str, Any], uavs: Sequence[LoggedUav]) -> int:
     times = [np.array([frame.time for frame in uav.frames]) for uav in uavs]
     every = np.concatenate(times)
     asked = given.get("rates", {}).get("sensing")
-    if isinstance(asked, int) and asked > 0:
-        fitting = [asked] * (_find_crowded(times, asked) is None)
-    else:
-        fitting = [r for r in _RATES if np.abs(every * r - np.round(every * r)).max() <= EXACT]
-        fitting = [r for r in (*fitting, *_FINE_RATES) if _find_crowded(times, r) is None]
-    if not fitting:
-        rate = asked if isinstance(asked, int) else _FINE_RATES[-1]
-        uav, time, gap = _find_crowded(times, rate) or (0, 0.0, 0.0)
-        two = f"UAV {uav} has two frames {spell(gap, 3)} s apart, at {spell(time)} s, in one scan of {rate} Hz"
-        raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV")
-    return fitting[0]
+    fitting = [r for r in _RATES if np.abs(every * r - np.round(every * r)).max() <= EXACT]
+    for rate in [asked] if isinstance(asked, int) and asked > 0 else [*fitting, *_FINE_RATES]:
+        crowded = _find_crowded(times, rate)
+        if crowded is None:
+            return int(rate)
+    assert crowded
+    uav, time, gap = crowded
+    two = f"UAV {uav} has two frames {spell(gap, 3)} s apart, at {spell(time)} s, in one scan of {rate} Hz"
+    raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV")
 
 
 def _find_crowded(times: Sequence[Array], rate: int) -> tuple[int, float, float] | None:
@@ -66,9 +64,9 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
     width, height = (20 * np.ceil((np.abs(flight.places).max(axis=0) + _MARGIN) / 10)).tolist()
     area = data.get("area", {"width": width, "height": height})
     walked = {"start": flight.start, "origin": flight.origin, "outside": "clip"}
-    people = (
-        {**data.get("people", {}), **walked, "trajectories": os.path.abspath(flight.labels)} if flight.labels else {}
-    )
+    people: dict[str, Any] = {"count": 0}
+    if flight.labels:
+        people = {**data.get("people", {}), **walked, "trajectories": os.path.abspath(flight.labels)}
     stems = folder / "trees.csv"
     return decode(
         {
@@ -77,7 +75,7 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
             "dynamics": "kinematic",
             "area": area,
             "trees": {"file": os.path.abspath(stems)} if stems.exists() else {"density": 0},
-            "people": people or {"count": 0},
+            "people": people,
             "uavs": list(_list_uavs(data.get("uavs", ()), flight)),
             "rates": {**data.get("rates", {}), "sensing": rate, "physics": rate * -(-_PHYSICS // rate)},
             "sensing": {
