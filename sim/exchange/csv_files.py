@@ -28,7 +28,7 @@ from sim.exchange.values import (
 )
 from sim.mission.recording import Recording
 from sim.scenario.camera_settings import read_camera
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.settings_text import format_toml
 from sim.world.stem_map import read_stem_map
@@ -117,7 +117,7 @@ def read_cameras(path: Path) -> dict[int, LoggedCamera]:
     return cameras
 
 
-def _read_view(row: Row, path: Path) -> LoggedCamera:
+def _read_view(row: TableRow, path: Path) -> LoggedCamera:
     if name := row.values.get("camera"):
         try:
             return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
@@ -139,12 +139,12 @@ def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
     return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
 
 
-def read_uav(row: Row) -> int:
+def read_uav(row: TableRow) -> int:
     """Number of the UAV of a row, 0 in a table without this column."""
     return row.integer("uav") if "uav" in row.values else 0
 
 
-def _read_attitude(row: Row) -> list[float]:
+def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
     if any(name in row.values for name in _ANGLES):
         yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
@@ -159,7 +159,7 @@ def _read_attitude(row: Row) -> list[float]:
     return quaternion if abs(norm - 1) <= _ROUNDED else [part / norm for part in quaternion]
 
 
-def _read_detection(row: Row) -> LoggedDetection | None:
+def _read_detection(row: TableRow) -> LoggedDetection | None:
     """The detection of a row; None if it has none."""
     found: dict[str, Any] = {}
     for part, columns in _PARTS.items():

@@ -19,9 +19,9 @@ from sim.exchange.values import (
     list_truth,
 )
 from sim.mission.recording import Recording
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.quantities import parse_number
-from sim.scenario.text_files import read_spreadsheet_text
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line, spell
 from tracking.numerics.arrays import Flags, Indices
 
@@ -52,7 +52,7 @@ def read_sequence(folder: Path) -> CameraFrames:
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
     try:
-        parser.read_string(read_spreadsheet_text(info, "seqinfo"))
+        parser.read_string(read_text(info, "seqinfo"))
         facts = {key: parse_number(text) for key, text in parser["Sequence"].items()}
     except (configparser.Error, KeyError) as error:
         raise InputError(f"seqinfo: {info}: has no readable table [Sequence]: {one_line(error)}") from error
@@ -81,7 +81,7 @@ def _read_rows(path: Path, field: str) -> dict[int, list[LoggedDetection]]:
     """Rows of a text file by frame."""
     found: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     seen: dict[tuple[int, str], int] = {}
-    text = read_spreadsheet_text(path, field)
+    text = read_text(path, field)
     if not text.strip():
         return found
     count = text.lstrip().partition("\n")[0].count(",") + 1
@@ -100,7 +100,7 @@ def _read_rows(path: Path, field: str) -> dict[int, list[LoggedDetection]]:
     return found
 
 
-def _read_box(row: Row, person: str) -> LoggedDetection:
+def _read_box(row: TableRow, person: str) -> LoggedDetection:
     """The middle of a box in the image, whose first pixel has the coordinates 1, or a place on the ground."""
     left, top, width, height = (row.number(name) for name in _COLUMNS[2:6])
     if width > 0 and height > 0:

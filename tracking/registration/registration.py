@@ -56,9 +56,8 @@ class Registration:
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
         """Begin with the figures; `known` as in `make_registration`."""
         self._navigation, self._estimates, self._known = navigation, estimates, known
-        # An offset that is given is unknown to trackers, but not its size.
-        clock = navigation.clock_deviation if navigation.clock_offset is None else navigation.clock_offset
-        self._stay, self._vary = np.square([*navigation.biases, clock]), np.square([*navigation.drifts, 0.0])
+        self._stay = np.square([*navigation.biases, navigation.clock_deviation])
+        self._vary = np.square([*navigation.drifts, 0.0])
         self.errors, self.covariance = np.zeros(ERRORS), np.diag(self._stay + self._vary)
         self._common: Array | None = None  # (7, 7), covariance of what no residual tells: the whole fleet has it
         self._crosses: dict[int, Array] = {}  # C (4, 7) of the state of each track and the errors
