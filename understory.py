@@ -11,7 +11,7 @@ Example:
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,8 +34,8 @@ from sim.facts.flight import Flight, load
 from sim.mission.mission import Mission
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial, prefix_errors
-from sim.running.mission_flight import fly_mission
-from sim.running.results import record, run_mission
+from sim.running.fly import fly_mission, record
+from sim.running.results import run_mission
 from sim.scenario.loading import place_of, resolve_scenario
 from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
@@ -127,8 +127,7 @@ def run(
         run_mission(Trial(setting, planner, *numbers, place), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
-    made = resolve_planner(planner)
-    return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
+    return Flight(fly_mission(trial, resolve_planner(planner)).recording)
 
 
 def track(

@@ -14,7 +14,7 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.machine import list_versions
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import make_forest_and_people
-from sim.running.mission_flight import is_built_in, make_mission
+from sim.running.fly import fly, is_built_in
 from sim.scenario.loading import place_of
 from sim.scenario.random_streams import format_seed
 from sim.scenario.remarks import find_remarks
@@ -107,7 +107,7 @@ def _check_missions(study: Study, listed: Sequence[Task]) -> None:
             with prefix_errors(trial.place):
                 make_forest_and_people(trial.scenario, trial.seed)
         else:
-            make_mission(trial).close()
+            fly(trial).mission.close()
 
 
 def _name_place(study: Study, task: Task) -> str:

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 from planning.planner import Vehicle
 from sim.mission.recording import Recording
-from sim.sensing.vehicles import vehicle_of
+from sim.sensing.cameras import vehicle_of
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 
