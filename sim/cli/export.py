@@ -1,7 +1,6 @@
 """`understory export`: a recorded mission for other tools, and labelled images of recordings or scenarios."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +15,7 @@ from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial
 from sim.mission.warmup import announce_compilation
-from sim.running.mission_flight import fly_mission
+from sim.running.fly import fly_mission
 from sim.scenario.loading import SCENARIOS, load, place_of
 from sim.scenario.quantities import parse_duration, parse_integers
 from sim.terminal.commands import Duration, Overrides, find_folder, merge_overrides
@@ -139,6 +138,6 @@ def _fly(flights: Sequence[Recording | Trial], show: Show) -> Iterator[Recording
     for done, flight in enumerate(flights):
         show(done, len(flights), f"{done} of {len(flights)} flights")
         if isinstance(flight, Trial):
-            yield fly_mission(flight, lambda _: nullcontext(lambda snapshot: True)).recording
+            yield fly_mission(flight).recording
         else:
             yield flight

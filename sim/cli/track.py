@@ -13,7 +13,7 @@ from sim.facts.flight import Flight
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.atomic_files import claim_place, make_new_folder
 from sim.mission.recording import Recording
-from sim.running.result_files import Results, write_results, write_summary
+from sim.running.results import Results, write_results, write_summary
 from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
