@@ -9,16 +9,15 @@ import numpy as np
 
 from sim.exchange.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, OPTICAL, TRANSFORMS, multiply_quaternions
 from sim.exchange.ros_bag import Message, RosBag
-from sim.exchange.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
+from sim.exchange.ros_scene import LEVEL, draw_forest, draw_people, draw_uav, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
-from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.score import FAR
-from sim.facts.numbering import number_snapshot
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import PERSON_RADIUS
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.views.scene import SceneMaker
 from tracking.geometry.camera import Camera, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
@@ -37,7 +36,8 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
 
     truth: False to leave out what UAVs do not know: people, true odometry, errors and events.
     """
-    flight, scene = Flight(recording), UavScene(recording)
+    flight = Flight(recording)
+    scenes = SceneMaker(recording.setting, recording.track_numbers)
     events = list(flight.events) if truth else []
     odometry = {"odometry": _find_believed_bodies(recording)} | ({"odometry_true": recording.poses} if truth else {})
     with RosBag(folder) as bag, ExitStack() as stack:
@@ -47,17 +47,17 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
         for k, time in enumerate(recording.times.tolist()):
             while events and events[0].time <= time:
                 _write_event(bag, events.pop(0))
-            snapshot = number_snapshot(recording, k)
+            snapshot = recording.snapshot(k)
+            scene = scenes.add(snapshot, flight.history.hold_states[k])
             _write_poses(bag, recording, k, odometry)
-            for i, markers in enumerate(scene.draw(snapshot)):
+            for i, uav in enumerate(scene.uavs):
                 _write_camera(bag, snapshot, i, recording.setting.uavs[i].true_camera, first=k == 0)
                 if again and snapshot.frames[i]:
                     _write_image(bag, time, i, again.image(k, i))
-                _write_tracks(bag, snapshot, i)
-                bag.write(f"/uav{i}/markers", _MARKERS, time, markers)
+                _write_tracks(bag, snapshot, i, recording.track_numbers)
+                bag.write(f"/uav{i}/markers", _MARKERS, time, draw_uav(time, uav))
             if truth and recording.labelled:
-                holds = [HOLDS[hold] for hold in flight.history.hold_states[k]]
-                bag.write("/people", _MARKERS, time, draw_people(snapshot, holds))
+                bag.write("/people", _MARKERS, time, draw_people(scene))
                 _write_errors(bag, snapshot)
         for event in events:
             _write_event(bag, event)
@@ -140,12 +140,12 @@ def _write_image(bag: RosBag, time: float, uav: int, image: Image) -> None:
     bag.write(f"/uav{uav}/camera/image/compressed", _IMAGE, time, message)
 
 
-def _write_tracks(bag: RosBag, snapshot: Snapshot, uav: int) -> None:
+def _write_tracks(bag: RosBag, snapshot: Snapshot, uav: int, numbers: dict[int, int]) -> None:
     """A working UAV's tracks, with their existence as scores, and the bytes that it sent."""
     if uav in snapshot.working:
         held, time = snapshot.tracks[uav], snapshot.time
         tracks = [
-            _place(time, t.belief.mean[:2], t.belief.covariance[:2, :2], score=t.existence, name=str(t.id))
+            _place(time, t.belief.mean[:2], t.belief.covariance[:2, :2], score=t.existence, name=str(numbers[t.id]))
             for t in held
         ]
         bag.write(f"/uav{uav}/tracks", ON_GROUND, time, (head(time), tracks))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
-from tracking.track import Track
 
 
 def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
@@ -14,11 +13,6 @@ def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
         for held in snapshot.tracks
     ]
     return replace(snapshot, tracks=tracks)
-
-
-def name_track(track: Track) -> str:
-    """The name of a numbered track, with a question mark if it is not reported."""
-    return f"{track.id}{'' if track.reported else '?'}"
 
 
 def number_snapshot(recording: Recording, k: int) -> Snapshot:

@@ -14,7 +14,7 @@ from sim.facts.event import IDENTITIES, Event, assign_lanes, find_ends
 from sim.facts.history import BROKEN, STATES, History
 from sim.facts.metrics.holding import HOLDS, find_episodes
 from sim.views.drawing import palette
-from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
+from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, Colour, pale, uav_colour
 from sim.views.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
 from tracking.numerics.arrays import Array, Indices
 
@@ -25,8 +25,9 @@ _MOST_DEEP = 12.0  # lanes, largest height of the tracks that stand for no perso
 _MOST_NAMED = 5  # largest number of UAVs that are named beside a person's lanes
 _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
-_HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
-_UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+HOLD_SHADES = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
+UNMATCHED_SHADES = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+WORST_FIRST = ("lost", "not found yet", "off", "held by some", "held")
 _MEANT = {
     "held": "held by all",
     "held by some": "held by some UAVs",
@@ -36,7 +37,7 @@ _MEANT = {
 Shade = tuple[float, float, float]
 
 
-class Row(NamedTuple):
+class PersonRow(NamedTuple):
     """A person in the timeline, and the UAVs that have a lane there."""
 
     person: int
@@ -58,7 +59,7 @@ class Bar(NamedTuple):
     shade: Shade
 
 
-def choose_rows(history: History) -> tuple[list[Row], list[int]]:
+def choose_rows(history: History) -> tuple[list[PersonRow], list[int]]:
     """The rows of people, and the people without one because there are too many.
 
     If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
@@ -66,7 +67,7 @@ def choose_rows(history: History) -> tuple[list[Row], list[int]]:
     """
     _, uavs, people = history.tracks.shape
     had = (history.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
-    rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
+    rows = [PersonRow(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
     if sum(row.height for row in rows) <= _MOST_LANES:
         return rows, []
     lost = np.isin(history.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
@@ -133,7 +134,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
     bars = []
     for event, lane in places.unmatched:
         top = places.unmatched_top + (lane + 0.2) * places.thin
-        shade = rgb(_UNMATCHED[event.kind])
+        shade = rgb(UNMATCHED_SHADES[event.kind])
         bars.append(Bar(*find_ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
     for event in events:
         if event.kind in IDENTITIES and event.person is not None:
@@ -155,7 +156,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
 def _name_rows(axes: Axes, history: History, places: _Places) -> None:
     named = history.tracks.shape[1] > len(UAV_COLOURS)
     middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
-    names = [f"person {row.person}{_list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
+    names = [f"person {row.person}{list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
     shares = [_format_share(history, row.person) for row in places.rows]
     if places.folded:
         middles.append(places.fold_top + _FOLDED / 2)
@@ -176,7 +177,8 @@ def _name_rows(axes: Axes, history: History, places: _Places) -> None:
         axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
 
 
-def _list_in_brackets(uavs: Sequence[int]) -> str:
+def list_in_brackets(uavs: Sequence[int]) -> str:
+    """The UAVs with a lane, in words after a person's name; "" for none."""
     more = ", ..." if len(uavs) > _MOST_NAMED else ""
     return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
 
@@ -186,25 +188,30 @@ def _make_share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
     bars: list[Bar] = []
     for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
         low = top
-        for hold in ("lost", "not found yet", "off", "held by some", "held"):
+        for hold in WORST_FIRST:
             height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
             if height:
-                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(_HOLDS[hold])))
+                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(HOLD_SHADES[hold])))
             low += height
     return bars
 
 
 def _make_lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
     """The states of a person in a camera."""
-    colour = uav_colour(uav)
     bars = []
-    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
+    shades = find_lane_shades(uav)
     for first, last, value in find_episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
             shade = rgb(shades[STATES[value]])
             bars.append(Bar(*find_ends(times, first, last), top + inset, 1 - 2 * inset, shade))
     return bars
+
+
+def find_lane_shades(uav: int) -> dict[str, Colour]:
+    """Colours of the states of a person in a UAV's camera."""
+    colour = uav_colour(uav)
+    return {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
 
 
 def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
@@ -215,8 +222,8 @@ def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> lis
         hold = HOLDS[value]
         if hold == "lost":
             bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
-        if hold in _HOLDS:
-            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(_HOLDS[hold])))
+        if hold in HOLD_SHADES:
+            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(HOLD_SHADES[hold])))
     return bars
 
 
@@ -240,16 +247,21 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
 
 def _make_legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
     """Handles of the legend for the drawn shades, and for marks of switched tracks."""
+    known = name_shades(uavs).items()
+    drawn = {label: colours[0] for label, colours in known if shades.intersection(map(rgb, colours))}
+    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
+    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
+
+
+def name_shades(uavs: int) -> dict[str, list[Colour]]:
+    """What colours stand for in the lanes and bars of a fleet's timeline."""
     if uavs <= len(UAV_COLOURS):
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
         known = {"seen: lanes are the UAVs in brackets": [*UAV_COLOURS]}
     known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
     known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
-    known |= {_MEANT.get(kind, kind): [colour] for kind, colour in (_HOLDS | _UNMATCHED).items()}
-    drawn = {label: colours[0] for label, colours in known.items() if shades.intersection(map(rgb, colours))}
-    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
-    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
+    return known | {_MEANT.get(kind, kind): [colour] for kind, colour in (HOLD_SHADES | UNMATCHED_SHADES).items()}
 
 
 def _write_title(history: History) -> str:
