@@ -23,7 +23,7 @@ _BAR, _GAP = 1.0, 0.8  # lanes, height of the bar of the tracks, and of the gap 
 _MOST_LANES, _FOLDED = 100.0, 6.0  # lanes, largest height of all people, and that of those who are folded
 _MOST_DEEP = 12.0  # lanes, largest height of the tracks that stand for no person
 _MOST_NAMED = 5  # largest number of UAVs that are named beside a person's lanes
-_VEIL = rgb((250, 214, 212))
+_VEIL: Colour = (250, 214, 212)
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 HOLD_SHADES = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
 UNMATCHED_SHADES = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
@@ -47,6 +47,16 @@ class PersonRow(NamedTuple):
     def height(self) -> float:
         """Height [lanes] with the bar of the tracks and the gap to the next row."""
         return len(self.uavs) + _BAR + _GAP
+
+
+class Stretch(NamedTuple):
+    """Scans with one state of a person, both included, and its colour."""
+
+    first: int
+    last: int
+    colour: Colour
+    top: float = 0.0  # of 1, where it is drawn in its lane
+    height: float = 1.0
 
 
 class Bar(NamedTuple):
@@ -140,11 +150,14 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
     for m, uavs in places.rows:
-        bars += _make_hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
+        top, holds = places.tops[m], list_holds(history.hold_states[:, m])
+        lost = [Stretch(s.first, s.last, _VEIL) for s in holds if s.colour == palette.LOST]
+        bars += _make_bars(times, lost, top - 0.15, len(uavs) + _BAR + 0.3)  # over all lanes
+        bars += _make_bars(times, holds, top + len(uavs) + 0.2, _BAR - 0.2)
         for lane, i in enumerate(uavs):
-            bars += _make_lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
+            bars += _make_bars(times, list_views(history.camera_states[:, i, m], i), top + lane, 1.0)
     if places.folded:
-        bars += _make_share_bars(times, history.hold_states[:, places.folded], places.fold_top)
+        bars += _make_bars(times, list_shares(history.hold_states[:, places.folded]), places.fold_top, _FOLDED)
     corners = [
         [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
         for bar in bars
@@ -183,48 +196,41 @@ def list_in_brackets(uavs: Sequence[int]) -> str:
     return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
 
 
-def _make_share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
-    """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
-    bars: list[Bar] = []
+def list_shares(states: Indices) -> list[Stretch]:
+    """Shares of people (K, F) with each state to the tracks, from the worst down."""
+    found: list[Stretch] = []
     for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
-        low = top
+        top = 0.0
         for hold in WORST_FIRST:
-            height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
+            height = float(np.mean(states[first] == HOLDS.index(hold)))
             if height:
-                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(HOLD_SHADES[hold])))
-            low += height
-    return bars
+                found.append(Stretch(first, last, HOLD_SHADES[hold], top, height))
+            top += height
+    return found
 
 
-def _make_lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
-    """The states of a person in a camera."""
-    bars = []
-    shades = find_lane_shades(uav)
-    for first, last, value in find_episodes(states):
-        if value != BROKEN and STATES[value] in shades:
-            inset = 0.35 if STATES[value] == "out of view" else 0.06
-            shade = rgb(shades[STATES[value]])
-            bars.append(Bar(*find_ends(times, first, last), top + inset, 1 - 2 * inset, shade))
-    return bars
-
-
-def find_lane_shades(uav: int) -> dict[str, Colour]:
-    """Colours of the states of a person in a UAV's camera."""
+def list_views(states: Indices, uav: int) -> list[Stretch]:
+    """The states (K,) of a person in a UAV's camera; nothing while one of both is not there."""
     colour = uav_colour(uav)
-    return {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
-
-
-def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
-    """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
-    bars: list[Bar] = []
+    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
+    found = []
     for first, last, value in find_episodes(states):
-        start, end = find_ends(times, first, last)
-        hold = HOLDS[value]
-        if hold == "lost":
-            bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
-        if hold in HOLD_SHADES:
-            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(HOLD_SHADES[hold])))
-    return bars
+        if value != BROKEN and (state := STATES[value]) in shades:
+            slim = (0.35, 0.3) if state == "out of view" else (0.06, 0.88)
+            found.append(Stretch(first, last, shades[state], *slim))
+    return found
+
+
+def list_holds(states: Indices) -> list[Stretch]:
+    """A person's states (K,) to the tracks."""
+    spans = find_episodes(states)
+    return [Stretch(a, b, HOLD_SHADES[HOLDS[value]]) for a, b, value in spans if HOLDS[value] in HOLD_SHADES]
+
+
+def _make_bars(times: Array, stretches: Sequence[Stretch], top: float, height: float) -> list[Bar]:
+    """Stretches in a lane that begins at `top`."""
+    return [Bar(*find_ends(times, s.first, s.last), top + height * s.top, height * s.height, rgb(s.colour))
+            for s in stretches]  # fmt: skip
 
 
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:

@@ -8,17 +8,18 @@ import numpy as np
 
 from sim.facts.event import IDENTITIES, assign_lanes
 from sim.facts.flight import Flight
-from sim.facts.history import BROKEN, STATES
-from sim.facts.metrics.holding import HOLDS, find_episodes
+from sim.facts.metrics.holding import HOLDS
 from sim.mission.recording import Recording
 from sim.views.drawing.palette import HELD, ORANGE, UAV_COLOURS, format_css
 from sim.views.timeline import (
-    HOLD_SHADES,
     UNMATCHED_SHADES,
     WORST_FIRST,
+    Stretch,
     choose_rows,
-    find_lane_shades,
+    list_holds,
     list_in_brackets,
+    list_shares,
+    list_views,
     name_shades,
 )
 from tracking.errors import list_numbers
@@ -110,20 +111,10 @@ def make_timeline(flight: Flight, shown: Shown) -> dict[str, Any]:
     shades = Table()
     colours = {**UNMATCHED_SHADES, "track held": HELD}
 
-    def lane(i: int, m: int) -> list[list[int]]:
-        known = {STATES.index(state): colour for state, colour in find_lane_shades(i).items()}
-        slim = STATES.index("out of view")
+    def bars(stretches: Sequence[Stretch]) -> list[list[float]]:
         return [
-            [shades.index_of(format_css(known[value])), first, last, int(value == slim)]
-            for first, last, value in find_episodes(cameras[:, i, m])
-            if value != BROKEN and value in known
-        ]
-
-    def bars(states: Indices) -> list[list[int]]:
-        return [
-            [shades.index_of(format_css(HOLD_SHADES[HOLDS[value]])), first, last]
-            for first, last, value in find_episodes(states)
-            if HOLDS[value] in HOLD_SHADES
+            [shades.index_of(format_css(s.colour)), s.first, s.last, *np.round((s.top, s.height), 4).tolist()]
+            for s in stretches
         ]
 
     def name(m: int, uavs: Sequence[int]) -> str:
@@ -132,35 +123,11 @@ def make_timeline(flight: Flight, shown: Shown) -> dict[str, Any]:
     return {
         "bracketed": bracketed,
         "rows": [
-            {"name": name(m, uavs), "lanes": [lane(i, m) for i in uavs], "holds": bars(holds[:, m])} for m, uavs in rows
-        ],
-        "folded": {"name": f"{len(folded)} others", "bars": _fold(holds[:, folded], shades)} if folded else None,
-        "unmatched": {
-            "name": "no person" if recording.labelled else "tracks",
-            "bars": [
-                [shades.index_of(format_css(colours[e.kind])), *shown.span(e.first, e.last), row]
-                for e, row in assign_lanes(flight.events)
-            ],
-        },
-        "switches": [
-            [shown.span(e.first, e.first)[0], places.get(e.person, -1)]
-            for e in flight.events
-            if e.kind in IDENTITIES and e.person is not None
-        ],
-        "shades": list(shades),
-    }
-
-
-def _fold(states: Indices, shades: Table) -> list[list[float]]:
-    """Shade, first and last scan, top and height of bars that tell shares of people (K, F) with each state."""
-    found: list[list[float]] = []
-    for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
-        top = 0.0
-        for hold in WORST_FIRST:
-            if height := float(np.mean(states[first] == HOLDS.index(hold))):
-                found.append([shades.index_of(format_css(HOLD_SHADES[hold])), first, last, top, height])
-            top += height
-    return found
+            {
+                "name": name(m, uavs),
+                "lanes": [bars(list_views(cameras[:, i, m], i)) for i in uavs],
+                "holds": bars(list_holds(holds[:, m])),
+            }
 
 
 def make_chart_legend(flight: Flight, shades: Sequence[str]) -> list[list[str]]:

@@ -68,8 +68,8 @@ function span(ctx, first, until, top, high, shade) {
 }
 
 // The state of one person to one camera for a while; a slim one is of little interest.
-function drawLane(ctx, [shade, first, until, slim], top) {
-  if (slim) span(ctx, first, until, top + lane / 3, lane / 3, shade);
+function drawLane(ctx, [shade, first, until, , high], top) {
+  if (high < 0.5) span(ctx, first, until, top + lane / 3, lane / 3, shade);
   else span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shade);
 }
 

@@ -20,6 +20,7 @@ from sim.sensing.vehicles import vehicle_of
 from sim.views.drawing.film import Film
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import PANEL
+from sim.views.scene import SceneMaker
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -144,15 +145,14 @@ def test_film_and_map_keep_what_a_slow_camera_saw_last():
     np.testing.assert_array_equal(before[tiles[1].slices], after[tiles[1].slices])
     assert np.any(before[tiles[0].slices] != after[tiles[0].slices])
     setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
-    view = MapView(setting, Forest(()), (790, 540))
+    view, scenes = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting)
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
     hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark
     for k in range(6):
         changes = {"people": place[None], "visible": np.full((1, 1), 9 if k == 0 else 0)}
         changes["frames"] = np.array([setting.has_frame(0, k)])
         snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
-        image = np.zeros((540, 790, 3), dtype=np.uint8)
-        view.draw(image, snapshot)
+        image, _ = view.draw(scenes.add(snapshot))
         x, y = np.array([395, 270]) + view.scale * (place * [1.0, -1.0])
         hollow.append(bool(np.all(image[int(y), int(x)] == PANEL)))
     assert hollow == [False] * 5 + [True]
