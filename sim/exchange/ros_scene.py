@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sim.exchange.ros_bag import Message
-from sim.facts.sightings import PERSON_RADIUS
 from sim.mission.recording import Recording
 from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten
 from sim.views.scene import Scene, UavMark, find_half_axes
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 Place = tuple[float, float, float]  # m
@@ -57,14 +56,14 @@ def draw_forest(recording: Recording) -> Message:
 
 def draw_people(scene: Scene) -> Message:
     """The people present, with names of those whom no UAV holds."""
-    found, size = [_DELETE_ALL], (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)
+    found = [_DELETE_ALL]
     for person in scene.people:
         (x, y), trouble = person.place.tolist(), person.look.trouble
         ink = _Ink("people", person.number, trouble or PANEL)
-        found.append(_draw_cylinder(scene.time, ink, (x, y, TARGET_HEIGHT), size))
+        found.append(_draw_cylinder(scene.time, ink, (x, y, TARGET_HEIGHT), PERSON_SIZE))
         if trouble:
             name = ink._replace(namespace="names", colour=lighten(trouble))
-            above = (x, y, 2 * TARGET_HEIGHT + _LETTERS)
+            above = (x, y, PERSON_HEIGHT + _LETTERS)
             found.append(_write(scene.time, name, above, f"{person.name} {person.hold}"))
     return {"markers": found}
 
@@ -89,7 +88,7 @@ def draw_uav(time: float, uav: UavMark) -> Message:
     for track in uav.tracks:
         ink = _Ink("tracks", track.number, lighten(track.colour), 0.6)
         found.append(_draw_ellipse(time, ink, track.mean, track.covariance))
-        above = (*track.mean.tolist(), 2 * TARGET_HEIGHT)
+        above = (*track.mean.tolist(), PERSON_HEIGHT)
         found.append(_write(time, ink._replace(namespace="numbers", opacity=1.0), above, track.name))
     return {"markers": found}
 

@@ -13,7 +13,7 @@ from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from sim.sensing.sensors import Observation
+from sim.sensing.sensors import Reading
 from sim.sensing.vehicles import vehicle_of
 from tracking.geometry.camera import Look, Pose
 from tracking.geometry.visibility import Forest
@@ -42,12 +42,14 @@ class Knowledge:
         rng: np.random.Generator,
     ) -> None:
         """Set up trackers; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
-        self._scenario, self._forest = scenario, forest
+        self._scenario = scenario
+        self._forest = forest
         # Planners get their own copy of the map, so that a planner that changes it does not change sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
-        self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
+        self._cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.trackers = TrackerFleet(scenario, forest, initial)
         self._area = (scenario.area.width, scenario.area.height)
+        settings = scenario.tracking
         people = settings.undetected if settings.initial_tracks == "none" else 0.0
         self._undetected = [
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
@@ -59,17 +61,17 @@ class Knowledge:
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]
 
     def track(
-        self, time: float, looks: Sequence[Observation], links: RadioLinks, working: Sequence[int]
+        self, time: float, readings: Sequence[Reading], links: RadioLinks, working: Sequence[int]
     ) -> tuple[list[tuple[Track, ...]], Indices]:
         """Update and fuse the tracks of the working UAVs; return the tracks and the bytes (n,) that each UAV sends."""
-        scans = {i: looks[i].scan for i in working if looks[i].taken}
+        scans = {i: readings[i].scan for i in working if readings[i].taken}
         self._looks = {i: Look(self._cameras[i], scan.pose) for i, scan in scans.items()}
         sent = self.trackers.step(time, scans, links, working)
         for views, received in zip(self._late_views, self.trackers.relay.received, strict=True):
             for item in received:
                 if isinstance(item.content, Scan) and self._scenario.decides(item.k):
                     views.append(Look(self._cameras[item.uav], item.content.pose))
-        return [self.trackers[i].tracks if i in working else () for i in range(len(looks))], sent
+        return [self.trackers[i].tracks if i in working else () for i in range(len(readings))], sent
 
     def make_situations(
         self, k: int, bodies: Sequence[BodyState], links: RadioLinks, working: Sequence[int]
@@ -78,15 +80,13 @@ class Knowledge:
         time = k / self._scenario.rates.sensing
         fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
-        # In a network that takes time, nobody knows yet what others see now.
-        contact = links.contact & (not self._scenario.network.takes_time)
-        looks = {i: [look for j, look in self._looks.items() if j == i or contact[i, j]] for i in working}
+        takes_time = self._scenario.network.takes_time
+        heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}
+        looks = {i: [look for j, look in self._looks.items() if heard[i][j]] for i in working}
         for i in working:
             # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
             level = [
-                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude))
-                for j in self._looks
-                if j == i or contact[i, j]
+                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in self._looks if heard[i][j]
             ]
             known, self._late_views[i] = level + self._late_views[i], []
             self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)

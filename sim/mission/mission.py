@@ -12,7 +12,7 @@ from planning.planner_loading import give_truth, read_exchange, reset_planner
 from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
-from sim.mission.snapshot import Snapshot, measure_errors
+from sim.mission.snapshot import FlownPlans, Snapshot, measure_errors
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.mission.wind import Air
 from sim.mission.world_setup import draw_starts, make_forest_and_people
@@ -22,6 +22,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import BREAKDOWN, Fault
 from sim.sensing.navigation import make_navigation_errors
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
@@ -61,8 +62,8 @@ class Mission:
             scenario, self.forest, make_initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
-        self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
-        self._coming: dict[int, list[Plan]] = {}  # plans not yet flown, by the scan at which they are due
+        self._decisions: list[FlownPlans] = []  # whose plans are flown, or will be, in order of time
+        self._flown: FlownPlans | None = None
         self._working = list(range(len(scenario.uavs)))  # UAVs that had not broken down at the present scan
         self._situations: list[Situation] = []  # of the working UAVs, if a decision is due at the present scan
         self._radio = chance("network")
@@ -144,17 +145,15 @@ class Mission:
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         believed = self._believe(cameras)
-        heights = [b.position[2] - c.position[2] for b, c in zip(believed, cameras, strict=True)]
-        self._world.altitude_errors = np.array(heights)
-        looks = [
-            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people, believed[i])
-            for i, pose in enumerate(cameras)
-        ]
-        faults += [fault for look in looks for fault in look.faults]
+        readings = []
+        for i, pose in enumerate(cameras):
+            shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
+            readings.append(self._sensors.take(shot) if takes[i] else self._sensors.rest(shot))
+        faults += [fault for reading in readings for fault in reading.faults]
         network, places = self.scenario.network, np.array([body.position for body in bodies])
         links = draw_links(network, time, places, self._radio)
         with self.clock.measure("tracking"):
-            tracks, sent = self._knowledge.track(time, looks, links, self._working)
+            tracks, sent = self._knowledge.track(time, readings, links, self._working)
         if self._working and self.scenario.decides(k):
             with self.clock.measure("tracking"):
                 velocities = zip(self._world.velocities()[:, :2], self._errors, strict=True)
@@ -164,7 +163,7 @@ class Mission:
         else:
             self._situations = []
         self.faults += faults
-        self.frames = [look.image for look in looks]
+        self.frames = [reading.image for reading in readings]
         self.present = Snapshot(
             time=time,
             people=people,
@@ -174,13 +173,13 @@ class Mission:
             believed=believed if any(self._errors) else None,
             frames=np.array(takes),
             commands=self._commands,
-            scans=[look.scan for look in looks],
-            pixels=[look.pixels for look in looks],
+            scans=[reading.scan for reading in readings],
+            pixels=[reading.pixels for reading in readings],
             tracks=tracks,
             plans=None,
             ospa=measure_errors(tracks, self._working, people),
-            visible=np.array([look.visible for look in looks]),
-            matched=np.array([look.matched for look in looks]),
+            visible=np.array([reading.visible for reading in readings]),
+            matched=np.array([reading.matched for reading in readings]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
             plan_bytes=np.zeros(len(bodies), dtype=np.int64),
@@ -212,7 +211,7 @@ class Mission:
             if given is not None:
                 check_plans(given, team)  # an error unless empty
             self._command(None)
-            return self.present
+            return replace(self.present, flown=self._flown)
         with self.clock.planning():
             if given is not None:
                 made, faults = check_plans(given, team)
@@ -228,6 +227,7 @@ class Mission:
         return replace(
             self.present,
             plans=every,
+            flown=self._flown,
             plan_bytes=sent,
             plan_rounds=self._rounds,
             faults=(*self.present.faults, *faults),
@@ -239,8 +239,13 @@ class Mission:
         Plans are due `network.plan_delay` after their decision. UAVs that have broken down hover.
         """
         if plans is not None:
-            self._coming[self._k + self._delay] = plans
-        due = self._coming.pop(self._k, None)
+            self._decisions.append(FlownPlans(self.time, plans))
+        (n,) = self.scenario.find_flown([decision.made for decision in self._decisions], [self.time])
+        due = None
+        if n >= 0 and self._decisions[n] is not self._flown:
+            self._flown = self._decisions[n]
+            self._decisions = self._decisions[n:]
+            due = self._flown.plans
         commands = np.zeros_like(self._commands)
         for i in self._working:
             commands[i] = self._commands[i] if due is None else due[i].controls[0]
@@ -259,7 +264,8 @@ class Mission:
                 flown = self._commands.copy()
                 for i, errors in enumerate(self._errors):
                     flown[i] -= errors.velocity if errors else 0.0  # control follows the believed velocities
-                self._world.advance(flown, steps, None if self._air is None else self._air.steps(steps))
+                winds = None if self._air is None else self._air.steps(steps)
+                self._world.advance(flown, steps, winds, self.present.altitude_errors)
             for errors in filter(None, self._errors):
                 errors.advance(1.0 / rates.sensing)
             self._sense_and_track()

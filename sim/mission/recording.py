@@ -10,7 +10,7 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.mission.fault_text import decode_faults
-from sim.mission.snapshot import Snapshot
+from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
@@ -78,6 +78,11 @@ class Recording:
     believed: Annotated[Array | None, "<f8", "K n 7"] = None
 
     @property
+    def scan_count(self) -> int:
+        """Number K of scans."""
+        return len(self.times)
+
+    @property
     def uav_count(self) -> int:
         """Number n of UAVs."""
         return int(self.poses.shape[1])
@@ -107,6 +112,16 @@ class Recording:
     def working(self) -> Flags:
         """Mask (K, n) of the UAVs that had not broken down at each scan."""
         return ~np.isnan(self.ospa[:, :, 0])
+
+    @property
+    def present(self) -> Flags:
+        """Mask (K, M) of the people who are in the area at each scan."""
+        return ~np.isnan(self.people[..., 0])
+
+    @cached_property
+    def known_forest(self) -> Forest:
+        """The map of trees with the occlusion that trackers and planners assumed."""
+        return Forest(self.forest.trees, self.setting.sensing.occlusion)
 
     @property
     def labelled(self) -> bool:
@@ -201,7 +216,20 @@ class Recording:
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k; None if there are none."""
         made = np.flatnonzero(self.plan_times == self.times[k])
-        return [Plan(u[~np.isnan(u[:, 0])]) for u in self.plans[made[0]]] if len(made) else None
+        return self._plans_of(int(made[0])) if len(made) else None
+
+    def _plans_of(self, decision: int) -> list[Plan]:
+        return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[decision]]
+
+    @cached_property
+    def flown_decisions(self) -> Indices:
+        """Index (K,) of the decision whose plans are flown from each scan on; -1 before the first is due."""
+        return np.array(self.setting.find_flown(self.plan_times.tolist(), self.times.tolist()), dtype=np.int64)
+
+    def flown_at(self, k: int) -> FlownPlans | None:
+        """The plans that are flown from scan k on; None before the first are due."""
+        e = int(self.flown_decisions[k])
+        return FlownPlans(float(self.plan_times[e]), self._plans_of(e)) if e >= 0 else None
 
     def contacts_at(self, k: int) -> tuple[Contact, ...]:
         """Contacts of UAVs between scan k - 1 and scan k."""
@@ -235,6 +263,7 @@ class Recording:
             pixels=[self.pixels_at(k, i) for i in uavs],
             tracks=[self.tracks_at(k, i) for i in uavs],
             plans=self.plans_at(k),
+            flown=self.flown_at(k),
             contacts=self.contacts_at(k),
             plan_rounds=int(self.plan_rounds[k]),
             faults=self.faults_at(k),

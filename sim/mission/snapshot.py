@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
+
+
+class FlownPlans(NamedTuple):
+    """The plans of a decision that UAVs fly."""
+
+    made: float  # s, time of the decision
+    plans: list[Plan]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,6 +39,7 @@ class Snapshot:
     pixels: list[Array]  # (N_i, 2) positions of the measurements in each image; empty in ideal sensing
     tracks: list[tuple[Track, ...]]
     plans: list[Plan] | None  # made at this scan
+    flown: FlownPlans | None = None  # from this scan on, as `Scenario.find_flown` says; None before the first are due
     ospa: Array  # (n, 3) m: distance, localisation, cardinality
     visible: Indices  # (n, M) number of pixels that show each person in the image
     matched: Flags  # (n, M) True if the person was detected in that camera
@@ -44,6 +53,14 @@ class Snapshot:
     def working(self) -> list[int]:
         """UAVs that have not broken down; a UAV that has broken down has neither tracks nor an error."""
         return np.flatnonzero(~np.isnan(self.ospa[:, 0])).tolist()
+
+    @property
+    def altitude_errors(self) -> Array | None:
+        """Errors (n,) m of the altitudes that UAVs believe; None if all know their poses."""
+        if self.believed is None:
+            return None
+        pairs = zip(self.believed, self.cameras, strict=True)
+        return np.array([own.position[2] - true.position[2] for own, true in pairs])
 
     @property
     def error(self) -> float:

@@ -1,7 +1,8 @@
 """Scenarios: the one tree of settings, read from TOML. Keys, types and ranges are checked on loading."""
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
 from itertools import combinations, pairwise
 from typing import Annotated, Literal, NamedTuple
 
@@ -23,6 +24,7 @@ from tracking.settings import DAY, Time
 
 CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
 _ABOVE_CANOPIES = 1.0  # m, least height of rendering cameras above canopies; images leave out the nearest 0.5 m
+_ROUNDING = 1e-6  # s, of times that are multiples of the time between scans
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
 _HIGHEST = 10_000.0  # m above ground
 MOST_WALKED = 3.6e5  # s, sum over all people, which takes about a gigabyte
@@ -186,6 +188,15 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def plan_start(self, decided: float) -> float:
         """Time [s] from which the plans of a decision are flown, given the time of the decision [s]."""
         return decided + self.network.plan_delay
+
+    def find_flown(self, decided: Iterable[float], now: Iterable[float]) -> list[int]:
+        """The decision whose plans are flown at each of the times `now` [s]; -1 before the plans of the first are due.
+
+        This is the home of the rule; mission, recording and pictures ask here. decided: times [s] of the decisions, in
+        order.
+        """
+        starts = [self.plan_start(time) for time in decided]
+        return [bisect_right(starts, time + _ROUNDING) - 1 for time in now]
 
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""

@@ -12,7 +12,7 @@ from tracking.settings import Probability
 SENSOR_MODES = Registry(
     "sensing.mode",
     {"camera": "sim.sensing.rendered_mode:RenderedMode", "ideal": "sim.sensing.sensor_mode:LineOfSightMode"},
-    ("sense(uav, time, pose, people)",),
+    ("sense(shot)",),
 )
 DETECTORS = Registry(
     "sensing.detector",

@@ -27,18 +27,36 @@ def match_detections(pixels: Array, people: NDArray[np.int32], count: int) -> ND
     that the edge cuts, is moved to the nearest place inside.
     """
     found = np.full(count, -1)
+    gaps = _measure_gaps(pixels, people, count)
+    for detection, person in most_pairs(gaps <= GATE, gaps):
+        found[person] = detection
+    return found
+
+
+def find_owners(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    """Index (N,) of the person of each detection, given as in `match_detections`; -1 for a false alarm.
+
+    As many detections as possible show people of their own. Any other within the gate shows the nearest person again.
+    """
+    owners = np.full(len(pixels), -1)
+    gaps = _measure_gaps(pixels, people, count)
+    for detection in np.flatnonzero((gaps <= GATE).any(axis=1)).tolist():
+        owners[detection] = int(gaps[detection].argmin())
+    for detection, person in most_pairs(gaps <= GATE, gaps):
+        owners[detection] = person
+    return owners
+
+
+def _measure_gaps(pixels: Array, people: NDArray[np.int32], count: int) -> Array:
+    """Distances (N, M) in pixels from detections to the nearest pixel of each person; infinite if none shows."""
+    nearest = np.full((len(pixels), count), np.inf)
     rows, columns = np.nonzero(people >= 0)
-    if len(rows) == 0 or len(pixels) == 0:
-        return found
     inside = np.clip(pixels, 0.0, people.shape[::-1])
     gap = np.sqrt(np.square(inside[:, :1] - (columns + 0.5)) + np.square(inside[:, 1:] - (rows + 0.5)))
     owners = people[rows, columns]
-    nearest = np.full((len(pixels), count), np.inf)
     for person in np.unique(owners):
         nearest[:, person] = gap[:, owners == person].min(axis=1)
-    for detection, person in most_pairs(nearest <= GATE, nearest):
-        found[person] = detection
-    return found
+    return nearest
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,16 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from sim.scenario.sensing import make_detectors
-from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, match_detections
+from sim.sensing.detection_truth import MaskDetector, count_visible_pixels, find_owners
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
-from sim.sensing.rolling_shutter import Glimpse, Sweep
-from sim.sensing.sensor_mode import SensorOutput, SensorSetup
+from sim.sensing.sensor_mode import SensorOutput, SensorSetup, Shot
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Detections, Frame
-from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
@@ -29,40 +26,32 @@ class RenderedMode:
     def __init__(self, setup: SensorSetup) -> None:
         self._setup = setup
         self._renderer = Renderer(setup.world)
-        sensing = setup.scenario.sensing
         self._cameras = [uav.true_camera for uav in setup.scenario.uavs]
-        self._last: dict[tuple[int, bool], Glimpse] = {}  # of each camera, true and believed
-        self._calibrated = sensing.noise == "camera"
         forest, uavs = Forest(setup.forest.trees), range(len(setup.cameras))
-        self._detectors = make_detectors(sensing.detector, forest, uavs, setup.rng)
+        self._detectors = make_detectors(setup.scenario.sensing.detector, forest, uavs, setup.rng)
 
-    def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
+    def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
-        camera, clock = self._setup.cameras[uav], self._setup.clock
-        with clock.measure("rendering"):
-            sweep = self._find_sweep(uav, Glimpse(time, pose, people), believed=False)
-            rendered = self._renderer.take(uav, time, self._cameras[uav], pose, sweep)
-        with clock.measure("detection"):
-            frame = Frame(uav, time, camera, self._setup.believed.get(uav, pose), rendered.image)
+        setup, camera = self._setup, self._setup.cameras[shot.uav]
+        with setup.clock.measure("rendering"):
+            rendered = self._renderer.take(shot.uav, shot.time, self._cameras[shot.uav], shot.true, shot.sweep)
+        with setup.clock.measure("detection"):
+            frame = Frame(shot.uav, shot.time, camera, shot.pose, rendered.image)
             found, faults = self._detect(frame, rendered)
-            # What the UAV believes holds its own motion, and nothing of people.
-            if believed := self._find_sweep(uav, Glimpse(time, frame.pose, people[:0]), believed=True):
-                found = replace(found, ground=found.ground + believed.corrections(camera, frame.pose, found.pixels))
-        return SensorOutput(
-            ground=found.ground,
-            matched=lambda kept: match_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
-            visible=count_visible_pixels(rendered.people, len(people)),
-            covariances=found.covariances if self._calibrated else None,
-            errors=found.covariances,
-            frame=frame,
-            pixels=found.pixels,
-            faults=faults,
-            located_by_belief=True,
-        )
-
-    def _find_sweep(self, uav: int, now: Glimpse, *, believed: bool) -> Sweep | None:
-        before, self._last[uav, believed] = self._last.get((uav, believed)), now
-        return Sweep.between(before, now, self._setup.scenario.uavs[uav].readout)
+            if shot.believed_sweep:
+                moved = shot.believed_sweep.corrections(camera, frame.pose, found.pixels)
+                found = replace(found, ground=found.ground + moved)
+            count = len(shot.people)
+            return SensorOutput(
+                ground=found.ground,
+                owners=find_owners(found.pixels, rendered.people, count),
+                visible=count_visible_pixels(rendered.people, count),
+                covariances=found.covariances,
+                noise="none" if setup.scenario.sensing.noise == "camera" else "added",
+                frame=frame,
+                pixels=found.pixels,
+                faults=faults,
+            )
 
     def _detect(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
         """Detections and the faults of the detector; a frame with a fault has no detections."""

@@ -1,20 +1,47 @@
 """Sensor modes, which make detections before noise, misses and false alarms: the interface and the ideal mode."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 import numpy as np
 
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import true_view_of
 from sim.sensing.fault import Fault
+from sim.sensing.rolling_shutter import Sweep
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height, detectable_shares
-from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
+from tracking.numerics.arrays import Array, Indices
+from tracking.registration.pose_errors import move_to_believed
+
+Noise = Literal["added", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One shot of a UAV's camera. True pose, motion and people are ground truth, and show in the detections only."""
+
+    uav: int
+    k: int  # number of the scan
+    time: float  # s
+    true: Pose  # of the camera
+    people: Array  # (M, 2) m in the world, NaN if absent
+    believed: Pose | None = None  # the pose that the UAV believes its camera to have; None if that is the true one
+    sweep: Sweep | None = None  # motion while the image is read out; None if its rows are exposed at once
+    believed_sweep: Sweep | None = None  # the same as the UAV believes, without people
+
+    @property
+    def pose(self) -> Pose:
+        """The pose that the UAV believes its camera to have."""
+        return self.believed or self.true
+
+    def locate(self, points: Array) -> Array:
+        """Where the UAV takes people at points (N, 2) m to be, as its pose errs; NaN where it sees no ground."""
+        return points if self.believed is None else move_to_believed(points, self.true, self.believed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,29 +54,29 @@ class SensorSetup:
     cameras: list[Camera]  # one per UAV, as the fleet believes them to be
     clock: Stopwatch
     rng: np.random.Generator  # of what the mode draws at random
-    believed: dict[int, Pose] = field(default_factory=dict)  # pose of each UAV's camera in its present frame, to itself
 
 
 @dataclass(frozen=True, eq=False)
 class SensorOutput:
-    """Detections of one UAV at one scan, and ground truth about them for recordings and metrics only."""
+    """Detections of one shot, and ground truth about them for recordings and metrics only."""
 
-    ground: Array  # (N, 2) m, from the true pose of the camera, or as `located_by_belief` says
-    matched: Callable[[Flags], Flags]  # mask (M,) of detected people, given the mask (N,) of detections not missed
+    ground: Array  # (N, 2) m, as the UAV locates them: `Shot.locate` moves true positions there
+    owners: Indices  # (N,) index of the person whom each detection shows, -1 for none
     visible: Indices  # (M,) number of pixels that show each person; without images, 1 for each person seen
-    covariances: Array | None = None  # (N, 2, 2) m²; if None, a sample of the UAV's noise model is added
+    covariances: Array | None = None  # (N, 2, 2) m², of the errors of `ground`; None if it has none
+    # `"added"`: a sample of the UAV's noise model is added to `ground`, and its covariance to `covariances`; `"none"`:
+    # both are used as they are
+    noise: Noise = "added"
     frame: Frame | None = None
     pixels: Array | None = None  # (N, 2), positions of the detections in the frame, if there is one
     faults: tuple[Fault, ...] = ()
-    errors: Array | None = None  # (N, 2, 2) m², covariances of the errors before that sample; None means no errors
-    located_by_belief: bool = False  # True if `ground` is from the pose that the UAV believes, `SensorSetup.believed`
 
 
 class SensorMode(Protocol):
     """A mode is made with a `SensorSetup`."""
 
-    def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
-        """Output of a UAV's sensor with the camera at `pose`; people (M, 2) m in the world, NaN if absent."""
+    def sense(self, shot: Shot) -> SensorOutput:
+        """Detections of one shot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +89,20 @@ class LineOfSightMode:
 
     setup: SensorSetup
 
-    def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
+    def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
         with self.setup.clock.measure("detection"):
-            points, present = at_target_height(np.nan_to_num(people)), ~np.isnan(people[:, 0])
+            people, pose = shot.people, shot.true
+            points = at_target_height(np.nan_to_num(people))
+            present = ~np.isnan(people[:, 0])
             forest, scenario = self.setup.forest, self.setup.scenario
-            camera, believed = true_view_of(scenario.uavs[uav], scenario), self.setup.cameras[uav]
+            camera, believed = true_view_of(scenario.uavs[shot.uav], scenario), self.setup.cameras[shot.uav]
             shown = detectable_shares(forest.free_shares(pose.position, points)[0])
             least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
             seen = present & camera.sees(pose, points) & (shown > least)
-
-        def matched(kept: Flags) -> Flags:
-            found: Flags = seen.copy()
-            found[seen] = kept
-            return found
-
-        ground = people[seen]
-        if believed != camera:  # a person's pixel is taken for that of another place
-            ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
-            seen[seen] = placed = np.isfinite(ground[:, 0])
-            ground = ground[placed]
-        return SensorOutput(ground, matched, seen.astype(np.int64))
+            ground = people[seen]
+            if believed != camera:  # a person's pixel is taken for that of another place
+                ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
+                seen[seen] = placed = np.isfinite(ground[:, 0])
+                ground = ground[placed]
+            return SensorOutput(shot.locate(ground), np.flatnonzero(seen), seen.astype(np.int64))

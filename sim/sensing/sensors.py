@@ -2,7 +2,6 @@
 
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +10,20 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import SENSOR_MODES, Sensing
 from sim.sensing.cameras import noise_of, view_of
 from sim.sensing.fault import Fault
-from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
-from sim.sensing.sensor_output_check import check_matches, check_output
+from sim.sensing.rolling_shutter import Glimpse, Sweep
+from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
+from sim.sensing.sensor_output_check import check_output
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detection_errors import whole_covariances
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import draw_poisson
 from tracking.numerics.stacks import cholesky_factors
-from tracking.registration.pose_errors import move_to_believed
 from tracking.track import Scan
 
 
@@ -58,24 +58,16 @@ class Clutter:
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
-    """Observation of one UAV: its scan, and ground truth for recordings and metrics only."""
+class Reading:
+    """What one shot gives: a scan, and ground truth for recordings and metrics only."""
 
     scan: Scan
     pixels: Array  # (N, 2) positions of the measurements in the image; (0, 2) without an image
     image: NDArray[np.uint8] | None  # (H, W, 3) RGB; None without rendering
     visible: Indices  # (M,) as `SensorOutput.visible`
-    matched: Flags  # (M,) mask of detected people
+    matched: Flags  # (M,) mask of people whom a measurement shows
     taken: bool = True  # False if the camera took no frame; the empty scan is then no negative information
     faults: tuple[Fault, ...] = ()  # faults of the detector
-
-
-class _Sensed(NamedTuple):
-    """Output of a sensor mode, and what is missed."""
-
-    output: SensorOutput
-    kept: Flags  # (N,) mask of detections that are not missed
-    matched: Flags  # (M,) mask of people whom these detect
 
 
 class Sensors:
@@ -84,50 +76,66 @@ class Sensors:
     def __init__(
         self, scenario: Scenario, world: World, forest: Forest, *, rng: np.random.Generator, clock: Stopwatch
     ) -> None:
-        self._rng, self._clock = rng, clock
+        self._rng = rng
+        self._clock = clock
         self._clutter = Clutter(scenario.sensing, rng)
         self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
         self._setup = SensorSetup(scenario, world, forest, self.cameras, clock, rng.spawn(1)[0])
         self._name = scenario.sensing.mode
         self._mode: SensorMode = SENSOR_MODES.make(self._name, self._setup)
+        self._last = dict[int, Shot]()  # of each UAV
 
-    def look(self, uav: int, time: float, true: Pose, people: Array, believed: Pose | None = None) -> Observation:
-        """Observation of one camera at its `true` pose; people (M, 2) m in the world now, NaN if absent.
-
-        believed: the pose of the camera to its UAV, if it differs.
-        """
-        pose = believed or true
-        self._setup.believed[uav] = pose
-        output, kept, matched = self._sense(uav, time, true, people)
+    def take(self, shot: Shot) -> Reading:
+        """Take a shot; its sweep is found here, from the UAV's last one."""
+        shot = self._add_sweep(shot)
+        output = self._sense(shot)
+        kept = self._clutter.draw_kept(len(output.ground))
         with self._clock.measure("detection"):
-            if pose is not true and not output.located_by_belief:
-                output = replace(output, ground=move_to_believed(output.ground, true, pose))
-            if output.covariances is None:
-                scan = self._draw_scan(uav, time, pose, output)
-            else:
-                scan = Scan(uav, time, pose, output.ground, output.covariances)
-            scan, pixels = self._add_clutter(scan, output, kept)
+            scan, pixels = self._add_clutter(self._make_scan(shot, output), output, kept)
+        matched = np.isin(np.arange(len(shot.people)), output.owners[kept])
         image = output.frame.image if output.frame else None
-        return Observation(scan, pixels, image, output.visible, matched, faults=output.faults)
+        return Reading(scan, pixels, image, output.visible, matched, faults=output.faults)
 
     @staticmethod
-    def rest(uav: int, time: float, true: Pose, people: Array, believed: Pose | None = None) -> Observation:
-        """Empty observation at a scan in which a slower camera takes no frame."""
-        nothing = Scan(uav, time, believed or true, np.zeros((0, 2)), np.zeros((0, 2, 2)))
-        unseen = np.zeros(len(people), dtype=np.int64)
-        return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
+    def rest(shot: Shot) -> Reading:
+        """Empty reading at a scan in which a slower camera takes no frame."""
+        nothing = Scan(shot.uav, shot.time, shot.pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        unseen = np.zeros(len(shot.people), dtype=np.int64)
+        return Reading(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
-    def _sense(self, uav: int, time: float, pose: Pose, people: Array) -> _Sensed:
-        """Output of the mode and what is missed; InputError if a plug-in mode fails or its output cannot be used."""
+    def _add_sweep(self, shot: Shot) -> Shot:
+        """The shot with the motion during read-out, if the rows are not exposed at once."""
+        readout = self._setup.scenario.uavs[shot.uav].readout
+        if not readout:
+            return shot
+        before, self._last[shot.uav] = self._last.get(shot.uav), shot
+        earlier = None if before is None else Glimpse(before.time, before.true, before.people)
+        sweep = Sweep.between(earlier, Glimpse(shot.time, shot.true, shot.people), readout)
+        # What the UAV believes holds its own motion, and nothing of people.
+        earlier = None if before is None else Glimpse(before.time, before.pose, before.people[:0])
+        believed = Sweep.between(earlier, Glimpse(shot.time, shot.pose, shot.people[:0]), readout)
+        return replace(shot, sweep=sweep, believed_sweep=believed)
+
+    def _sense(self, shot: Shot) -> SensorOutput:
+        """Output of the mode; InputError if a plug-in mode fails or its output cannot be used."""
         if self._name in SENSOR_MODES.built_in:
-            output = self._mode.sense(uav, time, pose, people)
-            kept = self._clutter.draw_kept(len(output.ground))
-            return _Sensed(output, kept, output.matched(kept))
+            return self._mode.sense(shot)
         with SENSOR_MODES.errors(self._name, "sense", self._mode, "sense"):
-            output = check_output(self._mode.sense(uav, time, *deepcopy((pose, people))), people)
-            kept = self._clutter.draw_kept(len(output.ground))
-            return _Sensed(output, kept, check_matches(output.matched(kept.copy()), people))
+            return check_output(self._mode.sense(deepcopy(shot)), shot.people)
+
+    def _make_scan(self, shot: Shot, output: SensorOutput) -> Scan:
+        """Scan of all detections, with a sample of the UAV's noise model unless the output forbids it.
+
+        The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
+        """
+        if output.noise == "none":
+            assert output.covariances is not None
+            return Scan(shot.uav, shot.time, shot.pose, output.ground, output.covariances)
+        roots = cholesky_factors(self._compute_covariances(shot.uav, shot.pose, output.ground))
+        z = output.ground + apply(roots, standard_normal(self._rng, output.ground.shape))
+        R = self._compute_covariances(shot.uav, shot.pose, z)
+        return Scan(shot.uav, shot.time, shot.pose, z, R if output.covariances is None else R + output.covariances)
 
     def _add_clutter(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections but with false alarms, and its pixels (N, 2) in the same order.
@@ -137,7 +145,7 @@ class Sensors:
         camera, pose = self.cameras[scan.uav], scan.pose
         places, ground = self._clutter.draw_false_alarms(camera, pose)
         whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
-        exact = output.frame is not None and output.covariances is not None
+        exact = output.frame is not None and output.noise == "none"
         alarms = whole if exact else whole + self._compute_covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
@@ -145,16 +153,6 @@ class Sensors:
             order = self._clutter.draw_order(len(z))
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels
-
-    def _draw_scan(self, uav: int, time: float, pose: Pose, output: SensorOutput) -> Scan:
-        """Scan of the ground points plus a sample of the UAV's noise model, with the covariance of the whole error.
-
-        The sample has the covariance at the ground point; the scan gives that at the measurement, which alone is known.
-        """
-        roots = cholesky_factors(self._compute_covariances(uav, pose, output.ground))
-        z = output.ground + apply(roots, standard_normal(self._rng, output.ground.shape))
-        R = self._compute_covariances(uav, pose, z)
-        return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 
     def _compute_covariances(self, uav: int, pose: Pose, points: Array) -> Array:
         """Covariances R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""

@@ -20,7 +20,7 @@ from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Co
 from sim.views.scene import Scene, UavMark, make_scenes, outline_ellipse
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Image
 
 Progress = Callable[[object], None]
@@ -81,7 +81,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress) -> Non
         stream.set_time("time", duration=event.time)
         stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.sentence}"))
     with Rerenderer(recording) as again:
-        for k, scene in enumerate(make_scenes(recording, flight.history.hold_states)):
+        for k, scene in enumerate(make_scenes(recording, flight.people.hold_states)):
             stream.set_time("time", duration=scene.time)
             _log_people(stream, scene)
             for uav in scene.uavs:

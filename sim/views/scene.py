@@ -10,9 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Plan
-from sim.facts.metrics.holding import HOLDS, Holding
-from sim.facts.metrics.score import ELLIPSE
+from sim.facts.metrics.holding import ELLIPSE, HOLDS, Holding, list_reports
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
@@ -39,7 +37,6 @@ MARGIN = 4.0  # m shown beyond the area
 TRAIL = 3.0  # s, length of trails
 ALERT = 1.0  # s, time for which a contact is marked
 _FEW_PEOPLE, _FEW_UAVS = 12, 6  # more are a crowd
-_SLACK = 1e-6  # s
 _TURN = np.linspace(0, 2 * np.pi, 48, endpoint=False).tolist()
 _CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in _TURN])
 
@@ -141,13 +138,6 @@ class Scene(NamedTuple):
         return () if self.owner is None else self.uavs[self.owner].tracks
 
 
-class _Flown(NamedTuple):
-    """The plans of one decision."""
-
-    start: float  # s, time from which they are flown
-    plans: Sequence[Plan]
-
-
 class _Past(NamedTuple):
     """What is drawn of an earlier scan."""
 
@@ -165,8 +155,6 @@ class SceneMaker:
         self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
         self._numbers = {} if numbers is None else dict(numbers)
         self._holding: Holding | None = None
-        self._coming: deque[_Flown] = deque()
-        self._flown = _Flown(0.0, ())
         self._past: deque[_Past] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
         self._alert = round(ALERT * scenario.rates.sensing)
         self._last: dict[int, Snapshot] = {}  # the snapshot of each camera's last frame
@@ -179,9 +167,8 @@ class SceneMaker:
         if holds is None:
             people, uavs = len(snapshot.people), len(snapshot.poses)
             self._holding = self._holding or Holding(people, uavs, self._scenario.loss_distance)
-            holds = self._holding.step(snapshot)
+            holds = self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
         working = snapshot.working
-        self._follow_plans(snapshot)
         self._last |= {i: snapshot for i in working if snapshot.frames[i]}
         tracks = [self._mark_tracks(held) for held in snapshot.tracks]
         shown = tracks[working[0]] if working else ()
@@ -250,18 +237,12 @@ class SceneMaker:
             trails.append(Trail(mix(track.colour, PANEL, 0.7), np.array(means)))
         return tuple(trails)
 
-    def _follow_plans(self, snapshot: Snapshot) -> None:
-        """Keep plans until they are flown; between scans nothing changes."""
-        if snapshot.plans is not None:
-            self._coming.append(_Flown(self._scenario.plan_start(snapshot.time), snapshot.plans))
-        while self._coming and self._coming[0].start <= snapshot.time + _SLACK:
-            self._flown = self._coming.popleft()
-
     def _find_intent(self, snapshot: Snapshot, uav: int) -> Array | None:
-        if not self._flown.plans:
+        if snapshot.flown is None:
             return None
-        controls, step = self._flown.plans[uav].controls, self._scenario.rates.plan_step
-        ends = self._flown.start + step * np.arange(1, len(controls) + 1)
+        controls = snapshot.flown.plans[uav].controls
+        step = self._scenario.rates.plan_step
+        ends = self._scenario.plan_start(snapshot.flown.made) + step * np.arange(1, len(controls) + 1)
         left = np.clip(ends - snapshot.time, 0.0, step)  # s, remaining time of each step
         moves = np.cumsum(controls * left[:, None], axis=0)
         return np.asarray(snapshot.poses[uav].position[:2] + np.vstack([np.zeros(2), moves]))
@@ -278,9 +259,8 @@ def make_scene(recording: Recording, k: int, holds: Indices) -> Scene:
     """The scene of scan k of a recording; holds (M,): states of people, as indices into `HOLDS`."""
     setting = recording.setting
     maker = SceneMaker(setting, recording.track_numbers)
-    # Trails, plans in flight and last frames of slow cameras depend on so much of the past.
-    reach = max(TRAIL, setting.network.plan_delay + setting.rates.plan_step)
-    for earlier in range(max(0, k - round(reach * setting.rates.sensing)), k):
+    # Trails, contacts and last frames of slow cameras depend on so much of the past.
+    for earlier in range(max(0, k - round(TRAIL * setting.rates.sensing)), k):
         maker.add(recording.snapshot(earlier), holds)
     return maker.add(recording.snapshot(k), holds)
 

@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.attitude import settle
 from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
 from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
-from tracking.geometry.camera import Pose, rotate
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.camera import Pose
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.quaternions import rotate, settle
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import cos, sin
 
@@ -66,7 +67,6 @@ class World:
         uavs = scenario.uavs
         self.states = np.array([(*uav.start, uav.altitude, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) for uav in uavs], dtype=float)
         self._altitudes = self.states[:, 2].copy()
-        self.altitude_errors = np.zeros(len(uavs))  # m, of the altitudes that the UAVs' control believes
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
@@ -178,13 +178,15 @@ class World:
         """Angular velocities of the UAVs (n, 3) rad/s, about the axes of the world."""
         return self.states[:, _SPIN].copy()
 
-    def advance(self, commands: Array, steps: int, winds: Array | None = None) -> None:
+    def advance(
+        self, commands: Array, steps: int, winds: Array | None = None, altitude_errors: Array | None = None
+    ) -> None:
         """Advance by physics steps, as by so many calls of `step`; winds (steps, 2) m/s.
 
         The engine makes only those steps before which a UAV is near another body.
         """
         air = np.zeros((steps, 2)) if winds is None else winds
-        targets, done = self._make_targets(commands), 0
+        targets, done = self._make_targets(commands, altitude_errors), 0
         while done < steps:
             if self._kinematic:
                 done += glide_while_clear(self.states, commands, self._dt, steps - done, self._top)
@@ -192,15 +194,16 @@ class World:
                 calm = winds is None
                 done += fly_while_clear(self.states, targets, self._memories, air[done:], calm, self._dt, self._top)
             if done < steps:
-                self.step(commands, None if winds is None else winds[done])
+                self.step(commands, None if winds is None else winds[done], altitude_errors)
                 done += 1
         if self._made:
             self._put_uavs(self._bodies)
 
-    def step(self, commands: Array, wind: Array | None = None) -> None:
+    def step(self, commands: Array, wind: Array | None = None, altitude_errors: Array | None = None) -> None:
         """Advance by one physics step of the engine under velocity commands (n, 2) m/s, east and north.
 
         wind (2,) m/s, east and north, pushes quadrotors, which hold against it; None means no air resistance.
+        altitude_errors (n,) m: of the altitudes that the control of each UAV believes; None means no errors.
         """
         bodies = self._bodies
         if self._kinematic:
@@ -210,7 +213,7 @@ class World:
             self._note_contacts()
             return
         self._put_uavs(bodies)
-        targets, calm = self._make_targets(commands), wind is None
+        targets, calm = self._make_targets(commands, altitude_errors), wind is None
         given = wrenches(self.states, targets, self._memories, _CALM if wind is None else wind, calm, self._dt)
         for body, state, wrench in zip(bodies.uavs, self.states.tolist(), given.tolist(), strict=True):
             self.engine.applyExternalForce(body.id, -1, wrench[:3], state[_POSITION], pybullet.WORLD_FRAME)
@@ -272,9 +275,10 @@ class World:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _make_targets(self, commands: Array) -> Array:
+    def _make_targets(self, commands: Array, altitude_errors: Array | None) -> Array:
         """Velocities m/s east and north, and altitudes m (n, 3) that quadrotors are to reach."""
-        return np.column_stack([commands, self._altitudes - self.altitude_errors])
+        altitudes = self._altitudes if altitude_errors is None else self._altitudes - altitude_errors
+        return np.column_stack([commands, altitudes])
 
     def _note_contacts(self) -> None:
         """Note the contacts that the engine found, which has a margin of 2 cm."""
@@ -294,7 +298,7 @@ class World:
             bodies.engine.resetBaseVelocity(body.id, state[_VELOCITY], state[_SPIN])
 
 
-_STATE = ("states", "altitude_errors", "_people_centres", "_headings", "_memories", "_touched", "_closed")
+_STATE = ("states", "_people_centres", "_headings", "_memories", "_touched", "_closed")
 
 
 _CALM = np.zeros(2)

@@ -1,12 +1,13 @@
 """A made-up mission with all that a recording and a video can hold, without physics, rendering or tracking."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from planning.planner import Plan
-from sim.mission.snapshot import Snapshot
+from sim.mission.snapshot import FlownPlans, Snapshot
 from sim.scenario.environment import Area, People
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.sensing import Sensing
@@ -14,8 +15,9 @@ from sim.scenario.uavs import Uav
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.tracker import Scan, Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Scan, Track
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):
@@ -39,9 +41,12 @@ def forest(setting, count=45, seed=0):
 
 def snapshots(setting, trees, scans=21, seed=0):
     rng = np.random.default_rng(seed)
-    doubt = np.ones(setting.people.count)
+    doubt, made = np.ones(setting.people.count), []
     for k in range(scans):
-        yield _snapshot(setting, trees, k, rng, doubt)
+        snapshot = _snapshot(setting, trees, k, rng, doubt)
+        made += [] if snapshot.plans is None else [FlownPlans(snapshot.time, snapshot.plans)]
+        (n,) = setting.find_flown([plans.made for plans in made], [snapshot.time])
+        yield replace(snapshot, flown=made[n] if n >= 0 else None)
 
 
 def _snapshot(setting, trees, k, rng, doubt):

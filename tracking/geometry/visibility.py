@@ -3,25 +3,21 @@
 import math
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import Grid, free_share, make_grid
+from tracking.geometry.line_of_sight import Grid, cylinder_of, detectable_share, free_share, make_grid, optical_depth
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp, exp_each, power
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp, exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors, elementwise
 
-# m, height of the one point that stands for a person: half of a walking person's 1.7 m.
-TARGET_HEIGHT = 0.85
 # Area that leaves in random directions show along a line, as a share of their own. Source: [Monsi53].
 EXTINCTION = 0.5
-# A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
-# to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
-PART_EXPONENT = 0.555
 
 
 def at_target_height(places: Array) -> Array:
@@ -30,6 +26,35 @@ def at_target_height(places: Array) -> Array:
 
 
 Occlusion = Literal["line_of_sight", "disc"]
+Part = Literal["trunk", "canopy"]
+PARTS: tuple[Part, ...] = ("trunk", "canopy")  # in the order of `Forest.solids`
+
+
+class Solid(NamedTuple):
+    """A part of a tree: a vertical cylinder, full of leaves or opaque."""
+
+    part: Part
+    x: float  # m
+    y: float  # m
+    radius: float  # m
+    bottom: float  # m
+    top: float  # m
+    leaf_area_density: float = math.inf  # m²/m³; infinite if opaque
+
+    @property
+    def extinction(self) -> float:
+        """Extinction [1/m] of lines of sight inside; infinite if opaque."""
+        return EXTINCTION * self.leaf_area_density
+
+    @property
+    def cover(self) -> float:
+        """Share of the ground below that it hides from straight above."""
+        return 1.0 - exp(-self.extinction * (self.top - self.bottom)) if self.is_porous else 1.0
+
+    @property
+    def is_porous(self) -> bool:
+        """True if lines of sight pass in part."""
+        return math.isfinite(self.leaf_area_density)
 
 
 @dataclass(frozen=True)
@@ -45,16 +70,16 @@ class Tree:
     leaf_area_density: float = math.inf  # m²/m³, leaf area in the canopy's volume; infinite if the canopy is opaque
 
     @property
-    def extinction(self) -> float:
-        """Extinction [1/m] of lines of sight through the canopy; infinite if it is opaque."""
-        return EXTINCTION * self.leaf_area_density
+    def solids(self) -> tuple[Solid, ...]:
+        """The parts that hide people, from the ground up. Only this property knows the shape of a tree."""
+        x, y, base = self.x, self.y, self.canopy_base
+        trunk = Solid("trunk", x, y, self.trunk_radius, 0.0, base)
+        return trunk, Solid("canopy", x, y, self.canopy_radius, base, self.canopy_top, self.leaf_area_density)
 
     @property
     def cover(self) -> float:
         """Share of the ground below the canopy that it hides from straight above."""
-        if self.leaf_area_density == math.inf:
-            return 1.0
-        return 1.0 - exp(-self.extinction * (self.canopy_top - self.canopy_base))
+        return self.solids[-1].cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +91,8 @@ class Forest:
 
     @cached_property
     def is_porous(self) -> bool:
-        """True if any canopy is porous."""
-        return any(math.isfinite(tree.leaf_area_density) for tree in self.trees)
+        """True if any solid is porous."""
+        return any(solid.is_porous for solid in self.solids)
 
     @property
     def table(self) -> Array:
@@ -76,34 +101,44 @@ class Forest:
         return rows if self.is_porous else rows[:, :6]
 
     @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """The parts of all trees: for each of `PARTS` in turn, those of each tree."""
+        return tuple(solid for part in PARTS for tree in self.trees for solid in tree.solids if solid.part == part)
+
+    @cached_property
+    def tree_of_solids(self) -> Indices:
+        """Index (B,) of the tree that each of the `solids` is a part of."""
+        parts = [(PARTS.index(solid.part), k) for k, tree in enumerate(self.trees) for solid in tree.solids]
+        return np.array([k for _, k in sorted(parts)], dtype=np.int64)
+
+    @cached_property
     def cylinders(self) -> Array:
-        """All trunks and canopies (2 T, 6): x, y, radius, bottom, top [m], extinction [1/m], infinite if opaque."""
-        rows = [(t.x, t.y, t.trunk_radius, 0.0, t.canopy_base, math.inf) for t in self.trees]
-        for t in self.trees:
-            rows.append((t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, t.extinction))
-        return np.array(rows, dtype=float).reshape(-1, 6)
+        """All `solids` (B, 6): x, y, radius, bottom, top [m], extinction [1/m], infinite if opaque."""
+        return np.array([(*s[1:6], s.extinction) for s in self.solids], dtype=float).reshape(-1, 6)
 
     @cached_property
     def blockers(self) -> Array:
-        """Cylinders (B, 6) on lines of sight: trunks and canopies, or with "disc" one opaque disc for each canopy.
+        """Cylinders (B, 6) on lines of sight: those of all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
         at the target's height, where every line of sight ends.
         """
         if self.occlusion == "line_of_sight":
             return self.cylinders
-        rows = [(t.x, t.y, t.canopy_radius, TARGET_HEIGHT, TARGET_HEIGHT, math.inf) for t in self.trees]
-        return np.array(rows, dtype=float).reshape(-1, 6)
+        discs = self.canopies.copy()
+        discs[:, 3:5] = TARGET_HEIGHT
+        discs[:, 5] = math.inf
+        return discs
 
     @cached_property
     def canopies(self) -> Array:
-        """All canopies (T, 6), as in `cylinders`."""
-        return self.cylinders[len(self.trees) :]
+        """The canopies (T, 6), as in `cylinders`."""
+        return self.cylinders[[solid.part == "canopy" for solid in self.solids]].reshape(-1, 6)
 
     @cached_property
     def tree_of_blockers(self) -> Indices:
         """Index (B,) of the tree that each of the `blockers` is a part of."""
-        return np.arange(len(self.blockers)) % max(len(self.trees), 1)
+        return self.tree_of_solids if self.occlusion == "line_of_sight" else np.arange(len(self.trees))
 
     @cached_property
     def from_west(self) -> Indices:
@@ -130,6 +165,10 @@ class Forest:
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _find_free_shares(origins, ends, self.blockers, self.grid)
 
+    def shares_hidden(self, camera: Array, points: Array) -> Array:
+        """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
+        return _find_shares_hidden(camera, points, self.blockers, self.tree_of_blockers, len(self.trees))
+
 
 @compiled
 def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Array:
@@ -144,15 +183,15 @@ def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Gri
 
 
 @compiled
-def detectable_share(free: float) -> float:
-    """Probability that enough of a person shows to detect them, given the free share of the line of sight."""
-    return any_of_two(power(free, PART_EXPONENT)) if 0.0 < free < 1.0 else free
-
-
-@inlined
-def any_of_two(part: float) -> float:
-    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
-    return 1.0 - (1.0 - part) * (1.0 - part)
+def _find_shares_hidden(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Array:
+    """Shares (N, T) of segments from a camera (3,) to points (N, 3) that trees, `tree_of` cylinders (B, 6), hide."""
+    free, eye = np.ones((len(points), trees)), (camera[0], camera[1], camera[2])
+    for j in range(len(points)):
+        point = points[j, 0], points[j, 1], points[j, 2]
+        for b in range(len(cylinders)):
+            depth = optical_depth(eye, point, cylinder_of(cylinders, b), 0.0, 1.0)
+            free[j, tree_of[b]] *= 0.0 if depth == math.inf else exp(-depth)
+    return 1.0 - free
 
 
 @elementwise

@@ -69,15 +69,15 @@ def list_people_now(flight: Flight, shown: Shown, looks: Table) -> list[list[int
 
     A row has the person, the trouble, and in words who sees them and who holds them.
     """
-    recording, history = flight.recording, flight.history
+    recording, facts = flight.recording, flight.people
     worst = [*map(HOLDS.index, WORST_FIRST), HOLDS.index("absent")]
-    holds, scans = history.hold_states, np.arange(len(recording.times))[:, None]
+    holds, scans = facts.hold_states, np.arange(len(recording.times))[:, None]
     began = np.maximum.accumulate(np.where(np.diff(holds, axis=0, prepend=-1) != 0, scans, 0), axis=0)
-    views = [history.view_texts(m) for m in range(recording.person_count)]
-    tracks = recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape)
+    views = [facts.view_texts(m) for m in range(recording.person_count)]
+    tracks = recording.numbers_of(facts.tracks.ravel()).reshape(facts.tracks.shape)
     found = []
     for k in range(0, len(scans), shown.stride):
-        fleet = int(np.count_nonzero(history.working[k]))
+        fleet = int(np.count_nonzero(recording.working[k]))
         ranked = []
         for m, hold in enumerate(HOLDS[value] for value in holds[k]):
             words = views[m][k] or "not there", _tell_holders(tracks[k, :, m], hold, fleet)
@@ -103,9 +103,9 @@ def _tell_holders(tracks: Indices, hold: str, fleet: int) -> str:
 
 def make_timeline(flight: Flight, shown: Shown) -> dict[str, Any]:
     """Rows of people with bars (shade, first and last scan) of lanes and holds, bars of all others and of tracks."""
-    history, recording = flight.history, flight.recording
-    cameras, holds = history.camera_states[shown.every], history.hold_states[shown.every]
-    rows, folded = choose_rows(history)
+    facts, recording = flight.people, flight.recording
+    cameras, holds = facts.camera_states[shown.every], facts.hold_states[shown.every]
+    rows, folded = choose_rows(facts)
     places = {row.person: n for n, row in enumerate(rows)}
     bracketed = recording.uav_count > len(UAV_COLOURS)
     shades = Table()
@@ -128,6 +128,23 @@ def make_timeline(flight: Flight, shown: Shown) -> dict[str, Any]:
                 "lanes": [bars(list_views(cameras[:, i, m], i)) for i in uavs],
                 "holds": bars(list_holds(holds[:, m])),
             }
+            for m, uavs in rows
+        ],
+        "folded": {"name": f"{len(folded)} others", "bars": bars(list_shares(holds[:, folded]))} if folded else None,
+        "unmatched": {
+            "name": "no person" if recording.labelled else "tracks",
+            "bars": [
+                [shades.index_of(format_css(colours[e.kind])), *shown.span(e.first, e.last), row]
+                for e, row in assign_lanes(flight.events)
+            ],
+        },
+        "switches": [
+            [shown.span(e.first, e.first)[0], places.get(e.person, -1)]
+            for e in flight.events
+            if e.kind in IDENTITIES and e.person is not None
+        ],
+        "shades": list(shades),
+    }
 
 
 def make_chart_legend(flight: Flight, shades: Sequence[str]) -> list[list[str]]:

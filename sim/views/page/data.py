@@ -29,7 +29,7 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     recording, scenario = flight.recording, flight.scenario
     shown = choose_shown(recording)
     rate = scenario.rates.sensing / shown.stride
-    scenes = list(islice(make_scenes(recording, flight.history.hold_states), 0, None, shown.stride))
+    scenes = list(islice(make_scenes(recording, flight.people.hold_states), 0, None, shown.stride))
     looks = {name: Table() for name in ("uavs", "people", "tracks", "rows")}
     trees = recording.forest.trees
     errors = recording.errors[shown.every]

@@ -133,7 +133,7 @@ def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
 
 # By key and method: the class, the method's arguments, and what it gives, of which a line makes nonsense.
 MODEL = "from tracking.filter.kalman import NearlyConstantVelocity\n", "NearlyConstantVelocity"
-RULE = "from tracking.fusion.kla import KullbackLeiblerAverage\n", "KullbackLeiblerAverage"
+RULE = "from tracking.fusion.rule import KullbackLeiblerAverage\n", "KullbackLeiblerAverage"
 TRACKER = f"{NEAREST}\n\n", "Nearest"
 MODE = f"from dataclasses import replace\nfrom tracking.detection.detector import Frame\n{MODES}\n\n"
 METHODS = {
@@ -143,7 +143,7 @@ METHODS = {
     "accept": ("tracking.tracker", *TRACKER, "message"),
     "predict_all": ("tracking.motion", *MODEL, "means, covariances"),
     "contribution": ("network.fusion", *RULE, "local"),
-    "sense": ("sensing.mode", MODE, "Radar", "uav, time, pose, people"),
+    "sense": ("sensing.mode", MODE, "Radar", "shot"),
 }
 MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super().__init__(dt, sigma_a)\n\n    "}
 
@@ -193,14 +193,15 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("sense", "return replace(given, frame=3)", "frame: int is no tracking.detection.detector.Frame"),
         (
             "sense",
-            "return replace(given, frame=Frame(uav, time, None, pose, np.zeros(3)))",
+            "return replace(given, frame=Frame(shot.uav, shot.time, None, shot.pose, np.zeros(3)))",
             "frame's image of shape (3,)",
         ),
         ("sense", "return replace(given, faults=('hot',))", "faults: str is no sim.sensing.fault.Fault"),
-        ("sense", "return replace(given, matched=None)", "cannot sense: TypeError: 'NoneType' object is not callable"),
-        ("sense", "return replace(given, matched=lambda kept: 1 / 0)", "cannot sense: ZeroDivisionError: "),
-        ("sense", "return replace(given, matched=lambda kept: kept)", "matched is not an array (4,) of True and False"),
-        ("sense", "return replace(given, matched=lambda kept: people[:, 0])", "matched is not an array (4,) of True"),
+        ("sense", "1 / 0", "cannot sense: ZeroDivisionError: "),
+        ("sense", "return replace(given, owners=None)", "owners are not whole numbers of shape (2,)"),
+        ("sense", "return replace(given, owners=given.owners + 4)", "owners are not from -1 to 3"),
+        ("sense", "return replace(given, noise='some')", "noise 'some' is unknown; allowed are added and none"),
+        ("sense", "return replace(given, noise='none')", "noise is 'none', but there are no covariances"),
     ],
 )
 def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, line, complaint):
@@ -218,7 +219,7 @@ def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, lin
 def test_of_the_frame_of_a_sensor_mode_the_image_alone_is_used(tmp_path, module):
     key, code, base, arguments = METHODS["sense"]
     code += f"import numpy as np\n\n\nclass Bare({base}):\n    {MADE.get('sense', '')}def sense(self, {arguments}):\n"
-    frame = "Frame(uav, time, None, None, np.zeros((8, 8, 3), np.uint8))"
+    frame = "Frame(shot.uav, shot.time, None, None, np.zeros((8, 8, 3), np.uint8))"
     code += f"        return replace(super().sense({arguments}), frame={frame})\n"
     module("bare", code)
     flown(tmp_path / "out", *SHORT, "sensing.false_alarms=2", f"{key}=bare:Bare", planner="hover")
@@ -231,7 +232,7 @@ def test_of_the_frame_of_a_sensor_mode_the_image_alone_is_used(tmp_path, module)
         ("step", "scan.measurements[:] = scan.pose.position[:] = np.nan"),
         ("accept", "message.ids[:] = 0"),
         ("contribution", "local.means[:] = local.covariances[:] = np.nan"),
-        ("sense", "people[:] = pose.position[:] = pose.quaternion[:] = np.nan"),
+        ("sense", "shot.people[:] = shot.true.position[:] = shot.true.quaternion[:] = np.nan"),
     ],
 )
 def test_a_plug_in_that_changes_what_it_is_given_changes_nothing(module, call, line):

@@ -21,6 +21,7 @@ from sim.mission.knowledge import BodyState, Knowledge
 from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter, draw_lost_messages, find_links
 from sim.scenario.loading import load
 from sim.scenario.uavs import Cut, Network
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.study.trial_flight import fly_trial
 from tracking.geometry.camera import Pose
@@ -105,7 +106,7 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
 def decide(knowledge, k, poses, links):
     """Situations of the decision at scan k, in which the UAVs at these poses take frames without a detection."""
     time, uavs = k / 5.0, range(len(poses))
-    looks = [Sensors.rest(i, time, pose, np.zeros((0, 2))) for i, pose in enumerate(poses)]
+    looks = [Sensors.rest(Shot(i, 0, time, pose, np.zeros((0, 2)))) for i, pose in enumerate(poses)]
     looks = [replace(look, taken=knowledge._scenario.has_frame(i, k)) for i, look in enumerate(looks)]
     knowledge.track(time, looks, links, list(uavs))
     return knowledge.make_situations(k, [BodyState(pose, np.zeros(2)) for pose in poses], links, list(uavs))
@@ -136,7 +137,7 @@ def test_a_frame_changes_the_tracks_of_those_who_hear_of_it_alone():
     setting = load("forest", IDEAL)
     poses = [Pose.level(*uav.start, uav.altitude) for uav in setting.uavs]
     (person,) = people = np.array([[-28.0, 14.0]])
-    looks = [Sensors.rest(i, 0.0, pose, people) for i, pose in enumerate(poses)]
+    looks = [Sensors.rest(Shot(i, 0, 0.0, pose, people)) for i, pose in enumerate(poses)]
     measured = Scan(2, 0.0, poses[2], person[None] + 0.5, np.eye(2)[None] * 0.1)
     looks[2] = replace(looks[2], scan=measured, taken=True)
 

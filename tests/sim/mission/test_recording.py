@@ -23,7 +23,7 @@ from sim.mission.recorder import Recorder
 from sim.mission.recording import OPTIONAL, Recording
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
-from tracking.tracker import Scan
+from tracking.track import Scan
 
 
 @pytest.mark.parametrize("options", [{}, {"people": 0}, {"uavs": 1}, {"mode": "ideal"}, {"scans": 1}])
@@ -77,6 +77,14 @@ def test_snapshots_and_accessors_give_back_what_was_recorded():
     assert sum(len(scan.measurements) for snapshot in given for scan in snapshot.scans) > 20
     for k, snapshot in enumerate(given):
         np.testing.assert_equal(dataclasses.asdict(recording.snapshot(k)), dataclasses.asdict(snapshot))
+
+
+def test_a_mission_yields_the_rows_that_its_recording_gives():
+    mission, snapshots = fly("network.plan_delay=1.4", "uavs.1.fails_at=1.5", seed=1, duration=3, planner="sma-nbo")
+    recording = recording_of(mission, snapshots, seed=1)
+    assert [row.flown.made if row.flown else None for row in snapshots[::4]] == [None, None, 0.0, 1.0]
+    for k, row in enumerate(snapshots):
+        np.testing.assert_equal(dataclasses.asdict(recording.snapshot(k)), dataclasses.asdict(row))
 
 
 def test_faults_are_decoded_once_however_many_scans_are_asked_for(monkeypatch):

@@ -14,6 +14,7 @@ from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.sensing.vehicles import vehicle_of
@@ -25,7 +26,9 @@ from sim.world.world import World
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 
 def uav(mount="gimbal", tilt=30.0):
@@ -75,7 +78,7 @@ def test_a_tilted_camera_measures_people_ahead_where_they_are(tilt):
     with World(setting, Forest(()), 4) as world:
         world.place_people(people, np.zeros(4))
         sensors = Sensors(setting, world, Forest(()), rng=np.random.default_rng(0), clock=Stopwatch())
-        look = sensors.look(0, 0.0, camera_pose(setting.uavs[0], world.poses()[0]), people)
+        look = sensors.take(Shot(0, 0, 0.0, camera_pose(setting.uavs[0], world.poses()[0]), people))
     assert look.matched.tolist() == [True, True, True, False]  # the last one stands behind
     gaps = np.linalg.norm(people[:3, None] - look.scan.measurements, axis=2).min(axis=1)
     assert gaps.max() < 0.3

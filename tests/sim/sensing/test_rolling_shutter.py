@@ -19,6 +19,7 @@ from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Glimpse, Sweep
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
@@ -26,7 +27,8 @@ from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.registration.pose_errors import move_to_believed
 
 BARREL = Camera.calibrated(160, 120, (140.0, 138.0), (82.0, 59.0), (-0.3, 0.09, 0.001, -0.001))
@@ -145,8 +147,8 @@ def test_people_are_where_the_believed_poses_of_their_rows_put_them(errs):
             people = rng.permutation(np.column_stack([i.ravel(), j.ravel()]))[:PEOPLE] + rng.uniform(-1, 1, (PEOPLE, 2))
             world.place_people(people, rng.uniform(-math.pi, math.pi, PEOPLE))
             subject = Sensors(setting, world, Forest(()), rng=rng, clock=Stopwatch())
-            subject.look(0, 0.0, true[0], people, believed[0])
-            found = subject.look(0, 0.2, true[1], people, believed[1])
+            subject.take(Shot(0, 0, 0.0, true[0], people, believed[0]))
+            found = subject.take(Shot(0, 0, 0.2, true[1], people, believed[1]))
             for z, (_, v) in zip(found.scan.measurements, found.pixels, strict=True):
                 share = 1.0 + 0.5 * (v / 120 - 0.5)
                 expected = move_to_believed(people, at(true, share), at(believed, share))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.sensing.sensor_mode import SensorOutput
-from sim.sensing.sensor_output_check import check_detections, check_matches, check_output
+from sim.sensing.sensor_output_check import check_detections, check_output
 from tracking.detection.detector import Detections
 
 PEOPLE = np.array([[1.0, 2.0], [np.nan, np.nan], [3.0, 4.0]])
@@ -19,16 +19,17 @@ def test_check_detections_pass_as_floats_and_none_as_an_empty_list():
 
 
 def test_output_of_lists_and_truth_values_passes_as_arrays():
-    found = check_output(SensorOutput([[1, 2]], list, [True, False, False], [np.eye(2)], None, [[3, 4]], []), PEOPLE)
+    given = SensorOutput([[1, 2]], [0], [True, False, False], [np.eye(2)], pixels=[[3, 4]], faults=[])
+    found = check_output(given, PEOPLE)
     assert [a.dtype for a in (found.ground, found.covariances, found.pixels)] == [np.float64] * 3
     assert found.visible.tolist() == [1, 0, 0] and found.faults == ()
-    assert check_matches([True, False, False], PEOPLE).tolist() == [True, False, False]
-    empty = check_output(SensorOutput(np.zeros((0, 2)), list, np.zeros(0, dtype=np.uint8)), PEOPLE[:0])
+    assert found.owners.tolist() == [0]
+    empty = check_output(SensorOutput(np.zeros((0, 2)), [], np.zeros(0, dtype=np.uint8)), PEOPLE[:0])
     assert (empty.covariances, empty.pixels) == (None, None) and empty.visible.shape == (0,)
 
 
 def test_absent_people_are_neither_shown_nor_detected():
     with pytest.raises(ValueError, match="visible include absent people"):
-        check_output(SensorOutput(PEOPLE[:1], list, np.ones(3, dtype=int)), PEOPLE)
-    with pytest.raises(ValueError, match="matched include absent people"):
-        check_matches(np.array([True, True, False]), PEOPLE)
+        check_output(SensorOutput(PEOPLE[:1], [0], np.ones(3, dtype=int)), PEOPLE)
+    with pytest.raises(ValueError, match="owners include absent people"):
+        check_output(SensorOutput(PEOPLE[:1], [1], np.array([1, 0, 0])), PEOPLE)

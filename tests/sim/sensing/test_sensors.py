@@ -14,6 +14,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.scenario.uavs import DEFAULT_FLEET, Uav
 from sim.sensing.renderer import Renderer
+from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Clutter, Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
@@ -22,7 +23,8 @@ from tracking.detection.detection_errors import whole_covariances
 from tracking.detection.detector import Frame
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree, detectable_shares
 
 OPEN = Forest(())
 ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]
@@ -56,7 +58,7 @@ def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
             subject = sensors(setting, world, forest)
             pose = Pose.level(*rng.uniform(-3, 3, 2), exact.altitude)
             people = rng.uniform(-15, 15, (30, 2))
-            look = subject.look(0, 0.4, pose, people)
+            look = subject.take(Shot(0, 0, 0.4, pose, people))
         half = (exact.altitude - TARGET_HEIGHT) * math.tan(math.radians(30))
         inside = np.all(np.abs(people - pose.position[:2]) <= half, axis=1)
         points = np.column_stack([people, np.full(30, TARGET_HEIGHT)])
@@ -76,7 +78,7 @@ def test_ideal_sensing_detects_people_under_porous_trees_as_often_as_enough_of_t
     forest, pose, people = Forest(tuple(trees)), Pose.level(0.0, 0.0, 20.0), rng.uniform(-10, 10, (200, 2))
     with World(setting, forest, 200) as world:
         subject = sensors(setting, world, forest)
-        found = np.mean([subject.look(0, 0.0, pose, people).matched for _ in range(400)], axis=0)
+        found = np.mean([subject.take(Shot(0, 0, 0.0, pose, people)).matched for _ in range(400)], axis=0)
     points = np.column_stack([people, np.full(200, TARGET_HEIGHT)])
     expected = detectable_shares(forest.free_shares(pose.position, points)[0])
     assert np.all(np.abs(found - expected) <= 4.5 * np.sqrt(expected * (1 - expected) / 400))
@@ -94,7 +96,7 @@ def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset, draws):
     with World(setting, OPEN, 1) as world:
         world.place_people(person[None], np.zeros(1))
         subject = sensors(setting, world)
-        scans = [subject.look(uav, 0.0, pose, person[None]).scan for _ in range(draws)]
+        scans = [subject.take(Shot(uav, 0, 0.0, pose, person[None])).scan for _ in range(draws)]
         seen = BlobDetector().detect(
             Frame(uav, 0.0, subject.cameras[uav], pose, Renderer(world).render(subject.cameras[uav], pose).image)
         )
@@ -120,7 +122,7 @@ def test_nothing_is_added_to_what_the_camera_itself_measures():
         for uav, altitude in enumerate(ALTITUDES):
             people = np.array([[-6.0, -6.0], [5.0, -4.0], [-3.0, 6.0], [5.0, 5.0]]) + rng.uniform(-1, 1, (4, 2))
             world.place_people(people, rng.uniform(-3, 3, 4))
-            look = subject.look(uav, 0.0, Pose.level(0.0, 0.0, altitude), people)
+            look = subject.take(Shot(uav, 0, 0.0, Pose.level(0.0, 0.0, altitude), people))
             frame = Frame(uav, 0.0, subject.cameras[uav], look.scan.pose, look.image)
             assert len(look.scan.measurements) == 4
             np.testing.assert_array_equal(look.scan.measurements, BlobDetector().detect(frame).ground)
@@ -134,10 +136,10 @@ def test_absent_people_are_never_seen(mode):
     people = np.array([[np.nan, np.nan], [2.0, -3.0], [np.nan, np.nan]])
     with World(setting, OPEN, 3) as world:
         world.place_people(people, np.zeros(3))
-        look = sensors(setting, world).look(0, 0.0, pose, people)
+        look = sensors(setting, world).take(Shot(0, 0, 0.0, pose, people))
         absent = np.full((3, 2), np.nan)
         world.place_people(absent, np.zeros(3))
-        empty = sensors(setting, world).look(0, 0.0, pose, absent)
+        empty = sensors(setting, world).take(Shot(0, 0, 0.0, pose, absent))
     assert look.matched.tolist() == (look.visible > 0).tolist() == [False, True, False]
     assert look.scan.measurements.shape == (1, 2)
     assert np.linalg.norm(look.scan.measurements[0] - people[1]) < 2.0
@@ -263,7 +265,7 @@ def test_people_at_the_edge_of_a_canopy_are_measured_where_they_are():
             away = np.array([side * math.cos(angle), math.sin(angle)])
             person = tree + (2.3 * angle + rng.uniform(3.3, 4.0)) * away
             world.place_people(person[None], rng.uniform(-3, 3, 1))
-            look = subject.look(0, 0.0, pose, person[None])
+            look = subject.take(Shot(0, 0, 0.0, pose, person[None]))
             if 0 < look.visible[0] < 7:
                 frame = Frame(0, 0.0, subject.cameras[0], pose, look.image)
                 raw.append((BlobDetector().detect(frame).ground[0] - person) @ away)

@@ -7,8 +7,8 @@ from helpers.flown_pages import eventful
 
 from planning.planner import Plan
 from sim.facts.flight import Flight
-from sim.facts.history import STATES, History
 from sim.facts.metrics.holding import HOLDS
+from sim.facts.people import STATES, PeopleFacts
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import ALARM, LOST, uav_colour
 from sim.views.page.data import make_page_data
@@ -49,7 +49,7 @@ def expected(delayed, k, uav):
 
 def test_intents_are_what_is_flown_from_when_a_plan_is_due_and_the_page_has_them(delayed):
     recording = delayed[1]
-    scenes = list(make_scenes(recording, History.of(recording).hold_states))
+    scenes = list(make_scenes(recording, PeopleFacts(recording).hold_states))
     page = make_page_data(Flight(recording), None)["uavs"]
     for k in range(len(recording.times) - 5):
         for uav in range(3):
@@ -83,7 +83,7 @@ def flat(scene):
 
 def test_scenes_in_flight_those_of_a_recording_and_that_of_one_scan_are_the_same():
     recording = eventful()
-    history = History.of(recording)
+    history = PeopleFacts(recording)
     flown = SceneMaker(recording.setting)
     for k, scene in enumerate(make_scenes(recording, history.hold_states)):
         assert flat(flown.add(recording.snapshot(k))) == flat(scene)
@@ -93,9 +93,9 @@ def test_scenes_in_flight_those_of_a_recording_and_that_of_one_scan_are_the_same
 
 def test_people_are_as_seen_and_held_as_the_history_says_and_uavs_break_down():
     recording = eventful()
-    history = History.of(recording)
+    history = PeopleFacts(recording)
     for k, scene in enumerate(make_scenes(recording, history.hold_states)):
-        assert [person.number for person in scene.people] == np.flatnonzero(history.present[k]).tolist()
+        assert [person.number for person in scene.people] == np.flatnonzero(recording.present[k]).tolist()
         for person in scene.people:
             best = STATES[history.camera_states[k, :, person.number].max()]
             assert person.view == ("seen" if best in ("seen", "missed") else best)

@@ -14,14 +14,14 @@ import pytest
 from helpers.films import decoded
 from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
+from sim.facts.scan_choice import find_scans
 
 from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight
-from sim.facts.history import BROKEN, STATES, History
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.metric import Outcome
-from sim.facts.scan_choice import find_scans
+from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.mission.fault_text import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
@@ -106,7 +106,7 @@ def test_commands_name_the_scan_of_an_event_at_any_rate():
 
 
 def test_the_data_are_those_of_the_recording(mission, text):
-    recording, history = mission, History.of(mission)
+    recording, history = mission, PeopleFacts(mission)
     data = data_of(text)
     numbers = list(dict.fromkeys(recording.track_ids.tolist()))
     for k, i in np.argwhere(recording.working).tolist():
@@ -121,7 +121,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
             spread = float(along @ track.belief.covariance[:2, :2] @ along)
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
     for k, people in enumerate(data["people"]):
-        assert [person is None for person in people] == [not here for here in history.present[k]]
+        assert [person is None for person in people] == [not here for here in recording.present[k]]
         rings = {m: data["looks"]["people"][person[0]][4] for m, person in enumerate(people) if person}
         assert {m for m, ring in rings.items() if ring == data["colours"]["lost"]} == {
             m for m, first, last in LOST if first <= k <= last
@@ -142,7 +142,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
 
 
 def test_bars_of_the_timeline_are_the_states_of_the_history(mission, text):
-    timeline, history = data_of(text)["timeline"], History.of(mission)
+    timeline, history = data_of(text)["timeline"], PeopleFacts(mission)
     shades = [*timeline["shades"]]
     for m, row in enumerate(timeline["rows"]):
         for i, lane in enumerate(row["lanes"]):
