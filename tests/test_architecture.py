@@ -36,7 +36,8 @@ LAYERS = {
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "mission", "facts.metrics", "facts"),
-        *("facts.explain", "views.drawing", "views.frames", "views", "views.page", "views.rerun", "exchange"),
+        *("facts.explain", "views.drawing.palette", "views.scene", "views.drawing", "views.frames", "views"),
+        *("views.page", "exchange"),
         *("running", "terminal", "study", "study.analysis", "study.report.figures", "study.report"),
         *("environments", "cli", "__main__"),
     ),

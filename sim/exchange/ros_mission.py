@@ -1,7 +1,7 @@
 """A recorded mission as a bag of ROS 2, with a layout of Foxglove for it."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
@@ -13,14 +13,14 @@ import numpy as np
 from sim.exchange import ros_bag as ros
 from sim.exchange.csv_files import write_map_and_settings, write_truth
 from sim.exchange.ros_flight import flip
-from sim.exchange.ros_scene import LEVEL, WORLD, UavScene, draw_forest, draw_people, head, stamp
+from sim.exchange.ros_scene import LEVEL, WORLD, draw_forest, draw_people, draw_uav, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
-from sim.facts.metrics.holding import FAR, HOLDS
+from sim.facts.metrics.holding import FAR
 from sim.facts.rerender import Rerenderer
-from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
+from sim.views.scene import SceneMaker
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
@@ -50,7 +50,7 @@ def write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> N
 
 def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
     flight = Flight(recording)
-    scene = UavScene(recording)
+    scenes = SceneMaker(recording.setting, recording.track_numbers)
     events = list(flight.events) if truth else []
     odometry = {ros.BODY: _find_believed_bodies(recording)} | ({ros.TRUE_BODY: recording.poses} if truth else {})
     with ros.RosBag(folder) as bag, ExitStack() as stack:
@@ -60,9 +60,10 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
         for k, time in enumerate(recording.times.tolist()):
             _write_events(bag, [event for event in events if event.time <= time])
             events = [event for event in events if event.time > time]
-            snapshot = number_snapshot(recording, k)
+            snapshot = recording.snapshot(k)
+            scene = scenes.add(snapshot, flight.people.hold_states[k])
             bag.write(ros.FRAMES, time, (_list_frames(recording, k, odometry[ros.BODY][k]),))
-            for i, markers in enumerate(scene.draw(snapshot)):
+            for i, uav in enumerate(scene.uavs):
                 for topic, poses in odometry.items():
                     bag.write(topic, time, _describe_motion(recording, k, i, poses), i)
                 bag.write(ros.COMMAND, time, (head(time), {"linear": (*recording.commands[k, i].tolist(), 0.0)}), i)
@@ -75,11 +76,10 @@ def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                         content = cv2.imencode(".jpg", again.image(k, i)[..., ::-1], _JPEG)[1]
                         bag.write(ros.IMAGES, time, (head(time, _name_camera(i)), "jpeg", content), i)
                 if i in snapshot.working:
-                    _write_tracks(bag, snapshot, i)
-                bag.write(ros.UAV_MARKERS, time, markers, i)
+                    _write_tracks(bag, snapshot, i, recording.track_numbers)
+                bag.write(ros.UAV_MARKERS, time, draw_uav(time, uav), i)
             if truth and recording.labelled:
-                holds = [HOLDS[hold] for hold in flight.people.hold_states[k]]
-                bag.write(ros.PEOPLE, time, draw_people(snapshot, holds))
+                bag.write(ros.PEOPLE, time, draw_people(scene))
                 _write_errors(bag, snapshot)
         _write_events(bag, events)
 
@@ -162,10 +162,10 @@ def _write_detections(bag: ros.RosBag, snapshot: Snapshot, uav: int, camera: Cam
     bag.write(ros.IMAGE_DETECTIONS, time, (header, boxes), uav)
 
 
-def _write_tracks(bag: ros.RosBag, snapshot: Snapshot, uav: int) -> None:
+def _write_tracks(bag: ros.RosBag, snapshot: Snapshot, uav: int, numbers: Mapping[int, int]) -> None:
     """A UAV's tracks, with their existence as scores, and the bytes that it sent."""
     time = snapshot.time
-    tracks = [_place(time, t.belief, t.existence, str(t.id)) for t in snapshot.tracks[uav]]
+    tracks = [_place(time, t.belief, t.existence, str(numbers[t.id])) for t in snapshot.tracks[uav]]
     bag.write(ros.TRACKS, time, (head(time), tracks), uav)
     bag.write(ros.BYTES_SENT, time, (float(snapshot.bytes_sent[uav]),), uav)
 

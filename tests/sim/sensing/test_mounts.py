@@ -18,6 +18,7 @@ from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import PANEL
+from sim.views.scene import SceneMaker
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -119,15 +120,14 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
 
 def test_the_map_keeps_what_a_slow_camera_saw_last():
     setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
-    view = MapView(setting, Forest(()), (790, 540))
+    view, scenes = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting)
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
     hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark
     for k in range(6):
         changes = {"people": place[None], "visible": np.full((1, 1), 9 if k == 0 else 0)}
         changes["frames"] = np.array([setting.has_frame(0, k)])
         snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
-        image = np.zeros((540, 790, 3), dtype=np.uint8)
-        view.draw(image, snapshot)
+        image, _ = view.draw(scenes.add(snapshot))
         x, y = np.array([395, 270]) + view.scale * (place * [1.0, -1.0])
         hollow.append(bool(np.all(image[int(y), int(x)] == PANEL)))
     assert hollow == [False] * 5 + [True]
