@@ -17,9 +17,6 @@ from sim.mission.archive import save
 from sim.mission.recorder import Recorder
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.views.drawing.labels import Labels
-from sim.views.drawing.map_view import ALERT, MapView
-from sim.views.drawing.palette import ALARM
 from sim.world.contacts import KINDS, Contact, describe_body
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree
@@ -79,6 +76,11 @@ def test_contacts_of_missions_are_recorded_and_come_back_from_the_disk(tmp_path)
     assert recording.contacts[:, 0].tolist() == [0, 0, 1, 1, 2, 2]
 
 
+def test_a_contact_is_described_in_words():
+    words = ["UAV 4", "the canopy of tree 4", "the trunk of tree 4", "person 4", "the ground"]
+    assert [describe_body(kind, 0 if kind == "ground" else 4) for kind in KINDS] == words
+
+
 def with_contacts(rows):
     return dataclasses.replace(record(), contacts=np.array(rows, dtype=np.int64).reshape(-1, 4))
 
@@ -99,29 +101,3 @@ def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
     assert "contacts" not in texts[0]
     for piece in ("contacts", "at 0.6 s", "UAV 0 touched UAV 1", "at 0.8 s", "UAV 2 touched the canopy of tree 7"):
         assert piece in texts[1]
-
-
-def test_the_map_says_in_words_what_was_touched(monkeypatch):
-    words = ["UAV 4", "the canopy of tree 4", "the trunk of tree 4", "person 4", "the ground"]
-    assert [describe_body(kind, 0 if kind == "ground" else 4) for kind in KINDS] == words
-    setting, texts = synthetic.scenario(), []
-    (snapshot,) = synthetic.snapshots(setting, Forest(()), 1)
-    touching = dataclasses.replace(snapshot, contacts=(Contact(0, "uav", 1), Contact(2, "ground", 0)))
-    monkeypatch.setattr(Labels, "put", lambda self, text, *_, **__: texts.append(text))
-    MapView(setting, Forest(()), (790, 540)).draw(np.zeros((540, 790, 3), dtype=np.uint8), touching)
-    assert {"touched UAV 1", "touched the ground"} <= set(texts)
-
-
-def test_the_map_marks_a_uav_for_a_second_after_its_contact():
-    setting = synthetic.scenario(uavs=2)
-    given = list(synthetic.snapshots(setting, Forest(()), 12))
-    given = [dataclasses.replace(s, contacts=(Contact(1, "uav", 0),) if k == 2 else ()) for k, s in enumerate(given)]
-    view, marked = MapView(setting, Forest(()), (790, 540)), []
-    for snapshot in given:
-        image = np.zeros((540, 790, 3), dtype=np.uint8)
-        view.draw(image, snapshot)
-        centre = np.array([395, 270]) + view.scale * snapshot.poses[1].position[:2] * [1, -1]
-        rows, columns = np.nonzero(np.all(image == ALARM, axis=2))
-        ring = np.abs(np.hypot(columns + 0.5 - centre[0], rows + 0.5 - centre[1]) - 15.0) < 2.0
-        marked.append(bool(ring.sum() > 40))
-    assert marked == [2 <= k < 2 + round(ALERT * 5) for k in range(12)]
