@@ -15,12 +15,12 @@ from sim.world.appearance import AppearanceSample
 from sim.world.engine import Engine, pybullet
 from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
-from tracking.geometry.visibility import PARTS, TARGET_HEIGHT, Forest, Part, Solid
+from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
+from tracking.geometry.visibility import PARTS, Forest, Part, Solid
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import hypot
 
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
-_PERSON_RADIUS = 0.25  # m, of the solid body
 _WHITE = (1.0, 1.0, 1.0)
 _UNIT = (1.0, 1.0, 1.0)
 _MESHES = {"uav": "quadrotor"}  # where a mesh has another name than its kind
@@ -179,7 +179,7 @@ class Bodies:
             self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         else:
             if model.shape not in self._shapes:
-                size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if model.kind == "person" else model.scale[1:]
+                size = (PERSON_RADIUS, PERSON_HEIGHT) if model.kind == "person" else model.scale[1:]
                 mesh = add_mesh(self.engine, model) if self._drawn or model.leaves is None else -1
                 self._shapes[model.shape] = self._make_cylinder(*size), mesh
             id_ = int(self.engine.createMultiBody(0.0, *self._shapes[model.shape], model.place))
