@@ -31,7 +31,7 @@ from sim.scenario.camera_settings import read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
 from sim.scenario.settings_text import format_toml
-from sim.world.stem_map import read_stem_map
+from sim.world.stem_map import TREE_COLUMNS, read_stem_map
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
 
@@ -43,8 +43,6 @@ _PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _
 POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *_QUATERNION)
 DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
 CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
-TREE_COLUMNS = ("x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m")
-_LEAVES = "leaf_area_density_m2_per_m3"  # one more column, if any canopy is porous; empty for those that are opaque
 # Endings of columns by which `tracks.csv` names units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
 _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
@@ -203,7 +201,7 @@ def write_map_and_settings(recording: Recording, folder: Path) -> None:
     flown = json.loads(recording.scenario) | {"duration": float(recording.times[-1]) or recording.setting.duration}
     (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
-    write_table(folder / "trees.csv", (*TREE_COLUMNS, _LEAVES)[: recording.trees.shape[1]], trees)
+    write_table(folder / "trees.csv", TREE_COLUMNS[: recording.trees.shape[1]], trees)
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Cells]) -> None:

@@ -15,7 +15,8 @@ from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
 
 MAX_STEMS = 100_000
-# Columns of trees that are exported: the fields of `Tree` with their units.
+# Columns of exported trees: the fields of `Tree` with their units. The last is there if any canopy is porous, and empty
+# for opaque ones.
 TREE_COLUMNS = tuple(f"{f.name}_{'m2_per_m3' if f.name == 'leaf_area_density' else 'm'}" for f in fields(Tree))
 _SIZES = ("crown_radius", "crown_base", "height", "trunk_radius", "dbh")
 _COLUMNS = ("x", "y", *_SIZES, "leaf_area_density")

@@ -216,7 +216,7 @@ def test_the_scene_has_trees_people_views_intents_and_ellipses(recording, bag):
             seen |= {"detections"} if len(recording.scan_at(k, i).measurements) else set()
             assert {*kinds} == {"uav", "names"} | (seen if works else set())
             names = [marker.text for marker in message.markers if marker.ns == "names"]
-            assert names == [f"UAV {i}" if works else f"UAV {i}, broken down"]
+            assert names == [f"UAV {i}" if works else f"UAV {i}: broken down"]
             drawn = [marker for marker in message.markers if marker.ns == "tracks"]
             tracks = recording.tracks_at(k, i)
             for marker, track in zip(drawn, tracks, strict=True):

@@ -21,7 +21,7 @@ from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import parse_duration, parse_integer, parse_integers, parse_interval, parse_number
 from sim.scenario.scenario import Rates, Scenario, ScenarioSettings, check_workload, encode_scenario
 from sim.scenario.settings_text import list_changes
-from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml, tomllib
+from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml
 from sim.scenario.uavs import Uav
 from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
@@ -118,11 +118,8 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
     [
         (lambda t: parse_integer(t, "--seed", least=0, most=9), "9" * 5000, ["--seed", "0 to 9"]),
         (lambda t: parse_integers(t, "--seeds"), "0-9999999999", ["--seeds", "'0-9999999999'", "at most 100000"]),
-        (lambda t: parse_integers(t, "--seeds"), "0-99999,100000", ["--seeds", "'100000'", "at most 100000"]),
-        (lambda t: parse_integers(t, "--seeds"), str(2**128), ["--seeds", f"none above {2**128 - 1}"]),
         (lambda t: parse_integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
         (lambda t: parse_duration(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
-        (lambda t: parse_duration(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 31622400 s"]),
     ],
 )
 def test_numbers_on_the_command_line_are_bounded(read, text, words):
@@ -182,7 +179,6 @@ def sparse(path):
         (os.mkfifo, "is not a file"),
         (lambda path: path.mkdir(), "is not a file"),
         (lambda path: path.symlink_to("/dev/zero"), "is not a file"),
-        (lambda path: path.symlink_to("/dev/random"), "is not a file"),
         (lambda path: path.symlink_to(path.name), "symbolic links"),
         (lambda path: None, "No such file"),
         (sparse, f"more than the {MOST_BYTES} bytes that are allowed"),
@@ -193,7 +189,7 @@ def sparse(path):
         (lambda path: path.write_bytes(gzip.compress(b"x,y")), NO_TEXT),
     ],
     ids=[
-        *("pipe", "folder", "zeros", "chance", "loop", "nothing", "too large", "no text"),
+        *("pipe", "folder", "zeros", "loop", "nothing", "too large", "no text"),
         *("UTF-16 without a mark", "half of UTF-16", "UTF-32", "compressed"),
     ],
 )
@@ -232,23 +228,6 @@ def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
         parse_toml(written, "field")
-
-
-@pytest.mark.parametrize(
-    "written",
-    [
-        "x = 1  # {}",
-        "x = '{}'",
-        r'x = "\"{}"',
-        'x = """\\"""{}\n{}"""""',
-        "x = '''{}\n{}''''",
-        'x = [\n"{}",  # "{}\n \'{}\']',
-    ],
-    ids=["comment", "literal", "basic", "basic of lines", "literal of lines", "list"],
-)
-def test_sentences_in_comments_and_strings_are_no_keys(written):
-    told = written.replace("{}", "Fly once more. " * 200)
-    assert parse_toml(told, "field") == tomllib.loads(told)
 
 
 @pytest.mark.parametrize("piece", ['"""\n', '\\"""\n', "'''\n'", "'", '"', "\\", '",', "#"])

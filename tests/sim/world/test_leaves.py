@@ -63,12 +63,11 @@ def test_clusters_are_squares_with_centres_evenly_in_the_crown_and_directions_ev
 
 
 def test_each_tree_has_its_own_leaves_and_the_seed_decides_them():
-    tree = replace(CROWN, leaf_area_density=1.0).solids[-1]
-    first = Leaves(0, 0, tree).draw()
-    assert np.array_equal(first, Leaves(0, 0, tree).draw())
+    crown = replace(CROWN, leaf_area_density=1.0).solids[-1]
+    first = Leaves(0, 0, crown).draw()
+    assert np.array_equal(first, Leaves(0, 0, crown).draw())
     for seed, index in ((1, 0), (0, 1)):
-        other = Leaves(seed, index, tree).draw()
-        assert not np.array_equal(first[:5], other[:5])
+        assert not np.array_equal(first[:5], Leaves(seed, index, crown).draw()[:5])
 
 
 def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_larger_clusters():

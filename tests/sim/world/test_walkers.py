@@ -129,15 +129,6 @@ def test_the_default_four_cross_bend_and_part(seeds):
     assert np.mean(crossed) >= 0.9 and np.mean(converged) >= 0.9
 
 
-def test_three_footprints_can_nearly_always_hold_the_default_four():
-    held = []
-    for seed in range(20):
-        positions, _ = walked(seed)
-        apart = [np.abs(positions[:, i] - positions[:, j]).max(axis=1) for i in range(4) for j in range(i)]
-        held.append(np.min(apart, axis=0) < 18)
-    assert np.mean(held) > 0.97
-
-
 def test_people_set_out_for_their_second_waypoint():
     positions, _ = walked(0, trees=Trees(density=0), people=People(count=1, paths=(((-40, 0), (-20, 30), (60, -40)),)))
     east, north = positions[30, 0] - positions[0, 0]
