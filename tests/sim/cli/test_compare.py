@@ -5,7 +5,6 @@ from helpers.studies import Serial, sql
 
 from sim.mission.archive import load
 from sim.study.store import Store, StoreError, read_rows
-from sim.terminal.progress import describe_pace
 
 FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
 INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
@@ -160,12 +159,6 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
     assert compare(*both, "--seeds", "0", executor=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
     assert "not shown" not in compare(*both, "--seeds", "0,1", executor=Serial())[2]
-
-
-def test_the_pace_of_a_study_in_words():
-    assert describe_pace(0, 10, 0, 3.0) == "" and describe_pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
-    assert describe_pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
-    assert describe_pace(10, 0, 0, 20.0) == ", 30.0 a minute"
 
 
 SCORED = """
