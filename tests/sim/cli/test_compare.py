@@ -123,14 +123,13 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
     assert (code, err, executor.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
 
 
-def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch):
-    def failing(connection, path, study):
-        raise StoreError(f"{path}: database or disk is full")
+def test_what_ends_before_the_first_trial_is_one_line_and_says_that_nothing_was_flown(compare):
+    class Lost(Serial):
+        def __enter__(self):
+            raise StoreError("no room")
 
-    monkeypatch.setattr("sim.study.store._prepare", failing)
-    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s")
-    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, s is unchanged\n"
-    assert (code, err) == (1, told)
+    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s", executor=Lost())
+    assert (code, err) == (1, "understory: no room; no trial was flown, s is unchanged\n")
 
 
 def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path):
