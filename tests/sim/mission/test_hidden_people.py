@@ -11,14 +11,14 @@ import pytest
 from helpers.flights import fly
 from scipy.stats import kstest, multivariate_normal
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.management.escapes import Escapes
 
 COUNT = 3000

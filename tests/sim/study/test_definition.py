@@ -9,8 +9,8 @@ from collections import Counter
 import msgspec
 import pytest
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.scenario.overrides import _parse_value
 from sim.scenario.scenario import Scenario
@@ -19,7 +19,7 @@ from sim.study.cells import add_trackers, list_cells
 from sim.study.definition import STUDIES, Study, adapt_study, read_study
 from sim.study.trials import list_trials
 from tracking.errors import InputError
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 FILE = """
 [study]
