@@ -115,13 +115,18 @@ def list_trials(study: Study, metrics: Sequence[str] = ()) -> list[StudyTrial]:
 
 @functools.lru_cache(maxsize=1)
 def get_release() -> str:
-    """Version of this package with a digest of its code, which changes between releases: 1.2.0+89abcdef.
+    """Release of the installed package, read once in a process."""
+    return compute_release(ROOT)
+
+
+def compute_release(root: Path) -> str:
+    """Version of this package with a digest of the code in a folder, which changes between releases: 1.2.0+89abcdef.
 
     The digest includes the quadrotor's body and the meshes, and does not depend on the place of installation.
     """
     digest = hashlib.sha256()
-    for name in sorted(file.relative_to(ROOT).as_posix() for pattern in _RELEASED for file in ROOT.glob(pattern)):
-        data = (ROOT / name).read_bytes()
+    for name in sorted(file.relative_to(root).as_posix() for pattern in _RELEASED for file in root.glob(pattern)):
+        data = (root / name).read_bytes()
         digest.update(f"{name} {len(data)}\n".encode() + data)
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 

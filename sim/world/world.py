@@ -20,7 +20,6 @@ from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
 from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
-from tests.helpers.scenes import AWAY
 from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import rotate, settle
