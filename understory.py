@@ -11,7 +11,8 @@ Example:
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from concurrent.futures import Executor
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,11 +42,11 @@ from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repea
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
-from sim.study.backends import Pool
-from sim.study.scheduler import fly_tasks
+from sim.study.definition import make_study
+from sim.study.executors import Pool
+from sim.study.scheduler import fly_trials
 from sim.study.store import tabulate_rows
-from sim.study.study import make_study
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 from tracking.detection.detector import Detections, Detector, Frame
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
@@ -189,6 +190,7 @@ def compare(
     repeats: int = 1,
     settings: Mapping[str, Any] | None = None,
     workers: int | None = None,
+    executor: Executor | None = None,
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
@@ -201,6 +203,7 @@ def compare(
         repeats: Number of flights on each map, each with different noise.
         settings: Keys of the scenarios to change, as {"trees.density": 75}.
         workers: Number of processes; by default one per core.
+        executor: Flies the missions in place of such processes, for example dask's `client.get_executor(pure=False)`.
 
     Returns:
         A pandas data frame, or a polars one if pandas is not installed. Its columns are planner, scenario, seed,
@@ -211,9 +214,9 @@ def compare(
     """
     tabulate_rows([])  # raises the error for a missing library now rather than after the flights
     processes = None if workers is None else parse_integer(workers, "workers", least=1, most=WORKERS)
-    listed = list_tasks(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
-    with Pool(processes) as pool:
-        return tabulate_rows(fly_tasks(listed, pool))
+    listed = list_trials(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
+    with nullcontext(executor) if executor else Pool(processes) as flying:
+        return tabulate_rows(fly_trials(listed, flying))
 
 
 def parallel_env(

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from sim.study.analysis.intervals import Estimate, estimate_means
 from sim.study.analysis.metric_choice import find_shown_metric
+from sim.study.definition import read_study
 from sim.study.store import read_rows
-from sim.study.study import read_study
-from sim.study.tasks import Row
+from sim.study.trials import TrialRow
 
 PICTURE = Path(__file__).parent / "media" / "flights.png"
 STUDY = read_study("flights")
@@ -32,7 +32,7 @@ AXES = {
 COLOURS = ("#d55e00", "#0072b2", "#009e73")
 
 
-def estimate(rows: Sequence[Row]) -> dict[tuple[str, str], list[Estimate]]:
+def estimate(rows: Sequence[TrialRow]) -> dict[tuple[str, str], list[Estimate]]:
     """Mean of each metric over the maps, by flight and tracker, with its interval."""
     found: dict[tuple[str, str], dict[int, list[float]]] = {}
     for row in rows:

@@ -17,17 +17,15 @@ from msgspec.structs import replace
 
 from sim.facts.metrics.metric import Metric
 from sim.mission.atomic_files import write_whole
-from sim.study.analysis.answers import Answer, holm, map_means
-from sim.study.analysis.cell_text import Cell
-from sim.study.analysis.differences import Difference, differences, pair_differences
+from sim.study.analysis.answers import Answer, Difference, differences, holm, map_means, pair_differences
 from sim.study.analysis.groups import Group, Run, group_rows
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import Scored, score_planners
-from sim.study.cells import VIEW, list_cells
+from sim.study.cells import VIEW, Levels, list_cells
+from sim.study.definition import read_study
 from sim.study.report.figures.pictures import draw_score_picture
 from sim.study.store import read_rows
-from sim.study.study import read_study
-from sim.study.tasks import Row
+from sim.study.trials import TrialRow
 from tracking.numerics.arrays import Array
 
 DOCS = Path(__file__).parent
@@ -57,7 +55,7 @@ _DIGITS = 10  # of a metric: the same trial gives all of them again
 METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
 
 
-def trials() -> list[Row]:
+def trials() -> list[TrialRow]:
     """The trials that are listed."""
     if not TRIALS.exists():
         return []
@@ -65,11 +63,11 @@ def trials() -> list[Row]:
         return [_row(line) for line in csv.DictReader(file)]
 
 
-def _row(line: dict[str, str]) -> Row:
+def _row(line: dict[str, str]) -> TrialRow:
     factors = (("scenario", line["world"]), *([(VIEW, line[VIEW])] if line[VIEW] else []))
     metrics = {name: float(line[name] or "nan") for name in METRICS}
     place = {"scenario": line["world"], "factors": factors, "planner": line["planner"], "seed": int(line["seed"])}
-    return Row(**place, version=line["version"], status="done", metrics=metrics)
+    return TrialRow(**place, version=line["version"], status="done", metrics=metrics)
 
 
 def add(folders: Iterable[Path]) -> None:
@@ -92,7 +90,7 @@ def add(folders: Iterable[Path]) -> None:
             writer.writerow([*place, row.version, *texts])
 
 
-def _view(factors: Cell) -> str:
+def _view(factors: Levels) -> str:
     return dict(factors).get(VIEW, "")
 
 
@@ -153,7 +151,7 @@ def _scored(groups: Sequence[Group]) -> Scored:
     return found
 
 
-def _by_world(groups: Sequence[Group]) -> Iterator[tuple[Cell, dict[str, Group]]]:
+def _by_world(groups: Sequence[Group]) -> Iterator[tuple[Levels, dict[str, Group]]]:
     """The groups of each world by planner, in the order of the study."""
     for world in STUDY.scenarios:
         own = {group.planner: group for group in groups if dict(group.cell)["scenario"] == world}
@@ -161,7 +159,7 @@ def _by_world(groups: Sequence[Group]) -> Iterator[tuple[Cell, dict[str, Group]]
             yield next(iter(own.values())).cell, own
 
 
-def _name(cell: Cell) -> str:
+def _name(cell: Levels) -> str:
     return f"`{dict(cell)['scenario']}`"
 
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Rectangle
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
-from sim.study.study import read_study
+from sim.study.definition import read_study
 
 FOLDER = Path(__file__).parent / "media" / "worlds"
 INCH = 28.0  # m

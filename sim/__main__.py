@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+from concurrent.futures import Executor
 
 from sim.installation import ROOT
 
@@ -19,8 +20,8 @@ COMMANDS = {
     "run": ("sim.cli.run:run", "Fly one mission: recording, summary, film, page, OSPA curve and timeline."),
     "compare": ("sim.cli.compare:compare", "Compare planners or trackers on the same forests, people and seeds."),
     "track": ("sim.cli.track:track", "Track people in a flight from elsewhere, by its poses and detections."),
-    "frames": ("sim.cli.recordings:frames", "Render frames of a recorded mission again, annotated."),
-    "replay": ("sim.cli.recordings:replay", "Show a recorded mission again: film, page, 3-D window or Rerun viewer."),
+    "frames": ("sim.cli.frames:frames", "Render frames of a recorded mission again, annotated."),
+    "replay": ("sim.cli.replay:replay", "Show a recorded mission again: film, page, 3-D window or Rerun viewer."),
     "explain": ("sim.cli.explain:explain", "Say when and why people were lost, or how a track came about."),
     "export": ("sim.cli.export:export", "Write missions for other tools, as tables or labelled images."),
     "planners": ("sim.cli.lists:planners", "List the planners with their meanings, packages and options."),
@@ -33,10 +34,10 @@ COMMANDS = {
 app = make_command_group(start, COMMANDS)
 
 
-def main() -> None:
-    """Run the command line and exit."""
+def main(executor: Executor | None = None) -> None:
+    """Run the command line and exit; executor: flies the trials of `compare`, by default processes of this machine."""
     gc.set_threshold(50_000)  # imports make many objects that stay; to walk over them again and again took 0.2 s
-    run_command_line(app)
+    run_command_line(app, executor)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
 from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
-from tracking.geometry.visibility import PART_EXPONENT, TARGET_HEIGHT, Forest, any_of_two
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import PART_EXPONENT, Forest, any_of_two
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp, replace_by_logs

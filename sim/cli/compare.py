@@ -8,16 +8,18 @@ import typer
 
 from planning.planner_loading import load_planner
 from planning.planners import COMPARED
-from sim.cli.study_flight import fly_study, make_facts, show_study
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
-from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
-from sim.scenario.sensing import SENSOR_MODES
+from sim.scenario.quantities import REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
 from sim.scenario.text_files import read_toml
 from sim.study.analysis.metric_choice import find_outside_metrics
 from sim.study.cells import add_trackers
+from sim.study.definition import STUDIES, Study, adapt_study, read_study
+from sim.study.executors import Pool, connect
+from sim.study.report.comparison import make_about
+from sim.study.report.terminal import show_study
 from sim.study.scheduler import Options
-from sim.study.study import STUDIES, Study, adapt_study, read_study
-from sim.study.tasks import list_tasks
+from sim.study.study_flight import fly_study
+from sim.study.trials import list_trials
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from tracking.errors import InputError, check_known
 from tracking.fusion.member import TRACKERS
@@ -41,13 +43,9 @@ _Seeds = Annotated[
     str | None,
     typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. Default: the study's, or 0-9."),
 ]
-_Maps = Annotated[str | None, typer.Option(metavar="N", help="Fly the seeds 0 to N - 1; the paper has 50 maps.")]
 _Repeats = Annotated[
     str | None,
     typer.Option(metavar="K", help="Number of flights on each map, with other noise. Default: the study's, or 1."),
-]
-_Sensing = Annotated[
-    str | None, typer.Option(metavar="MODE", help="camera: rendered frames; ideal: no images, which is faster.")
 ]
 _Out = Annotated[
     Path | None,
@@ -70,14 +68,13 @@ _Redo = Annotated[bool, typer.Option("--redo", help="Fly trials that have result
 
 
 def compare(
+    context: typer.Context,
     study: _Entered = "forest",
     planner: _Planners = None,
     tracker: _Trackers = None,
     scenario: _Scenarios = None,
     seeds: _Seeds = None,
-    maps: _Maps = None,
     repeats: _Repeats = None,
-    sensing: _Sensing = None,
     duration: Duration = None,
     overrides: Overrides = None,
     out: _Out = None,
@@ -91,19 +88,19 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Compare planners or trackers on the same forests, people and seeds. Started again, it flies what is missing."""
-    if sensing is not None:
-        replace(SENSOR_MODES, field="--sensing").check(sensing)
-    changes = merge_overrides(overrides, duration, sensing)
+    changes = merge_overrides(overrides, duration)
     number = None if repeats is None else parse_integer(repeats, "--repeats", least=1, most=REPEATS)
     for name in planner or ():
         load_planner(name)
     for name in tracker or ():
         replace(TRACKERS, field="--tracker").find(name)
+    if seeds is not None:
+        parse_integers(seeds, "--seeds")
     chosen = adapt_study(
         add_trackers(_find_study(study), tracker or ()),
         planners=planner or (),
         scenarios=scenario or (),
-        seeds=_read_seeds(seeds, maps),
+        seeds=seeds,
         repeats=number,
         overrides=changes,
     )
@@ -112,11 +109,11 @@ def compare(
     folder = out or Path("runs") / chosen.name
     if keep is not None:
         check_known("--keep", keep, ["recordings"])
-    kept = None if keep is None else folder / "recordings"
-    listed = list_tasks(chosen, find_outside_metrics(metric or ()))
-    facts = make_facts(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
-    rows = fly_study(chosen, listed, folder, Options(limit, kept, redo), processes, dask)
-    show_study(rows, folder, facts)
+    options = Options(limit, None if keep is None else folder / "recordings", redo)
+    trials = list_trials(chosen, find_outside_metrics(metric or ()))
+    about = make_about(chosen, trials, baseline=baseline, labels=label or (), metrics=metric or ())
+    executor = connect(dask) if dask is not None else context.obj or Pool(processes, limit)
+    show_study(fly_study(chosen, trials, folder, executor, options), folder, about)
 
 
 def _find_study(name: str) -> Study:
@@ -140,13 +137,3 @@ def _read_workers(workers: str | None, dask: str | None) -> int | None:
     if dask is not None:
         raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
     return parse_integer(workers, "--workers", least=1, most=WORKERS)
-
-
-def _read_seeds(seeds: str | None, maps: str | None) -> str | None:
-    if maps is None:
-        if seeds is not None:
-            parse_integers(seeds, "--seeds")
-        return seeds
-    if seeds is not None:
-        raise InputError("--maps: not allowed together with --seeds; --maps 50 is --seeds 0-49")
-    return f"0-{parse_integer(maps, '--maps', least=1, most=MOST_LISTED) - 1}"

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from planning.planners import list_planners
 from sim.scenario.loading import SCENARIOS
-from sim.study.study import STUDIES, read_study
+from sim.study.definition import STUDIES, read_study
 from sim.terminal.console import console
 
 
@@ -37,7 +37,7 @@ def studies() -> None:
     """List the packaged studies."""
     _show_list(
         {name: read_study(name).description for name in STUDIES},
-        "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
+        "Fly one: understory compare NAME --seeds 0-9. Yours: a .toml file, see docs/how-to/studies.md.",
     )
 
 

@@ -10,21 +10,19 @@ import typer
 from rich.markup import escape
 
 from planning.planners import DEFAULT_PLANNER
-from sim.facts.history import name_fleet
 from sim.facts.metrics.summary import make_results_table
+from sim.facts.words import name_fleet
 from sim.mission.atomic_files import PlaceTaken, claim_place
 from sim.mission.trial import Trial, prefix_errors
+from sim.mission.world_setup import find_scenario_remarks
 from sim.running.fly import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load, place_of
 from sim.scenario.quantities import parse_duration, parse_seed_and_repeat
-from sim.scenario.remarks import find_remarks
 from sim.terminal.commands import Duration, Overrides, Timeout, merge_overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
 from sim.terminal.progress import show_mission_progress
-from sim.world.recorded_people import describe_trajectories
-from sim.world.stem_map import find_unused_columns
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import plugin_call
 
@@ -68,10 +66,10 @@ def run(
     trial = Trial(setting, planner, *parse_seed_and_repeat(seed, repeat, "--"), place_of(scenario, changes))
     limit = None if timeout is None else parse_duration(timeout, "--timeout")
     with prefix_errors(trial.place):
-        people, doubts = describe_trajectories(setting)
-        print_remarks(*find_remarks(setting), *find_unused_columns(setting.trees), *doubts)
-    if people:
-        say(people)
+        remarks = find_scenario_remarks(setting)
+    print_remarks(*remarks.doubts)
+    if remarks.people:
+        say(remarks.people)
     options: dict[str, Any] = {"video": video, "metrics": metric or (), "say": say}
     with (
         claim_place(out, Path("runs") / _name_folder(scenario, trial)) as folder,

@@ -1,16 +1,18 @@
 """Set-up of a mission's world from its seed: the forest, the people who walk in it, and the air."""
 
 import math
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from sim.scenario.environment import Wind
 from sim.scenario.random_streams import stream
+from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import Scenario, is_clear
 from sim.world.forest import grow
-from sim.world.recorded_people import read_trajectories
-from sim.world.stem_map import plant
+from sim.world.recorded_people import describe_trajectories, read_trajectories
+from sim.world.stem_map import find_unused_columns, plant
 from sim.world.trajectories import Trajectories
 from sim.world.walkers import walk
 from tracking.errors import InputError
@@ -39,6 +41,19 @@ def make_forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Traje
         return forest, recorded
     walkers = stream(seed, "walkers")
     return forest, walk(scenario.people, scenario.area, forest, duration=_find_duration(scenario), rng=walkers)
+
+
+class Remarks(NamedTuple):
+    """What users should know of a scenario that is allowed, one line each."""
+
+    people: str  # what the file of recorded people holds; empty without one
+    doubts: list[str]  # settings without the effect that one expects, and parts of files that are left out
+
+
+def find_scenario_remarks(scenario: Scenario) -> Remarks:
+    """Remarks on a scenario and the files that it names; InputError if a file cannot be used."""
+    people, left_out = describe_trajectories(scenario)
+    return Remarks(people, [*find_remarks(scenario), *find_unused_columns(scenario.trees), *left_out])
 
 
 def draw_starts(scenario: Scenario, seed: int) -> Scenario:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, TimeoutError
 from contextlib import contextmanager, suppress
-from itertools import takewhile
+from itertools import count, takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
@@ -29,38 +29,62 @@ class Workers:
     """Processes that run tasks; made by `start_workers`."""
 
     def __init__(self, pool: ProcessPool, traces: Path) -> None:
-        self._pool, self._traces = pool, traces
+        self._pool = pool
+        self._traces = traces
+        self._names = map(str, count())  # names of the tasks' traces
 
-    def submit(self, name: str, limit: float | None, work: Callable[..., Result], *arguments: object) -> Future[Result]:
-        """Run `work(*arguments)` in the next free process, and kill it if it takes longer than `limit` s.
+    def submit(self, work: Callable[[], Result], timeout: float | None = None, grace: float = 0.0) -> Future[Result]:
+        """Call `work` in the next free process, and kill it if it takes longer than `timeout` and `grace` s.
 
         The time does not include waiting, the start of the process and its preparation. The future's exception is a
-        TimeoutError then, and a ProcessExpired if the process dies. name: of the task, for `find_crash_place`.
+        TimeoutError then, and a ProcessExpired if the process dies. Its text says how the task ended, and at which
+        place in a plug-in if that is known: "its process was killed by SIGSEGV (planner.py:12, in plan)".
         """
-        return self._pool.schedule(_run_traced, (self._traces / name, limit, work, arguments), timeout=limit)
+        trace = self._traces / next(self._names)
+        limit = None if timeout is None else timeout + grace
+        ended: Future[Result] = Future()
+        flying: Future[Result] = self._pool.schedule(_run_traced, (trace, limit, work), timeout=limit)
 
-    def find_crash_place(self, name: str) -> str:
-        """Place in a plug-in where a task died or was killed: " (planner.py:12, in plan)"; empty if it is not known."""
-        try:
-            trace = (self._traces / name).read_text()
-        except OSError:
-            return ""
-        frames = _FRAME.findall(trace.rpartition("(most recent call first):")[2])  # of the main thread, the last one
-        if not frames:
-            return ""
-        foreign = list(takewhile(lambda frame: not frame[0].startswith(_OURS), frames)) or frames[:1]
-        folder = os.path.dirname(foreign[-1][0])  # of the plug-in, which our code called; others are its libraries
-        file, line, function = next(frame for frame in foreign if os.path.dirname(frame[0]) == folder)
-        return f" ({file}:{line}, in {function})"
+        def pass_on(inner: Future[Result]) -> None:
+            if inner.cancelled():
+                ended.cancel()
+            if not ended.set_running_or_notify_cancel():
+                return
+            error = inner.exception()
+            if error is None:
+                ended.set_result(inner.result())
+            elif isinstance(error, LOST):
+                ended.set_exception(type(error)(f"{_describe_end(error, timeout)}{_find_place(trace)}"))
+            else:
+                ended.set_exception(error)
+
+        flying.add_done_callback(pass_on)
+        ended.add_done_callback(lambda ended: ended.cancelled() and not flying.done() and flying.cancel())
+        return ended
+
+
+def _find_place(trace: Path) -> str:
+    """Place in a plug-in where a task died or was killed: " (planner.py:12, in plan)"; empty if it is not known."""
+    try:
+        text = trace.read_text()
+    except OSError:
+        return ""
+    frames = _FRAME.findall(text.rpartition("(most recent call first):")[2])  # of the main thread, the last one
+    if not frames:
+        return ""
+    foreign = list(takewhile(lambda frame: not frame[0].startswith(_OURS), frames)) or frames[:1]
+    folder = os.path.dirname(foreign[-1][0])  # of the plug-in, which our code called; others are its libraries
+    file, line, function = next(frame for frame in foreign if os.path.dirname(frame[0]) == folder)
+    return f" ({file}:{line}, in {function})"
 
 
 @contextmanager
-def start_workers(count: int, prepare: Callable[..., object], *arguments: object) -> Iterator[Workers]:
+def start_workers(number: int, prepare: Callable[..., object], *arguments: object) -> Iterator[Workers]:
     """Start processes, each of which calls `prepare(*arguments)` before its first task, and end them after the block.
 
     They leave Ctrl-C to this process, and end with it.
     """
-    pool = ProcessPool(count, initializer=_begin, initargs=(prepare, arguments), context=CONTEXT)
+    pool = ProcessPool(number, initializer=_begin, initargs=(prepare, arguments), context=CONTEXT)
     CONTEXT.Lock()  # starts multiprocessing's resource tracker, which would unblock the signal below
     # A worker inherits the blocked signal from the thread that starts it, so Ctrl-C does no harm until it is ignored.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -83,12 +107,10 @@ def count_cores() -> int:
     return os.cpu_count() or 1
 
 
-def describe_end(error: BaseException, timeout: float | None) -> str:
-    """How a task ended, from the exception of its future."""
-    if isinstance(error, TimeoutError):
-        return f"took longer than the timeout of {timeout:g} s"
+def _describe_end(error: BaseException, timeout: float | None) -> str:
+    """How a task ended whose process died or was killed."""
     if not isinstance(error, ProcessExpired):
-        return str(error)
+        return f"took longer than the timeout of {timeout:g} s"
     if error.exitcode < 0:
         with suppress(ValueError):
             return f"its process was killed by {signal.Signals(-error.exitcode).name}"
@@ -108,14 +130,14 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _run_traced(trace: Path, limit: float | None, work: Callable[..., Result], arguments: tuple[object, ...]) -> Result:
+def _run_traced(trace: Path, limit: float | None, work: Callable[[], Result]) -> Result:
     """Run a task; if it crashes or is about to be killed, the file `trace` tells what it was doing."""
     with open(trace, "w") as file:
         faulthandler.enable(file, all_threads=False)
         if limit is not None:
             faulthandler.dump_traceback_later(0.9 * limit, file=file)
         try:
-            return work(*arguments)
+            return work()
         finally:
             faulthandler.cancel_dump_traceback_later()
             faulthandler.disable()

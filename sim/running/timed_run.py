@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -12,13 +13,12 @@ from sim.mission.atomic_files import make_new_folder
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
-from sim.processes.workers import CONTEXT, LOST, describe_end, start_workers
+from sim.processes.workers import CONTEXT, LOST, start_workers
 from sim.running.results import Results, fly_into, take_off
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 _TICK = 0.1  # s
-_NAME = "mission"  # of the worker's only task
 
 
 def run_with_timeout(
@@ -44,7 +44,7 @@ def run_with_timeout(
         ExitStack() as in_flight,
     ):
         results = Results(folder.absolute(), out, video, tuple(metrics))
-        future = workers.submit(_NAME, timeout, _fly, trial, results)
+        future = workers.submit(partial(_fly, trial, results), timeout)
         while not future.done() or ours.poll():
             if asked.is_set():
                 stop.set()
@@ -64,9 +64,7 @@ def run_with_timeout(
             return future.result()
         if isinstance(error, LOST):
             when = f"at {last.time:.1f} s" if last else "before its first scan was complete"
-            raise PluginError(
-                f"the mission ended {when}: {describe_end(error, timeout)}{workers.find_crash_place(_NAME)}"
-            )
+            raise PluginError(f"the mission ended {when}: {error}")
         raise error
 
 

@@ -1,7 +1,7 @@
 """Cells of a study: all combinations of its scenarios, levels of factors and planners."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from planning.planner_loading import add_options
 from sim.scenario.settings_text import flatten, format_settings, format_value
-from sim.study.study import Study
+from sim.study.definition import Study
 from tracking.errors import InputError, spell
 
 TRACKER = "tracker"
@@ -29,11 +29,14 @@ class StudyTable(NamedTuple):
     options: dict[str, str]  # options of planners
 
 
+Levels = tuple[tuple[str, str], ...]  # factors, each with one of its levels
+
+
 class Cell(Struct, frozen=True):
     """One scenario with one level of each factor, and one planner."""
 
     scenario: str
-    factors: tuple[tuple[str, str], ...]
+    factors: Levels
     tables: tuple[StudyTable, ...]  # later ones take precedence
     planner: str  # as in `Study.planners`
 
@@ -92,7 +95,7 @@ def _name_empty_lists(study: Study) -> str:
     return ", ".join(f"no {name}" for name, entries in lists.items() if not entries)
 
 
-def _list_tables(study: Study, levels: Iterable[tuple[str, str]]) -> Iterator[StudyTable]:
+def _list_tables(study: Study, levels: Levels) -> Iterator[StudyTable]:
     """The tables of the given levels of factors."""
     for factor, level in levels:
         values = dict(study.factors[factor][level])

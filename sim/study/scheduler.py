@@ -1,29 +1,25 @@
-"""Flies the trials of a study on a backend, keeps each result as it comes and repeats failed trials once."""
+"""Flies the trials of a study on an executor, keeps each result as it comes and repeats failed trials once."""
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Future, TimeoutError
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import NamedTuple
 
 from sim.mission.atomic_files import write_whole
-from sim.processes.workers import describe_end
-from sim.study.backends import GRACE, Backend
 from sim.study.store import Store, StoreError
-from sim.study.tasks import Row, Task
-from sim.study.trial_flight import TrialResult, make_failure
+from sim.study.trial_flight import TrialResult, fly_trial, make_failure
+from sim.study.trials import StudyTrial, TrialRow
 
 ATTEMPTS = 2
-_TICK = 0.5  # s, interval of checks for trials that hang
-OnWait = Callable[[str], None]  # what trials wait for, empty if nothing
-OnRow = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
+OnRow = Callable[[TrialRow, bool], None]  # a row, and whether it was flown just now
 
 
 class _Attempt(NamedTuple):
     """An attempt to fly a trial."""
 
-    task: Task
+    trial: StudyTrial
     number: int
 
 
@@ -37,109 +33,91 @@ class Options:
 
 
 def complete(
-    tasks: Sequence[Task],
+    trials: Sequence[StudyTrial],
     store: Store,
-    backend: Backend,
+    executor: Executor,
     options: Options = Options(),
-    on_row: OnRow = lambda task, row, fresh: None,
-    on_wait: OnWait = lambda why: None,
-) -> list[Row]:
-    """Rows of all tasks, in order: from the store, or flown now and added to it.
+    on_row: OnRow = lambda row, fresh: None,
+) -> list[TrialRow]:
+    """Rows of all trials, in order: from the store, or flown now and added to it.
 
     Trials are flown again if they had failed, lack a metric that is asked for, or lack a recording that is to be kept.
-    StoreError if a result cannot be written or no more trials can be flown; earlier results stay in the store.
+
+    Args:
+        trials: Trials to complete.
+        store: Store of their results.
+        executor: Calls `fly_trial` for each trial that is missing.
+        options: Timeout, recordings and repetition.
+        on_row: Called with each row, from the store or flown.
+
+    Raises:
+        StoreError: If a result cannot be written or no more trials can be flown; earlier results stay in the store.
     """
-    asked = {task.key: set(task.metrics) for task in tasks}
-    kept = options.recordings
-    rows = {
-        key: row
-        for key, row in ({} if options.redo else store.read_finished_rows(tasks)).items()
-        if asked[key] <= row.metrics.keys() and (kept is None or (kept / f"{key}.npz").exists())
-    }
-    store.label(tasks)
-    for task in tasks:
-        if task.key in rows:
-            on_row(task, rows[task.key], False)
+    folder = options.recordings
+    stored = {} if options.redo else store.read_finished_rows(trials)
+    rows: dict[str, TrialRow] = {}
+    store.label(trials)
+    for trial in trials:
+        row = stored.get(trial.key)
+        recorded = folder is None or (folder / f"{trial.key}.npz").exists()
+        if row and recorded and row.metrics.keys() >= set(trial.metrics):
+            rows[trial.key] = row
+            on_row(row, False)
 
-    def keep(task: Task, result: TrialResult) -> None:
-        if kept is not None and result.recording:
-            _write(kept / f"{task.key}.npz", result.recording)
-        store.add(task, result.row)
-        rows[task.key] = result.row
-        on_row(task, result.row, True)
+    def keep(trial: StudyTrial, result: TrialResult) -> None:
+        if folder is not None and result.recording:
+            _write(folder / f"{trial.key}.npz", result.recording)
+        store.add(trial, result.row)
+        rows[trial.key] = result.row
+        on_row(result.row, True)
 
-    _fly_all([task for task in tasks if task.key not in rows], backend, keep, options, on_wait)
-    return [rows[task.key] for task in tasks]
+    _fly_all([trial for trial in trials if trial.key not in rows], executor, keep, options)
+    return [rows[trial.key] for trial in trials]
 
 
-def fly_tasks(tasks: Sequence[Task], backend: Backend) -> list[Row]:
-    """Fly all tasks and return their rows, in order, without a store."""
-    rows: dict[str, Row] = {}
-    _fly_all(tasks, backend, lambda task, result: rows.update({task.key: result.row}))
-    return [rows[task.key] for task in tasks]
+def fly_trials(trials: Sequence[StudyTrial], executor: Executor) -> list[TrialRow]:
+    """Fly all trials and return their rows, in order, without a store."""
+    rows: dict[str, TrialRow] = {}
+    _fly_all(trials, executor, lambda trial, result: rows.update({trial.key: result.row}), Options())
+    return [rows[trial.key] for trial in trials]
 
 
 def _fly_all(
-    tasks: Sequence[Task],
-    backend: Backend,
-    keep: Callable[[Task, TrialResult], None],
-    options: Options = Options(),
-    on_wait: OnWait = lambda why: None,
+    trials: Sequence[StudyTrial],
+    executor: Executor,
+    keep: Callable[[StudyTrial, TrialResult], None],
+    options: Options,
 ) -> None:
-    """Fly tasks, and call `keep` for each one that is complete or has failed twice."""
+    """Fly trials, and call `keep` for each one that is complete or has failed twice."""
     flying: dict[Future[TrialResult], _Attempt] = {}
     ended: SimpleQueue[Future[TrialResult]] = SimpleQueue()
 
     def submit(attempt: _Attempt) -> None:
+        kept = options.recordings is not None
         try:
-            future = backend.submit(attempt.task, keep=options.recordings is not None, timeout=options.timeout)
+            future = executor.submit(fly_trial, attempt.trial, keep=kept, timeout=options.timeout)
         except Exception as error:  # the executor is broken, shut down or unreachable
             raise StoreError(f"no more trials can be flown: {type(error).__name__}: {error}") from error
         flying[future] = attempt
         future.add_done_callback(ended.put)
 
     try:
-        for task in tasks:
-            submit(_Attempt(task, 1))
+        for trial in trials:
+            submit(_Attempt(trial, 1))
         while flying:
-            for future, error in _wait_for_ended(ended, backend, options.timeout, on_wait):
-                if future not in flying:  # it was ended as it hung
-                    continue
-                if error and (loss := backend.describe_loss()):  # of which the trial is not to blame
-                    raise StoreError(loss)
-                task, number = flying.pop(future)
-                result = _describe(task, error, backend, options.timeout) if error else future.result()
-                if result.row.status == "failed" and number < ATTEMPTS:
-                    submit(_Attempt(task, number + 1))
-                else:
-                    keep(task, result)
+            future = ended.get()
+            if future.cancelled():  # not by us, so the executor is lost, of which the trial is not to blame
+                raise StoreError("no more trials can be flown: their executor has cancelled them")
+            trial, number = flying.pop(future)
+            error = future.exception()
+            result = make_failure(trial, f"{type(error).__name__}: {error}") if error else future.result()
+            if result.row.status == "failed" and number < ATTEMPTS:
+                submit(_Attempt(trial, number + 1))
+            else:
+                keep(trial, result)
     finally:
         for future in flying:
             future.cancel()
-
-
-def _wait_for_ended(
-    ended: SimpleQueue[Future[TrialResult]], backend: Backend, timeout: float | None, on_wait: OnWait
-) -> Iterator[tuple[Future[TrialResult], BaseException | None]]:
-    """The next trial that ends, if one does within `_TICK` s, with its exception, and the trials that the backend ends.
-
-    Only a cluster ends trials here that hang; the processes of `Pool` end by themselves at the timeout.
-    """
-    try:
-        future = ended.get(timeout=_TICK)
-    except Empty:
-        on_wait(backend.describe_wait())
-    else:
-        yield future, CancelledError() if future.cancelled() else future.exception()
-    if timeout is not None:
-        for future in backend.end_hanging(timeout + GRACE):
-            yield future, TimeoutError()
-
-
-def _describe(task: Task, error: BaseException, backend: Backend, timeout: float | None) -> TrialResult:
-    """The failure of a trial that ended with an exception."""
-    text = f"{type(error).__name__}: {describe_end(error, timeout)}{backend.find_crash_place(task)}"
-    return make_failure(task, text)
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from sim.mission.dataframes import make_dataframe
-from sim.study.tasks import Row, Task
+from sim.study.trials import StudyTrial, TrialRow
 from tracking.errors import InputError, one_line
 
 SCHEMA = 2  # version of the tables, in the file's user_version; docs/how-to/studies.md describes them
@@ -94,19 +94,19 @@ class Store:
             _prepare(connection, path, study)
             yield Store(connection, path, study)
 
-    def read_finished_rows(self, tasks: Sequence[Task]) -> dict[str, Row]:
-        """Rows of the trials that did not fail, by key, with the scenario, factors and planner of the given tasks."""
-        wanted = {task.key: task for task in tasks}
+    def read_finished_rows(self, trials: Sequence[StudyTrial]) -> dict[str, TrialRow]:
+        """Rows of the trials that did not fail, by key, with the scenario, factors and planner of the given trials."""
+        wanted = {trial.key: trial for trial in trials}
         rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'").fetchall()
         found = {key: _decode_row(self.path, self.study, values) for key, *values in rows if key in wanted}
-        return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
+        return {key: msgspec.structs.replace(row, **wanted[key].place) for key, row in found.items()}
 
-    def label(self, tasks: Sequence[Task]) -> None:
+    def label(self, trials: Sequence[StudyTrial]) -> None:
         """Write anew the scenario, factors, settings and planner of stored trials.
 
         The present study may name the same trials differently than the one that flew them.
         """
-        values = [(*_encode_place(task), task.key, *_encode_place(task)) for task in tasks]
+        values = [(*_encode_place(trial), trial.key, *_encode_place(trial)) for trial in trials]
         with self._transaction():
             self._connection.executemany(
                 "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
@@ -114,17 +114,17 @@ class Store:
                 values,
             )
 
-    def add(self, task: Task, row: Row) -> None:
+    def add(self, trial: StudyTrial, row: TrialRow) -> None:
         """Write a trial that has ended, in place of an earlier attempt; StoreError if that fails."""
-        values = (task.key, *msgspec.structs.astuple(_encode_row(task, row)))
+        values = (trial.key, *msgspec.structs.astuple(_encode_row(trial, row)))
         with self._transaction():
             self._connection.execute(
                 f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({', '.join('?' * len(values))})", values
             )
 
-    def count_others(self, tasks: Sequence[Task]) -> Counter[str]:
-        """Number of stored trials, including failed ones, that belong to none of the tasks, by package version."""
-        keys = {task.key for task in tasks}
+    def count_others(self, trials: Sequence[StudyTrial]) -> Counter[str]:
+        """Number of stored trials, including failed ones, that belong to none of the trials, by package version."""
+        keys = {trial.key for trial in trials}
         rows = self._connection.execute("SELECT key, version FROM trials ORDER BY version")
         return Counter(version for key, version in rows if key not in keys)
 
@@ -138,7 +138,7 @@ class Store:
             raise StoreError(f"{self.path}: {error}") from error
 
 
-def read_rows(path: str | Path) -> list[Row]:
+def read_rows(path: str | Path) -> list[TrialRow]:
     """All rows of a store, sorted by scenario, factors, planner, seed and repeat; InputError if it is no store.
 
     path: the folder of a study, or the store in it.
@@ -163,7 +163,7 @@ def read_dataframe(path: str | Path) -> Any:  # noqa: ANN401 - a data frame of p
     return tabulate_rows(read_rows(path))
 
 
-def tabulate_rows(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
+def tabulate_rows(rows: Sequence[TrialRow]) -> Any:  # noqa: ANN401 - as above
     """Trials as a pandas data frame, or a polars one if pandas is not installed.
 
     There is one row per trial, with a column for each factor, such as `factor.lambda`, and for each metric.
@@ -232,15 +232,15 @@ def _make_error(path: Path, error: Exception, field: str = "") -> Exception:
     return InputError(f"{field}{path}: cannot be used: {getattr(error, 'strerror', None) or error}")
 
 
-def _encode_place(task: Task) -> tuple[str, str, str, str]:
-    return task.scenario, _encode_json(task.factors), _encode_json(task.settings), task.planner
+def _encode_place(trial: StudyTrial) -> tuple[str, str, str, str]:
+    return trial.scenario, _encode_json(trial.factors), _encode_json(trial.settings), trial.planner
 
 
 def _encode_json(value: object) -> str:
     return msgspec.json.encode(value).decode()
 
 
-def _encode_row(task: Task, row: Row) -> _StoredTrial:
+def _encode_row(trial: StudyTrial, row: TrialRow) -> _StoredTrial:
     return _StoredTrial(
         factors=_encode_json(row.factors),
         settings=_encode_json(row.settings),
@@ -248,12 +248,12 @@ def _encode_row(task: Task, row: Row) -> _StoredTrial:
         seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_encode_json(row.metrics),
         ospa=row.ospa.astype("<f4").tobytes(),
-        scans_per_s=task.setting.rates.sensing,
+        scans_per_s=trial.setting.rates.sensing,
         **{name: getattr(row, name) for name in _SAME},
     )
 
 
-def _decode_row(path: Path, study: str, values: Sequence[Any]) -> Row:
+def _decode_row(path: Path, study: str, values: Sequence[Any]) -> TrialRow:
     """A trial from the values of its row; InputError if they are invalid."""
     try:
         kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _StoredTrial, builtin_types=(bytes,))
@@ -261,7 +261,7 @@ def _decode_row(path: Path, study: str, values: Sequence[Any]) -> Row:
         if not kept.scans_per_s > 0:
             raise ValueError(f"scans_per_s is {kept.scans_per_s:g}")
         numbers = msgspec.json.decode(kept.metrics, type=dict[str, float | None])
-        return Row(
+        return TrialRow(
             study=study,
             factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
             seed=int(kept.seed),

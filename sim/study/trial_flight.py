@@ -1,8 +1,8 @@
-"""One trial of a study: the function that flies it, from a task to a row, both of which can be pickled."""
+"""One trial of a study flown, from a `StudyTrial` to its row, both of which can be pickled."""
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import Struct
@@ -15,47 +15,43 @@ from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 from sim.running.fly import fly
 from sim.scenario.loading import place_of
-from sim.study.tasks import Row, Task, get_release
+from sim.study.trials import StudyTrial, TrialRow, get_release
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
 
 class TrialResult(Struct, frozen=True):
     """A trial that has ended: its row, and the content of its recording's file if that is to be kept."""
 
-    row: Row
+    row: TrialRow
     recording: bytes = b""
 
 
-def fly_trial(
-    task: Task, *, keep: bool = False, timeout: float | None = None, begun: Callable[[], object] = lambda: None
-) -> TrialResult:
+def fly_trial(trial: StudyTrial, *, keep: bool = False, timeout: float | None = None) -> TrialResult:
     """Fly a trial. Any exception becomes the error of a failed row, because not all exceptions can be pickled.
 
     keep: True to return the recording, too. timeout: wall time [s], without compilation, after which the trial fails.
-    begun: called when this time starts.
     """
     try:
-        if get_release() != task.version:
-            raise RuntimeError(f"understory is {get_release()} here, not {task.version}")
+        if get_release() != trial.version:
+            raise RuntimeError(f"understory is {get_release()} here, not {trial.version}")
         warm_up()  # so that the first trial takes as long as the others
-        begun()
         with plugin_call():
-            return _fly(task, keep, timeout)
+            return _fly(trial, keep, timeout)
     except PluginError as error:
-        return make_failure(task, error.with_place)
+        return make_failure(trial, error.with_place)
     except Exception as error:
-        return make_failure(task, f"{type(error).__name__}: {error}")
+        return make_failure(trial, f"{type(error).__name__}: {error}")
 
 
-def make_failure(task: Task, error: str) -> TrialResult:
+def make_failure(trial: StudyTrial, error: str) -> TrialResult:
     """A trial without a result, with the reason."""
-    return TrialResult(Row(**task.shared, status="failed", error=" ".join(error.split())))
+    return TrialResult(TrialRow(**trial.place, status="failed", error=" ".join(error.split())))
 
 
-def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
+def _fly(trial: StudyTrial, keep: bool, timeout: float | None) -> TrialResult:
     start = time.perf_counter()
-    trial = Trial(task.setting, task.planner, task.seed, task.repeat, place_of(task.scenario, task.settings))
-    flying = fly(trial)
+    place = place_of(trial.scenario, trial.settings)
+    flying = fly(Trial(trial.setting, trial.planner, trial.seed, trial.repeat, place))
     ospa = []
     for snapshot in flying:
         ospa.append(snapshot.error)
@@ -63,10 +59,10 @@ def _fly(task: Task, keep: bool, timeout: float | None) -> TrialResult:
             raise TimeoutError(f"took longer than the timeout of {timeout:g} s")
     outcome = flying.land()
     recording = outcome.recording
-    row = Row(
-        **task.shared,
+    row = TrialRow(
+        **trial.place,
         status="done",
-        metrics=_list_metrics(outcome, task.metrics),
+        metrics=_list_metrics(outcome, trial.metrics),
         ospa=np.array(ospa, dtype=np.float32),
         times=recording.times,
         recording=compute_digest(recording),

@@ -7,6 +7,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
@@ -15,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from sim.mission.atomic_files import PlaceTaken
+from sim.mission.atomic_files import PlaceTaken, make_part_path
 from sim.scenario.quantities import parse_duration
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known
@@ -102,20 +103,37 @@ def _hide_types(params: list[Any]) -> list[Any]:
     return params
 
 
-def merge_overrides(overrides: list[str] | None, duration: str | None, sensing: str | None = None) -> list[str]:
-    """The overrides together with those of --duration and --sensing; InputError if a key is given more than once."""
+def merge_overrides(overrides: list[str] | None, duration: str | None) -> list[str]:
+    """The overrides together with that of --duration; InputError if a key is given more than once."""
     keys = [override.partition("=")[0].strip() for override in overrides or ()]
     if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
         raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
-    found = list(overrides or ())
-    length = None if duration is None else parse_duration(duration, "--duration", DAY)
-    for option, key, value in (("--duration", "duration", length), ("--sensing", "sensing.mode", sensing)):
-        if value is None:
-            continue
-        if key in keys:
-            raise InputError(f"{option}: not allowed together with --set {key}")
-        found.append(f"{key}={value}")
-    return found
+    if duration is None:
+        return list(overrides or ())
+    if "duration" in keys:
+        raise InputError("--duration: not allowed together with --set duration")
+    return [*(overrides or ()), f"duration={parse_duration(duration, '--duration', DAY)}"]
+
+
+def find_folder(recorded: Path) -> Path:
+    """The folder of a recording, given by its folder or its file."""
+    return recorded if recorded.is_dir() else recorded.parent
+
+
+def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
+    """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
+    if path.suffix != suffix:
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    part = make_part_path(path)
+    try:
+        if path.exists():
+            raise InputError(f"{option}: {path} exists; name a new file")
+        if not path.parent.is_dir():
+            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
 
 
 def _make_app(function: Callable[..., None]) -> typer.Typer:
@@ -125,15 +143,18 @@ def _make_app(function: Callable[..., None]) -> typer.Typer:
     return app
 
 
-def run_command_line(app: Callable[..., Any]) -> None:
-    """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure."""
+def run_command_line(app: Callable[..., Any], executor: Executor | None = None) -> None:
+    """Run a command line. Exit codes: 0 success, 2 wrong input (with a message of one line), 1 any other failure.
+
+    executor: flies the trials of `compare`, in place of processes of this machine.
+    """
     sys.path.append(os.getcwd())  # finds plug-ins in the current folder; last, so that they hide no package
     _take_signals()
     if not faulthandler.is_enabled():
         faulthandler.enable(all_threads=False)  # says in which line a plug-in crashes the process
     try:
         _check_temporary_folder()
-        if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes non-zero
+        if app(standalone_mode=False, obj=executor):  # typer's exit code, which only Ctrl-C makes non-zero
             fail("interrupted; nothing new is kept", code=1)
     except (InputError, PlaceTaken) as error:
         fail(str(error), code=2 if isinstance(error, InputError) else 1)

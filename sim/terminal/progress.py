@@ -53,34 +53,21 @@ def show_counted_progress(total: int, what: str) -> Iterator[Callable[[object], 
 
 
 @contextmanager
-def show_study_progress(total: int) -> Iterator["StudyProgress"]:
-    """Show the number of trials done, and their pace or what they wait for."""
+def show_study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
+    """Yield a function that counts a trial, which may have failed and was flown now or before; show the pace."""
+    start = time.monotonic()
+    done, flown, failures = 0, 0, 0
     with show_progress(time_left=False) as show:
-        yield StudyProgress(show, total)
 
+        def tell(failed: bool, fresh: bool) -> None:
+            nonlocal done, flown, failures
+            done += 1
+            flown += fresh
+            failures += failed
+            pace = describe_pace(flown, total - done, failures, time.monotonic() - start)
+            show(done, total, f"{done} of {total} trials{pace}")
 
-class StudyProgress:
-    """Progress of a study, told by the function that `show_progress` yields."""
-
-    def __init__(self, show: Show, total: int) -> None:
-        self._show, self._total, self._start = show, total, time.monotonic()
-        self._done = self._flown = self._failures = 0
-        self._waits = False
-
-    def count(self, failed: bool, fresh: bool) -> None:
-        """Count a trial, which has failed or not, and was flown just now or before."""
-        self._done, self._flown, self._failures = self._done + 1, self._flown + fresh, self._failures + failed
-        self._tell()
-
-    def wait(self, why: str) -> None:
-        """Tell what trials wait for; empty if they are flown."""
-        if why or self._waits:
-            self._tell(why)
-
-    def _tell(self, why: str = "") -> None:
-        self._waits = bool(why)
-        pace = describe_pace(self._flown, self._total - self._done, self._failures, time.monotonic() - self._start)
-        self._show(self._done, self._total, f"{self._done} of {self._total} trials{f', {why}' if why else pace}")
+        yield tell
 
 
 @contextmanager

@@ -22,7 +22,8 @@ from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinem
 from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose, rotate
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import cos, sin
 

@@ -14,14 +14,14 @@ from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
 from sim.study.analysis.answers import find_answers
-from sim.study.analysis.distributions import compute_ecdf
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.metric_choice import choose_metrics, list_available
-from sim.study.backends import Pool
+from sim.study.definition import Study
+from sim.study.executors import Pool
+from sim.study.report.figures.charts import compute_ecdf
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_dataframe
-from sim.study.study import Study
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 
 METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))
 BOUND = 2.0  # s, for every metric of 10 000 trials
@@ -58,7 +58,7 @@ def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path,
     """Rendered trials of 20 s, once the processes have started; overhead is what of one's time is no mission."""
     if not judged:
         pytest.skip("takes minutes, and an idle machine")
-    found = list_tasks(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
+    found = list_trials(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
     walls, overheads = {1: [], 2: []}, []
     for turn, workers in enumerate((1, 2, 1, 2)):
         with Pool(workers) as pool, Store.open(tmp_path / str(turn), "short") as store:

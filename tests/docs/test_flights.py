@@ -9,7 +9,7 @@ from helpers.studies import invented
 from msgspec.structs import replace
 
 from sim.study.store import Store, read_rows
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 
 sys.path.append(str(DOCS))
 import flights
@@ -18,7 +18,7 @@ import flights
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
     """The study in two parts; GOSPA tells the place in the study and the seed."""
-    tasks = list_tasks(replace(flights.STUDY, seeds="0-2"))
+    tasks = list_trials(replace(flights.STUDY, seeds="0-2"))
     parts = [tmp_path_factory.mktemp(name) for name in ("estimated", "others")]
     for part, folder in enumerate(parts):
         with Store.open(folder, "flights") as store:

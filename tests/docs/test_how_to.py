@@ -14,9 +14,9 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from sim.sensing.detector_check import check_detector
 from sim.study.cells import list_cells
-from sim.study.study import read_study
-from sim.study.tasks import list_tasks
+from sim.study.definition import read_study
 from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 from tracking.fusion.rule import LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
 
@@ -99,7 +99,7 @@ def block(language):
 def test_study_files_on_pages_are_valid(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(block("toml"))
-    assert len(list_tasks(read_study(str(path)))) == 10 * 2 * (1 + 2)
+    assert len(list_trials(read_study(str(path)))) == 10 * 2 * (1 + 2)
     path = tmp_path / "trackers.toml"
     path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
     assert [cell.settings for cell in list_cells(read_study(str(path)))] == [

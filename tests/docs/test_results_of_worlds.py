@@ -11,13 +11,13 @@ from helpers.studies import invented
 from msgspec.structs import replace
 
 from planning.planners import PLANNERS
-from sim.study.analysis.differences import differences
+from sim.study.analysis.answers import differences
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
+from sim.study.definition import adapt_study
 from sim.study.store import Store
-from sim.study.study import adapt_study
-from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 
 sys.path.append(str(DOCS))
 import scores
@@ -113,7 +113,7 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     flown = defaultdict(set)
     for row in scores.trials():
         flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
-    assert page.count("compare bench-1 --maps 50") == 2
+    assert page.count("compare bench-1 --seeds 0-49") == 2
     assert all(seeds == set(range(FEWER if "oracle-found" in place else 50)) for place, seeds in flown.items())
     assert len(flown) == WORLDS * (len(scores.ORDER) + 2)  # and floor and bound
     asked = set(re.findall(r"--planner '?([\w-]+(?:\([^)]*\))?)", page.partition("Today's settings")[0]))
@@ -130,7 +130,7 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 
     def added(value, worlds, **changes):
         with Store.open(tmp_path / "runs", "bench-1") as opened:
-            for task in list_tasks(
+            for task in list_trials(
                 adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
             ):
                 opened.add(task, replace(invented(task), metrics=dict.fromkeys(scores.METRICS, value)))
@@ -149,6 +149,6 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 def test_trials_of_the_list_are_those_of_this_program(world, planner):
     listed = next(row for row in scores.trials() if (row.scenario, row.planner, row.seed) == (world, planner, 4))
     study = adapt_study(scores.STUDY, scenarios=[world], planners=[planner], seeds="4")
-    row = fly_trial(next(task for task in list_tasks(study) if task.planner == planner)).row
+    row = fly_trial(next(task for task in list_trials(study) if task.planner == planner)).row
     shown = [[metrics[name] for name in scores.METRICS] for metrics in (row.metrics, listed.metrics)]
     np.testing.assert_allclose(*shown, rtol=1e-9)

@@ -14,7 +14,8 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.distances import squared_distance
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
 

@@ -102,9 +102,9 @@ def option(rng, name):
     """A value of an option, right or wrong."""
     right = {
         "--seed": "3", "--duration": "0.4", "--planner": rng.choice(PLANNERS), "--time": "0.2", "--uav": "0",
-        "--target": "1", "--size": "256", "--seeds": "0,1", "--maps": "2", "--workers": "1",
+        "--target": "1", "--size": "256", "--seeds": "0,1", "--repeats": "2", "--workers": "1",
         "--timeout": "60", "--speed": "2", "--layout": "map", "--metric": "ospa.mean_m", "--baseline": "hover",
-        "--sensing": "ideal", "--keep": "recordings", "--out": "out", "--set": "duration=0.4", "--rerun": "x.rrd",
+        "--keep": "recordings", "--out": "out", "--set": "duration=0.4", "--rerun": "x.rrd",
         "--to": rng.choice(["csv", "coco", "yolo"]), "--every": "0.2", "--val": "0", "--test": "1",
     }  # fmt: skip
     wrong = [long(rng.choice(NUMBERS)), rng.choice(WORDS), f"{long(rng.choice(NUMBERS))}h", "0-9999999999", "0-99999"]
@@ -119,7 +119,7 @@ def option(rng, name):
 OPTIONS = ["horizon", "sweeps", "samples", "beta", "evaluations", "seconds", "search", "separation", "existence", "x"]
 TAKES = {
     "run": ["--seed", "--duration", "--planner", "--out", "--set"],
-    "compare": ["--seeds", "--maps", "--planner", "--sensing", "--workers", "--timeout", "--metric", "--baseline"],
+    "compare": ["--seeds", "--planner", "--repeats", "--workers", "--timeout", "--metric", "--baseline"],
     "frames": ["--uav", "--time", "--size", "--out"],
     "replay": ["--layout", "--speed", "--time", "--out", "--rerun"],
     "explain": ["--time", "--target", "--out"],
@@ -138,7 +138,7 @@ def arguments(rng):
         words += ["run", *(word for name in needed if name not in chosen for word in (name, option(rng, name)))]
     if command in ("run", "compare"):
         words += [*tiny(rng), "--duration", "0.4"]
-        few = ["--seeds", "0", "--workers", "1"] * (not {"--maps", "--seeds"} & {*chosen})
+        few = ["--seeds", "0", "--workers", "1"] * ("--seeds" not in chosen)
         words += ["--no-video"] if command == "run" else few
     if rng.random() < 0.05:
         words.append(rng.choice([*WORDS, "--nonsense", "--set", "-1"]))
@@ -163,8 +163,8 @@ def study(rng):
     text = "\n".join(lines)
     whole = rng.random() < 0.7
     name, files = file(rng, text if whole else flaw(rng, text), ".toml")
-    short = ["--duration", "0.2", "--sensing", "ideal"]  # what has no settings left is tiny, too
-    few = [] if whole and rng.random() < 0.5 else ["--maps", "1", "--planner", "hover"]
+    short = ["--duration", "0.2", "--set", "sensing.mode=ideal"]  # what has no settings left is tiny, too
+    few = [] if whole and rng.random() < 0.5 else ["--seeds", "0", "--planner", "hover"]
     return ("compare", name, "--out", "out", "--workers", "1", *short, *few), files
 
 

@@ -10,7 +10,6 @@ import signal
 import sys
 import time
 import traceback
-from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
@@ -18,12 +17,11 @@ import cv2
 import sim.running.results  # noqa: F401 - what commands import late is loaded once
 from helpers.studies import Serial
 from sim import __main__ as cli
-from sim.cli import study_flight
 from sim.facts.explain import explanation  # noqa: F401
 from sim.mission.archive import find_recording  # noqa: F401
 from sim.mission.warmup import warm_up
-from sim.study.report import report, tables  # noqa: F401
-from sim.study.tasks import get_release
+from sim.study.report import terminal  # noqa: F401
+from sim.study.trials import get_release
 from sim.views import redrawn_film  # noqa: F401
 from sim.views.page import page  # noqa: F401
 from sim.views.rerun import viewer  # noqa: F401
@@ -43,7 +41,7 @@ def called(arguments, folder):
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     sys.argv = ["understory", *arguments]
     try:
-        cli.main()
+        cli.main(Serial())  # processes of a pool take seconds to start
         code = 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -76,9 +74,6 @@ def run(arguments, folder):
 
 
 def main():
-    study_flight._open_backend = lambda workers, dask: nullcontext(
-        Serial()
-    )  # processes of a pool take seconds to start
     cv2.setNumThreads(1)
     if (compiling := os.fork()) == 0:  # its memory would count as that of each command
         warm_up()

@@ -14,9 +14,9 @@ from helpers.hostile_values import DEEP, NUMBERS, WORDS, file, flaw, keys
 from helpers.recordings import npy, record
 from helpers.studies import store as fill
 from sim.mission.archive import save
+from sim.study.definition import read_study
 from sim.study.store import NAME
-from sim.study.study import read_study
-from sim.study.tasks import list_tasks
+from sim.study.trials import list_trials
 
 STUDY = """[study]
 name = "tiny"
@@ -90,7 +90,7 @@ def filled_store():
     with TemporaryDirectory() as folder:
         path = Path(folder) / "given.toml"
         path.write_text(STUDY)
-        fill(Path(folder), list_tasks(read_study(str(path))))
+        fill(Path(folder), list_trials(read_study(str(path))))
         return (Path(folder) / NAME).read_bytes()
 
 

@@ -9,9 +9,6 @@ from functools import cache
 from pathlib import Path
 
 from helpers.commands import called
-from sim.cli import study_flight
-from sim.study import backends
-from sim.study.backends import ExecutorBackend
 from sim.terminal import console
 
 ROOT = Path(__file__).parents[2]
@@ -49,13 +46,11 @@ class Shell:
         self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
-        for module in backends, study_flight:  # each has the name of its own
-            monkeypatch.setattr(module, "Pool", Here)
         monkeypatch.setattr(console.console, "width", 200)
 
     def call(self, *arguments):
         """Exit code, standard output and standard error of `understory`."""
-        return called(arguments, self._monkeypatch, self._capsys)
+        return called(arguments, self._monkeypatch, self._capsys, ThreadPoolExecutor(1))
 
     def line(self, text, *options):
         """Output of a line of a page, with further options, or others than it gives; it succeeds."""
@@ -88,16 +83,3 @@ class Shell:
         if command != "pytest":
             options = shorter.get(command.split()[1], [])
             self.line(command, *(options if "--time" not in options or "--time" in command else []))
-
-
-class Here(ExecutorBackend):
-    """Stands for a pool of processes, as a process takes seconds to start; the pool's own tests start some."""
-
-    def __init__(self, workers):
-        super().__init__(ThreadPoolExecutor(1))
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        self._executor.shutdown()

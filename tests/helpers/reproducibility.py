@@ -76,12 +76,12 @@ from planning.planner_loading import load_planner
 from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
-from sim.study.tasks import Task, get_release
+from sim.study.trials import StudyTrial, get_release
 from sim.study.trial_flight import fly_trial
 missions, images = json.loads(sys.argv[1])
 for seed, overrides in missions:
     setting = load("forest", overrides)
-    row = fly_trial(Task(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=get_release())).row
+    row = fly_trial(StudyTrial(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=get_release())).row
     print(row.recording or sys.exit(row.error))
 for overrides in images:
     mission = Mission(load("forest", overrides), load_planner(DEFAULT_PLANNER))

@@ -2,18 +2,16 @@
 
 import math
 import sqlite3
-import time
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from contextlib import closing
 
 import msgspec
 import numpy as np
 
-from sim.study.backends import Backend
+from sim.study.definition import Study
 from sim.study.store import NAME, Store
-from sim.study.study import Study
-from sim.study.tasks import Task, get_release, list_tasks
-from sim.study.trial_flight import TrialResult, fly_trial, make_failure
+from sim.study.trial_flight import TrialResult, make_failure
+from sim.study.trials import StudyTrial, get_release, list_trials
 
 NUMBERS = (
     "ospa.mean_m",
@@ -29,18 +27,18 @@ SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
 
 def short(planners=("hover", "greedy"), seeds="0-1", **changes):
     """Trials of a second."""
-    return list_tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
+    return list_trials(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
 
 
 def task_of(setting, planner, seed):
     """A trial by itself, of no study."""
-    return Task(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=get_release())
+    return StudyTrial(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=get_release())
 
 
-def invented(task):
+def invented(trial):
     """A row as a flight gives it, its numbers drawn by the seed."""
-    rng = np.random.default_rng([task.seed, task.repeat] if task.repeat else task.seed)
-    row = make_failure(task, "").row
+    rng = np.random.default_rng([trial.seed, trial.repeat] if trial.repeat else trial.seed)
+    row = make_failure(trial, "").row
     values = dict(zip(NUMBERS, rng.uniform(size=len(NUMBERS)).tolist(), strict=True))
     return msgspec.structs.replace(
         row,
@@ -51,12 +49,12 @@ def invented(task):
     )
 
 
-def store(folder, tasks):
-    """Fill the store in a folder with invented rows of tasks of one study; these rows."""
-    rows = [invented(task) for task in tasks]
-    with Store.open(folder, tasks[0].study) as opened:
-        for task, row in zip(tasks, rows, strict=True):
-            opened.add(task, row)
+def store(folder, trials):
+    """Fill the store in a folder with invented rows of trials of one study; these rows."""
+    rows = [invented(trial) for trial in trials]
+    with Store.open(folder, trials[0].study) as opened:
+        for trial, row in zip(trials, rows, strict=True):
+            opened.add(trial, row)
     return rows
 
 
@@ -74,38 +72,30 @@ def plain(row):
     return *fixed, metrics, row.ospa.dtype.str, row.ospa.tobytes(), row.times.tobytes()
 
 
-class Serial(Backend):
+class Serial(Executor):
     """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt.
 
-    None stands for an invented row, a text for a row that failed, an exception for one that its future has, its class
-    for one that is raised at once, and `...` for a future that never ends.
+    None stands for an invented row, a text for a row that failed, an exception for one that its future has, and its
+    class for one that is raised at once.
     """
 
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
         self.flown = []
-        self._begun = {}  # s, by future
 
-    def submit(self, task, *, keep, timeout):
-        self.flown.append((task.planner, task.seed))
+    def submit(self, work, trial, /, **named):
+        self.flown.append((trial.planner, trial.seed))
         future = Future()
-        self._begun[future] = time.monotonic()
-        fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
+        fate = self.fates[trial.planner].pop(0) if self.fates.get(trial.planner) else None
         if isinstance(fate, type):
             raise fate
         if isinstance(fate, str):
-            future.set_result(make_failure(task, fate))
+            future.set_result(make_failure(trial, fate))
         elif isinstance(fate, BaseException):
             future.set_exception(fate)
-        elif fate is None:
-            future.set_result(fly_trial(task, keep=keep) if not self.fates else TrialResult(invented(task)))
+        else:
+            future.set_result(TrialResult(invented(trial)) if self.fates else work(trial, **named))
         return future
-
-    def end_hanging(self, seconds):
-        late = [f for f, begun in self._begun.items() if not f.done() and time.monotonic() - begun > seconds]
-        for future in late:
-            future.cancel()
-        return late
 
 
 def is_timing(metric):

@@ -15,7 +15,8 @@ from sim.scenario.uavs import Uav
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Scan, Track
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.study.tasks import Row
+from sim.study.trials import TrialRow
 
 SETTINGS = {"trees.density": "75", "sensing.mode": "ideal", "duration": "10"}
 
@@ -13,7 +13,7 @@ def row(planner="sma-nbo", seed=0, factors=(), metrics=None, **fields):
     ospa = np.full(3, metrics.get("ospa.mean_m", np.nan), dtype=np.float32)
     whole = {"study": "tried", "scenario": "forest", "version": "0.1.0", "status": "done", "ospa": ospa}
     whole |= {"times": np.arange(len(fields.get("ospa", ospa))) / 5, "settings": SETTINGS}
-    return Row(planner=planner, seed=seed, factors=factors, metrics=metrics, **{**whole, **fields})
+    return TrialRow(planner=planner, seed=seed, factors=factors, metrics=metrics, **{**whole, **fields})
 
 
 def failed(planner="sma-nbo", seed=0, factors=(), error="ValueError: no place for the forest", **fields):

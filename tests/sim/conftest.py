@@ -1,7 +1,7 @@
 """Fixtures that call the command line within the process of a test."""
 
 import sys
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -34,21 +34,14 @@ def call(tmp_path, monkeypatch, capsys, without_pictures):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(console.console, "width", 80)
-    return lambda *arguments: called(arguments, monkeypatch, capsys)
+    return lambda *arguments, executor=None: called(arguments, monkeypatch, capsys, executor)
 
 
 @pytest.fixture
 def compare(call, monkeypatch):
-    """Calls `understory compare` as `call` does, its trials flown by one backend."""
+    """Calls `understory compare` as `call` does, its trials flown by one executor."""
     monkeypatch.setattr(console.console, "width", 160)
-
-    def run(*arguments, backend=None):
-        monkeypatch.setattr(
-            "sim.cli.study_flight._open_backend", lambda workers, dask: nullcontext(backend or Serial())
-        )
-        return call("compare", *arguments)
-
-    return run
+    return lambda *arguments, executor=None: call("compare", *arguments, executor=executor or Serial())
 
 
 def listing():

@@ -16,7 +16,7 @@ from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.metrics.ospa import ospa
 from tracking.settings import DAY
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters

@@ -7,7 +7,8 @@ import pytest
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track
 from tracking.undetected import UndetectedIntensity
 

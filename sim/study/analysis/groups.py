@@ -10,9 +10,9 @@ import numpy as np
 
 from sim.facts.metrics.metric import Metric
 from sim.scenario.random_streams import format_seed
-from sim.study.analysis.cell_text import Cell, append_cell, cell_text, cells_of
-from sim.study.analysis.planner_labels import format_entrant, label_planners
-from sim.study.tasks import Row
+from sim.study.analysis.labels import append_cell, cell_text, cells_of, format_entrant, label_planners
+from sim.study.cells import Levels
+from sim.study.trials import TrialRow
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 
@@ -35,10 +35,10 @@ class Curves(NamedTuple):
 class Group:
     """All trials of one planner in one cell, by seed and repeat."""
 
-    cell: Cell
+    cell: Levels
     planner: str  # label without the options that vary with the cell
-    done: tuple[Row, ...]
-    failed: tuple[Row, ...]
+    done: tuple[TrialRow, ...]
+    failed: tuple[TrialRow, ...]
 
     @property
     def title(self) -> str:
@@ -73,7 +73,7 @@ class Group:
         return Curves(times, found)
 
 
-def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
+def group_rows(rows: Sequence[TrialRow], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
     """Groups of rows by cell and planner; cells are in natural order, and planners, too, after the baseline.
 
     baseline: its label, as from `baseline_of`. given: labels of planners, as from `labels_of`. A planner whose options
@@ -82,7 +82,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
     """
     cells = cells_of(rows)
     labels = label_planners(rows, given)
-    found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
+    found: dict[tuple[Levels, str], dict[Run, TrialRow]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[format_entrant(row)]]
         run = Run(row.seed, row.repeat)
@@ -92,7 +92,7 @@ def group_rows(rows: Sequence[Row], baseline: str | None = None, given: Mapping[
             raise InputError(f"study: {text}; flights with other settings or other code need a folder of their own")
         group[run] = row
 
-    def order(key: tuple[Cell, str]) -> tuple[Any, ...]:
+    def order(key: tuple[Levels, str]) -> tuple[Any, ...]:
         cell, planner = key
         return [(name, _make_sort_key(value)) for name, value in cell], planner != baseline, _make_sort_key(planner)
 
@@ -113,7 +113,7 @@ def find_varying_factors(groups: Sequence[Group]) -> dict[str, list[str]]:
     return {name: sorted(found, key=_make_sort_key) for name, found in values.items() if len(found) > 1}
 
 
-def find_constant_factors(groups: Sequence[Group]) -> Cell:
+def find_constant_factors(groups: Sequence[Group]) -> Levels:
     """The factors that have the same value in all groups."""
     return tuple(factor for factor in groups[0].cell if all(factor in group.cell for group in groups))
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from sim.facts.metrics.catalogue import METRICS, find_metric
 from sim.facts.metrics.metric import Metric
-from sim.study.tasks import Row
+from sim.study.trials import TrialRow
 from tracking.errors import check_known
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
@@ -28,13 +28,13 @@ def find_outside_metrics(asked: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(asked) if find_metric(name) and name not in METRICS)
 
 
-def list_available(rows: Iterable[Row]) -> list[str]:
+def list_available(rows: Iterable[TrialRow]) -> list[str]:
     """All metrics of the rows: those of the registry in its order, then others by name."""
     names = {name for row in rows for name in row.metrics}
     return [name for name in METRICS if name in names] + sorted(names - set(METRICS))
 
 
-def choose_metrics(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
+def choose_metrics(rows: Sequence[TrialRow], asked: Sequence[str]) -> list[Metric]:
     """The metrics asked for, by default the usual ones; InputError if no row has one of them."""
     there = list_available(rows)
     for name in asked if there else ():

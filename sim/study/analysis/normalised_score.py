@@ -7,16 +7,14 @@ import numpy as np
 
 from planning.planner_loading import add_options
 from sim.facts.metrics.metric import Metric
-from sim.study.analysis.answers import Answer
-from sim.study.analysis.cell_text import Cell, Placed
-from sim.study.analysis.differences import find_common_values
+from sim.study.analysis.answers import Answer, find_common_values
 from sim.study.analysis.groups import Group
 from sim.study.analysis.intervals import estimate_means
+from sim.study.analysis.labels import find_baseline
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.analysis.planner_labels import find_baseline
-from sim.study.cells import VIEW
-from sim.study.study import ScoreScale
-from sim.study.tasks import Row
+from sim.study.cells import VIEW, Levels
+from sim.study.definition import ScoreScale
+from sim.study.trials import TrialPlace, TrialRow
 
 SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0)
 
@@ -37,7 +35,7 @@ class Scored(NamedTuple):
 
 
 def score_planners(
-    rows: Sequence[Row], groups: Sequence[Group], score: ScoreScale | None, given: Mapping[str, str] = {}
+    rows: Sequence[TrialRow], groups: Sequence[Group], score: ScoreScale | None, given: Mapping[str, str] = {}
 ) -> Scored | None:
     """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""
     if score is None:
@@ -47,7 +45,7 @@ def score_planners(
     return Scored(found, metric, ends) if found else None
 
 
-def find_score_ends(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> Ends:
+def find_score_ends(rows: Sequence[TrialPlace], score: ScoreScale, given: Mapping[str, str] = {}) -> Ends:
     """Labels of floor and bound; InputError if the rows lack one."""
     bound = add_options(score.bound, {VIEW: "unlimited"})
     return Ends(
@@ -83,7 +81,7 @@ def compute_scores(groups: Sequence[Group], metric: Metric, ends: Ends) -> list[
     return found
 
 
-def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Answer:
+def _score(cell: Levels | None, planner: str, values: Mapping[int, float]) -> Answer:
     (estimate,) = estimate_means(np.array([*values.values()], dtype=float).reshape(-1, 1))
     return Answer(cell, planner, SCORE, maps=len(values), mean=estimate)
 

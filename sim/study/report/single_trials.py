@@ -9,14 +9,14 @@ import numpy as np
 
 from sim.facts.metrics.metric import Metric
 from sim.scenario.random_streams import format_seed
-from sim.study.analysis.cell_text import Cell, cell_text, make_slug
 from sim.study.analysis.groups import Group
-from sim.study.analysis.planner_labels import format_entrant
+from sim.study.analysis.labels import cell_text, format_entrant, make_slug
+from sim.study.cells import Levels
 from sim.study.report.html_parts import make_command_line, make_table_element
-from sim.study.tasks import Row
+from sim.study.trials import TrialRow
 
 
-def format_command(row: Row) -> str:
+def format_command(row: TrialRow) -> str:
     """The command line that flies a trial again, for a POSIX shell."""
     words = ["understory", "run", row.scenario, "--planner", row.planner, "--seed", str(row.seed)]
     if row.repeat:
@@ -30,7 +30,7 @@ class _Extreme(NamedTuple):
     """A trial that is shown for its value."""
 
     name: str  # "best, ", for example, or empty if all trials are equal
-    row: Row
+    row: TrialRow
     remark: str  # on equal trials
 
 
@@ -93,5 +93,5 @@ def list_failures(groups: Sequence[Group]) -> str:
     )
 
 
-def _label(cell: Cell, row: Row) -> str:
+def _label(cell: Levels, row: TrialRow) -> str:
     return ", ".join(filter(None, [cell_text(cell), format_entrant(row), format_seed(row.seed, row.repeat)]))

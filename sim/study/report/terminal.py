@@ -1,48 +1,67 @@
-"""The answers of a study as tables in the terminal."""
+"""The results of a study in the terminal: tables, the place of the report, and failures."""
 
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
+from pathlib import Path
 
 import rich.table
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 
-from sim.study.analysis.answers import find_answers
-from sim.study.analysis.cell_text import cell_text
-from sim.study.analysis.groups import drop_constant_factors, find_constant_factors, group_rows
-from sim.study.analysis.metric_choice import choose_metrics
-from sim.study.analysis.normalised_score import score_planners
-from sim.study.analysis.planner_labels import find_baseline, shorten_labels
-from sim.study.report.report import About
+from sim.facts.metrics.machine import list_versions
+from sim.scenario.random_streams import format_seed
+from sim.study.analysis.groups import find_constant_factors
+from sim.study.analysis.labels import cell_text, format_entrant, shorten_labels
+from sim.study.report.comparison import About, compare_rows
+from sim.study.report.report_files import write
 from sim.study.report.sentences import list_shortfalls, write_notes
 from sim.study.report.tables import Table, make_answer_tables, make_score_table
-from sim.study.tasks import Row
-from sim.terminal.console import console
+from sim.study.trials import TrialRow
+from sim.terminal.console import console, fail
+from tracking.errors import InputError
 
 _WIDE = 100  # characters, least width of a terminal with room for all columns
 _NAMES = 12  # characters, least width of the column of names
 
 
-def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
+def show_study(rows: Sequence[TrialRow], folder: Path, about: About) -> None:
+    """Print tables and write the report; exit with code 1 if that fails or trials have failed."""
+    command = shlex.join(["understory", *sys.argv[1:]])
+    wall = sum(row.metrics.get("wall_s", 0.0) for row in rows)
+    try:
+        write(rows, folder, replace(about, command=command, versions=list_versions(), wall_s=wall))
+        show(rows, about)  # last, because the reader of a pipe may close it
+    except (KeyboardInterrupt, InputError) as error:  # names were checked before, so the disk may be full
+        reason = str(error) or "interrupted"
+        fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
+    failures = [row for row in rows if row.status == "failed"]
+    missing = "; the same command flies again what failed" if failures else ""
+    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
+    if failures:
+        first = failures[0]
+        place = f"{format_entrant(first)}, {format_seed(first.seed, first.repeat)}"
+        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
+
+
+def show(rows: Sequence[TrialRow], about: About, *, on: Console = console) -> None:
     """Print the answers; InputError if a metric or the baseline is unknown.
 
     Options that all planners of one name share are not in the tables but listed below them.
     """
-    first = find_baseline(rows, about.baseline, about.labels)
-    whole = group_rows(rows, first, about.labels)
-    groups, everywhere = drop_constant_factors(whole), find_constant_factors(whole)
-    full = find_answers(groups, choose_metrics(rows, about.metrics), first)
-    shorts = shorten_labels(list(dict.fromkeys(answer.planner for answer in full)))
-    found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
-    if everywhere:
+    compared = compare_rows(rows, about)
+    shorts = shorten_labels(list(dict.fromkeys(answer.planner for answer in compared.answers)))
+    found = [replace(answer, planner=shorts[answer.planner]) for answer in compared.answers]
+    if everywhere := find_constant_factors(compared.every):
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     wide = on.width >= _WIDE
-    for table in make_answer_tables(found, shorts[first], wide=wide):
+    for table in make_answer_tables(found, shorts[compared.baseline], wide=wide):
         on.print(_make_terminal_table(table, on.width))
-    if scores := score_planners(rows, groups, about.score, about.labels):
-        table = make_score_table(scores, groups)
+    if compared.scored:
+        table = make_score_table(compared.scored, compared.groups)
         on.print(_make_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads]), on.width))
         on.print(escape(table.note), style="dim")
     for label, short in {**about.labels, **shorts}.items():

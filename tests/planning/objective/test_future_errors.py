@@ -12,7 +12,7 @@ from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.quadrangle import radius_in_view
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.distances import length
 from tracking.track import beliefs_of
 

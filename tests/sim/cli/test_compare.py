@@ -5,9 +5,9 @@ from helpers.studies import Serial, sql
 
 from sim.mission.archive import load
 from sim.study.store import Store, StoreError, read_rows
-from sim.terminal.progress import StudyProgress, describe_pace
+from sim.terminal.progress import describe_pace
 
-FLAGS = ["--duration", "1", "--sensing", "ideal"]
+FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
 INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
 FILE = """
 study = { name = "mine", planners = ["hover", "greedy"], seeds = "0" }
@@ -19,27 +19,27 @@ LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, eva
 
 def test_a_study_file_is_flown_once_and_shown_by_cell(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(FILE)
-    code, out, err = compare("mine.toml", *FLAGS, "--maps", "2", backend=Serial(INVENTED))
+    code, out, err = compare("mine.toml", *FLAGS, "--seeds", "0-1", executor=Serial(INVENTED))
     assert (code, err) == (0, "")
     table = out[: out.index("OSPA mean")].splitlines()
     cells = [line.split()[:2] for line in table if line.split()[:1] in (["hover"], ["greedy"], ["L"])]
     assert cells == [["L", "="], ["hover", "2"], ["greedy", "2"]] * 2 + [["greedy", "2"]]
     assert "Results in runs/mine" in out and len(read_rows(tmp_path / "runs" / "mine")) == 8
-    backend = Serial(INVENTED)
-    assert compare("mine.toml", *FLAGS, "--maps", "3", backend=backend)[0] == 0
-    assert backend.flown == [("hover", 2), ("greedy", 2)] * 2
-    backend = Serial(INVENTED)
-    compare("mine.toml", *FLAGS, "--redo", backend=backend)
-    assert len(backend.flown) == 4
+    executor = Serial(INVENTED)
+    assert compare("mine.toml", *FLAGS, "--seeds", "0-2", executor=executor)[0] == 0
+    assert executor.flown == [("hover", 2), ("greedy", 2)] * 2
+    executor = Serial(INVENTED)
+    compare("mine.toml", *FLAGS, "--redo", executor=executor)
+    assert len(executor.flown) == 4
 
 
 def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
-    options = ["--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
+    options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1", *FLAGS, "--metric", "ospa.mean_m"]
     code, out, _ = compare(*options)
     assert code == 0 and "repeats" not in out
-    backend = Serial()
-    code, out, _ = compare(*options, "--repeats", "2", backend=backend)
-    assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
+    executor = Serial()
+    code, out, _ = compare(*options, "--repeats", "2", executor=executor)
+    assert code == 0 and executor.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
     assert "Each map counts once, with the mean of its repeats." in out
     rows = read_rows(tmp_path / "runs" / "compare")
     assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
@@ -49,8 +49,8 @@ def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
 
 
 def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_path):
-    options = ["--planner", LONG[0], "--planner", LONG[1], "--maps", "2", *FLAGS]
-    code, out, _ = compare(*options, backend=Serial(INVENTED))
+    options = ["--planner", LONG[0], "--planner", LONG[1], "--seeds", "0-1", *FLAGS]
+    code, out, _ = compare(*options, executor=Serial(INVENTED))
     assert code == 0 and f"sma-nbo(horizon=5) is {LONG[1]}\n" in out
     table = out[: out.index("OSPA mean")].splitlines()
     assert [line.split()[0] for line in table if " 2 " in line] == ["sma-nbo(horizon=3)", "sma-nbo(horizon=5)"]
@@ -77,22 +77,22 @@ def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
 
 
 def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path, capsys):
-    backend = Serial({"hover": ["ValueError: no"] * 4})
+    executor = Serial({"hover": ["ValueError: no"] * 4})
     options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
-    code, out, err = compare(*options, *FLAGS, backend=backend)
+    code, out, err = compare(*options, *FLAGS, executor=executor)
     assert code == 1 and "flies again what failed" in out
     assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
     assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
-    backend = Serial({"hover": [None, None, OSError("gone"), KeyboardInterrupt]})  # when the third is tried again
-    code, _, err = compare("--planner", "hover", "--seeds", "0-2", *FLAGS, "--out", "s", backend=backend)
+    executor = Serial({"hover": [None, None, OSError("gone"), KeyboardInterrupt]})  # when the third is tried again
+    code, _, err = compare("--planner", "hover", "--seeds", "0-2", *FLAGS, "--out", "s", executor=executor)
     assert code == 1
     assert err == "understory: interrupted; 2 of 3 trials are kept in s, the same command flies the rest\n"
     assert len(read_rows(tmp_path / "s")) == 2
-    backend = Serial({"hover": [None, OSError("gone"), KeyboardInterrupt]})
+    executor = Serial({"hover": [None, OSError("gone"), KeyboardInterrupt]})
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
     rest = "in s 2 are there; without --redo, the same command flies what is missing"
     told = f"understory: interrupted; 1 of 2 trials were flown now, {rest}\n"
-    assert compare(*options, backend=backend)[::2] == (1, told)
+    assert compare(*options, executor=executor)[::2] == (1, told)
 
 
 def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_path, monkeypatch):
@@ -105,7 +105,7 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
         add(store, task, row)
 
     monkeypatch.setattr(Store, "add", added)
-    code, _, err = compare(*options, backend=Serial(INVENTED))
+    code, _, err = compare(*options, executor=Serial(INVENTED))
     end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest"
     assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}\n")
     monkeypatch.setattr(Store, "add", add)
@@ -115,13 +115,13 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
 
     with monkeypatch.context() as patch:
         patch.setattr("pathlib.Path.write_bytes", failing)
-        backend = Serial(INVENTED)
-        code, _, err = compare(*options, backend=backend)
+        executor = Serial(INVENTED)
+        code, _, err = compare(*options, executor=executor)
     told = "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x]"
-    assert (code, err) == (1, f"understory: {told}, the same command writes the report\n") and len(backend.flown) == 1
-    backend = Serial()
-    code, out, err = compare(*options, backend=backend)
-    assert (code, err, backend.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
+    assert (code, err) == (1, f"understory: {told}, the same command writes the report\n") and len(executor.flown) == 1
+    executor = Serial()
+    code, out, err = compare(*options, executor=executor)
+    assert (code, err, executor.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
 
 
 def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch):
@@ -137,29 +137,29 @@ def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch)
 def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path):
     options = ["--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
     for extra, flown in (([], 1), (["--keep", "recordings"], 1), (["--keep", "recordings"], 0)):
-        backend = Serial()
-        assert compare(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
+        executor = Serial()
+        assert compare(*options, *extra, executor=executor)[0] == 0 and len(executor.flown) == flown
     assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
     options = ["--planner", "hover", "--seeds", "0", *FLAGS]
     compare(*options)
     sql(tmp_path / "runs" / "compare", "UPDATE trials SET version = '0.0.9', key = 'x'")
-    backend = Serial()
-    code, _, err = compare(*options, backend=backend)
-    assert code == 0 and len(backend.flown) == 1
+    executor = Serial()
+    code, _, err = compare(*options, executor=executor)
+    assert code == 0 and len(executor.flown) == 1
     assert err.endswith("trials of another version are kept apart, not shown: 1 of version 0.0.9\n")
 
 
 def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare):
     first = ["--planner", "hover", "--seeds", "0,1", *FLAGS, "--out", "s"]
-    assert "not shown" not in compare(*first, backend=Serial())[2]
-    code, _, err = compare("--planner", "greedy", "--seeds", "0", *FLAGS, "--out", "s", backend=Serial())
+    assert "not shown" not in compare(*first, executor=Serial())[2]
+    code, _, err = compare("--planner", "greedy", "--seeds", "0", *FLAGS, "--out", "s", executor=Serial())
     told = (
         "understory: s/study.sqlite: kept, not shown: 2 trials of other planners, code, scenarios, settings or seeds\n"
     )
     assert code == 0 and err.endswith(told)
     both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
-    assert compare(*both, "--seeds", "0", backend=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
-    assert "not shown" not in compare(*both, "--seeds", "0,1", backend=Serial())[2]
+    assert compare(*both, "--seeds", "0", executor=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
+    assert "not shown" not in compare(*both, "--seeds", "0,1", executor=Serial())[2]
 
 
 def test_the_pace_of_a_study_in_words():
@@ -174,23 +174,10 @@ score = { floor = "hover", bound = "greedy", metric = "ospa.mean_m" }
 """
 
 
-def test_what_trials_wait_for_is_told_until_they_fly():
-    told = []
-    progress = StudyProgress(lambda *given: told.append(given), 3)
-    progress.wait("")
-    progress.count(False, False)
-    progress.wait("no workers, waiting")
-    progress.wait("")
-    progress.wait("")
-    progress.count(True, False)
-    texts = ["1 of 3 trials", "1 of 3 trials, no workers, waiting", "1 of 3 trials", "2 of 3 trials, 1 failed"]
-    assert told == [(int(text[0]), 3, text) for text in texts]
-
-
 def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(SCORED)
     flags = ["--duration", "1", "--set", "trees.density=3"]
-    code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
+    code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", executor=Serial(INVENTED))
     assert (code, err) == (0, "") and "view=unlimited" in out
     assert "upper bound" in (tmp_path / "runs" / "mine" / "report.html").read_text("utf-8")
 

@@ -5,15 +5,15 @@ from helpers.trials import row
 
 from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
+from sim.study.analysis.labels import find_baseline, parse_labels, shorten_labels
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.analysis.planner_labels import find_baseline, parse_labels, shorten_labels
 from sim.study.cells import add_trackers, list_cells
-from sim.study.study import Study
+from sim.study.definition import Study
 from tracking.errors import InputError
 
 MINE = "mine:Mine"
 MEAN = find_shown_metric("ospa.mean_m")
-FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--metric", "ospa.mean_m"]
+FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal", "--seeds", "0,1", "--metric", "ospa.mean_m"]
 SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
 

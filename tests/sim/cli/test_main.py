@@ -16,7 +16,7 @@ from sim.__main__ import COMMANDS
 from sim.cli.run import show_run
 from sim.mission.archive import save
 from sim.scenario.loading import SCENARIOS
-from sim.study.study import STUDIES
+from sim.study.definition import STUDIES
 
 AILING = """
 class Ailing:
@@ -164,7 +164,7 @@ class Half:
     def __del__(self):
         del self.whole
 
-run_command_line(lambda standalone_mode: Half())
+run_command_line(lambda **given: Half())
 """
     ended = python("-c", code)
     assert (ended.returncode, ended.stderr) == (1, "understory: interrupted; nothing new is kept\n")

@@ -10,8 +10,8 @@ from sim.mission.archive import load as load_recording
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
-from sim.study.study import adapt_study, read_study
-from sim.study.tasks import list_tasks
+from sim.study.definition import adapt_study, read_study
+from sim.study.trials import list_trials
 from sim.world.appearance import sample_appearance
 
 NOISY = ["sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
@@ -74,9 +74,9 @@ def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(call, tmp_path)
 def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
     (tmp_path / "mine.toml").write_text('study = { planners = ["hover", "greedy"], seeds = "4,2", repeats = 2 }')
     study = read_study(str(tmp_path / "mine.toml"))
-    order = [(t.repeat, t.seed, t.planner) for t in list_tasks(study)]
+    order = [(t.repeat, t.seed, t.planner) for t in list_trials(study)]
     assert order == [(r, s, p) for r in (0, 1) for s in (4, 2) for p in ("hover", "greedy")]
-    assert len({t.key for t in list_tasks(study)}) == 8
-    assert {t.repeat for t in list_tasks(adapt_study(study, repeats=1))} == {0}
-    once = list_tasks(adapt_study(study, repeats=1))
-    assert [t.key for t in once] == [t.key for t in list_tasks(study)[:4]]
+    assert len({t.key for t in list_trials(study)}) == 8
+    assert {t.repeat for t in list_trials(adapt_study(study, repeats=1))} == {0}
+    once = list_trials(adapt_study(study, repeats=1))
+    assert [t.key for t in once] == [t.key for t in list_trials(study)[:4]]

@@ -5,12 +5,13 @@ import multiprocessing
 import os
 import signal
 import time
+from functools import partial
 
 import pebble
 import pytest
 from helpers.processes import python, started_with
 
-from sim.processes.workers import describe_end, start_workers
+from sim.processes.workers import start_workers
 
 
 def double(number):
@@ -57,19 +58,22 @@ ENDS = {
 def test_tasks_that_die_or_hang_say_how_and_where_and_the_others_are_done(monkeypatch):
     monkeypatch.setattr(pebble.CONSTS, "term_timeout", 0.2)  # s until a worker that ignores SIGTERM is killed
     with start_workers(2, time.sleep, 0.4) as workers:  # the start takes longer than tasks may
-        ill = {work: workers.submit(work.__name__, 0.3, work) for work in ENDS}
-        well = [workers.submit(f"well {number}", 0.3, double, number) for number in range(4)]
-        assert [describe_end(future.exception(), 0.3) for future in ill.values()] == list(ENDS.values())
+        ill = {work: workers.submit(work, 0.3) for work in ENDS}
+        well = [workers.submit(partial(double, number), 0.3) for number in range(4)]
+        told = {work: str(future.exception()) for work, future in ill.items()}
         assert [future.result() for future in well] == [0, 2, 4, 6]
-        places = {work: workers.find_crash_place(work.__name__) for work in ENDS}
     for work in (crash, hang):
-        assert places[work].startswith(f" ({__file__}:") and places[work].endswith(f", in {work.__name__})")
-    assert places[leave] == places[be_killed] == places[press_ctrl_c] == ""
+        how, _, place = told[work].partition(" (")
+        assert how == ENDS[work] and place.startswith(f"{__file__}:") and place.endswith(f", in {work.__name__})")
+    for work in (leave, be_killed, press_ctrl_c):
+        assert told[work] == ENDS[work]
+    assert told[hang_in_c].startswith(ENDS[hang_in_c])
     assert multiprocessing.active_children() == []
 
 
 PARENT = """
 import pathlib, signal, sys, time
+from functools import partial
 from sim.processes.workers import start_workers
 
 def work(name):
@@ -79,7 +83,7 @@ def work(name):
 if __name__ == "__main__":
     with start_workers(2, time.sleep, 0.0) as workers:
         for name in sys.argv[1:]:
-            workers.submit(name, None, work, name)
+            workers.submit(partial(work, name))
         print("started", flush=True)
         time.sleep(600)
 """

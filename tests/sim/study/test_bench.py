@@ -12,9 +12,9 @@ from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import encode_scenario
 from sim.study.cells import VIEW, list_cells
-from sim.study.scheduler import fly_tasks
-from sim.study.study import adapt_study, read_study
-from sim.study.tasks import list_tasks
+from sim.study.definition import adapt_study, read_study
+from sim.study.scheduler import fly_trials
+from sim.study.trials import list_trials
 
 BENCH = read_study("bench-1")
 WORLDS = ("paper", "forest", "scatter", "search", "crowd", "dense", "wind", "patchwork", "recorded", "fleet")
@@ -35,7 +35,7 @@ def test_the_worlds_of_the_bench_never_change():
 def test_each_world_flies_with_the_people_and_uavs_that_it_promises(world):
     setting = load(world)
     assert find_remarks(setting) == []
-    (row,) = fly_tasks([task_of(msgspec.structs.replace(setting, duration=1.0), "greedy", 3)], Serial())
+    (row,) = fly_trials([task_of(msgspec.structs.replace(setting, duration=1.0), "greedy", 3)], Serial())
     assert row.status == "done" and row.metrics["faults"] == 0 and np.isfinite(row.metrics["gospa.mean_m"])
 
 
@@ -45,7 +45,7 @@ def test_floor_and_bound_are_flown_whatever_planners_are_compared():
     assert kinds == {("mine:Mine", None), ("hover", None), ("sma-nbo-mwtp", "unlimited")} and len(found) == 30
     some = adapt_study(BENCH, planners=["mine:Mine"], scenarios=["dense", "search", "dense"])
     assert [cell for cell in found if cell.scenario in ("dense", "search")] == sorted(list_cells(some), key=found.index)
-    listed = list_tasks(adapt_study(BENCH, planners=["hover"], seeds="0"))
+    listed = list_trials(adapt_study(BENCH, planners=["hover"], seeds="0"))
     assert len(listed) == 20 and len({task.key for task in listed}) == 20
     for task in listed:
         unlimited = VIEW in dict(task.factors)

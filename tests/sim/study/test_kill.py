@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sqlite3
+import threading
 import time
 
 import numpy as np
@@ -11,12 +12,12 @@ import pytest
 from helpers.processes import python, started_with
 from helpers.studies import SHORT, Serial, plain, short
 
-from sim.study.backends import connect
+from sim.study.definition import read_study
+from sim.study.executors import connect
 from sim.study.scheduler import complete
 from sim.study.store import NAME, Store, StoreError, read_rows
-from sim.study.study import read_study
-from sim.study.tasks import list_tasks
 from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 from tracking.errors import InputError
 
 FILE = "[study]\nplanners = ['hover', 'greedy']\nseeds = '{seeds}'\n[set]\n" + "\n".join(
@@ -27,14 +28,13 @@ THREAD = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from sim.study.backends import ExecutorBackend
 from sim.study.scheduler import complete
 from sim.study.store import Store
-from sim.study.study import read_study
-from sim.study.tasks import list_tasks
-found = list_tasks(read_study(sys.argv[1]))
+from sim.study.definition import read_study
+from sim.study.trials import list_trials
+found = list_trials(read_study(sys.argv[1]))
 with Store.open(Path(sys.argv[2]), "killed") as store, ThreadPoolExecutor(1) as executor:
-    complete(found, store, ExecutorBackend(executor))
+    complete(found, store, executor)
 """
 PROCESSES = "import sys; from sim.__main__ import main; main()"
 
@@ -57,7 +57,7 @@ def killed(tmp_path):
             now = stored(folder)
             assert {key: now[key] for key in kept} == kept  # complete ones are not flown again
             kept = now
-        every = list_tasks(read_study(str(file)))
+        every = list_trials(read_study(str(file)))
         with Store.open(folder, "killed") as store:
             rows = complete(every, store, Serial())
         assert {key: value for key, value in stored(folder).items() if key in kept} == kept
@@ -147,18 +147,18 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
     scheduler = {"cls": distributed.Scheduler, "options": {"dashboard_address": None}}
     with (
         distributed.SpecCluster(workers, scheduler, silence_logs=50) as local,
-        connect(local.scheduler_address) as cluster,
+        distributed.Client(local, set_as_default=False) as client,
     ):
 
-        def kill(task, row, fresh):
+        def kill(row, fresh):
             if not killed:
                 nanny = local.workers[0]
                 nanny.auto_restart = False
-                killed.extend(cluster._client.processing()[nanny.worker_address])  # trials that it has been given
+                killed.extend(client.processing()[nanny.worker_address])  # trials that it has been given
                 os.kill(nanny.pid, signal.SIGKILL)
 
         with Store.open(tmp_path, "short") as store:
-            rows = complete(tasks, store, cluster, on_row=kill)
+            rows = complete(tasks, store, client.get_executor(pure=False), on_row=kill)
     assert killed and list(map(plain, rows)) == [plain(fly_trial(task).row) for task in tasks]
     assert len(read_rows(tmp_path)) == len(tasks)
 
@@ -184,47 +184,49 @@ def scheduler():
     process.communicate()
 
 
-def join(cluster, address):
-    """Start a worker in this process."""
-
-    async def start():
-        return await distributed.Worker(address, nthreads=1, dashboard=False, silence_logs=50)
-
+@pytest.fixture
+def add_worker(scheduler):
+    """Starts a worker of the scheduler in this process."""
     distributed = pytest.importorskip("distributed")
-    return cluster._client.sync(start)
+    with distributed.Client(scheduler[1], set_as_default=False) as client:
+
+        async def start():
+            return await distributed.Worker(scheduler[1], nthreads=1, dashboard=False, silence_logs=50)
+
+        workers = []
+        yield lambda: workers.append(client.sync(start))
+        for worker in workers:
+            client.sync(worker.close)
 
 
-def test_a_study_waits_for_workers_and_if_its_scheduler_dies_no_trial_is_blamed(tmp_path, scheduler, capfd):
+def test_a_study_waits_for_workers_and_if_its_scheduler_dies_no_trial_is_blamed(tmp_path, scheduler, add_worker, capfd):
     process, address = scheduler
     tasks = short(["hover", "greedy"], "0-3")
-    told, workers = [], []
 
-    def wait(why):
-        told.append(why)
-        if len(told) == 1:
-            workers.append(join(cluster, address))
-
-    def kill(task, row, fresh):
+    def kill(row, fresh):
         if fresh:
             process.kill()
 
-    with connect(address) as cluster, Store.open(tmp_path, "short") as store:
-        (row,) = complete(tasks[:1], store, cluster, on_wait=wait)
-        assert row.status == "done" and told[0] == "no workers, waiting" and set(told[1:]) <= {""}
-        with pytest.raises(StoreError, match=f"^--dask: '{address}' no longer answers$"):
+    with Store.open(tmp_path, "short") as store:
+        with connect(address) as cluster:
+            begun = threading.Timer(0.5, add_worker)
+            begun.start()
+            (row,) = complete(tasks[:1], store, cluster)
+            begun.join()
+            assert row.status == "done"
+        told = f"understory: --dask: '{address}' has no workers yet; trials wait for the first\n"
+        assert capfd.readouterr().err == told
+        with pytest.raises(StoreError, match=f"^--dask: '{address}' no longer answers$"), connect(address) as cluster:
             complete(tasks, store, cluster, on_row=kill)
-        cluster._client.sync(workers[0].close)
     rows = read_rows(tmp_path)
-    assert "distributed.client" not in capfd.readouterr().err
     assert 2 <= len(rows) < len(tasks) and {row.status for row in rows} == {"done"}
 
 
-def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
+def test_an_address_that_does_not_answer_is_one_line(capfd):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sim.study.backends._CONNECT", 0.2)
     start = time.monotonic()
     for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x", "127.0.0.1:notaport"):
-        with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connect(address):
+        with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connect(address, 0.2):
             pass
         assert "\n" not in str(raised.value)
     gc.collect()

@@ -7,8 +7,8 @@ from helpers.studies import task_of
 
 from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
-from sim.study.backends import Pool
-from sim.study.scheduler import fly_tasks
+from sim.study.executors import Pool
+from sim.study.scheduler import fly_trials
 
 SEEDS = range(10)
 
@@ -17,7 +17,7 @@ SEEDS = range(10)
 def test_the_default_planner_holds_the_people_and_baselines_do_not():
     names = (DEFAULT_PLANNER, "greedy", "hover")
     with Pool(2) as pool:
-        rows = fly_tasks([task_of(load("forest"), name, seed) for name in names for seed in SEEDS], pool)
+        rows = fly_trials([task_of(load("forest"), name, seed) for name in names for seed in SEEDS], pool)
     share = {name: np.mean([r.metrics["ospa.share_under_1m"] for r in rows if r.planner == name]) for name in names}
     assert share[DEFAULT_PLANNER] >= 0.80 and share["greedy"] <= share[DEFAULT_PLANNER] - 0.15
     assert share["hover"] <= share[DEFAULT_PLANNER] - 0.40

@@ -67,10 +67,10 @@ def test_a_terminal_has_a_bar_of_what_is_compiled_and_then_of_the_flight(shown):
 
 def test_a_study_tells_its_pace_in_a_log(shown):
     wait, output = shown(terminal=False)
-    with progress.show_study_progress(4) as trials:
+    with progress.show_study_progress(4) as tell:
         for failed in (False, True):
             wait(10.0)
-            trials.count(failed, True)
+            tell(failed, True)
     assert output().splitlines() == [
         "1 of 4 trials, 6.0 a minute, 0:30 left",
         "2 of 4 trials, 6.0 a minute, 0:20 left, 1 failed",

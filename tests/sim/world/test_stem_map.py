@@ -12,7 +12,7 @@ from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.environment import Trees
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
-from sim.study.tasks import _hash_user_files
+from sim.study.trials import _hash_user_files
 from sim.world.recorded_people import read_trajectories
 from sim.world.stem_map import MAX_STEMS, find_unused_columns, read_stem_map
 from tracking.errors import InputError

@@ -11,7 +11,8 @@ from scipy import stats
 
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree, visible_samples
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, Tree, visible_samples
 from tracking.measurement_update import predict_scan
 from tracking.tracker import Scan, TrackerParameters
 

@@ -9,10 +9,10 @@ from helpers.porous import make_porous, sampled_share
 from helpers.views import CAMERA
 
 from tracking.geometry.camera import Pose
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
     SAMPLE_VARIANCE,
     SAMPLES,
-    TARGET_HEIGHT,
     THRESHOLDS,
     Forest,
     Tree,

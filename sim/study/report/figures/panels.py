@@ -5,8 +5,9 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle, product
 
-from sim.study.analysis.cell_text import Cell, cell_text
 from sim.study.analysis.groups import Group, find_varying_factors
+from sim.study.analysis.labels import cell_text
+from sim.study.cells import Levels
 from sim.views.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
@@ -66,7 +67,7 @@ def lay_out_figures(groups: Sequence[Group]) -> list[FigureLayout]:
     return [_lay_out_planners(shared, part, styles) for shared, part in _split((), groups)]
 
 
-def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
+def _split(shared: Levels, groups: Sequence[Group]) -> Iterator[tuple[Levels, list[Group]]]:
     """The groups of each figure, with the factors that have the same value in it."""
     factors = find_varying_factors(groups)
     if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
@@ -78,7 +79,7 @@ def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[G
         yield from _split((*shared, (fewest, value)), part)
 
 
-def _lay_out_planners(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
+def _lay_out_planners(shared: Levels, groups: Sequence[Group], styles: dict[str, Style]) -> FigureLayout:
     factors = find_varying_factors(groups)
     panels = defaultdict[str, list[Curve]](list)
     for group in groups:
@@ -107,5 +108,5 @@ def _lay_out_one_planner(groups: Sequence[Group]) -> FigureLayout:
     return FigureLayout("", panels, min(COLUMNS, len(panels)))
 
 
-def _select_factors(cell: Cell, names: Collection[str]) -> Cell:
+def _select_factors(cell: Levels, names: Collection[str]) -> Levels:
     return tuple(factor for factor in cell if factor[0] in names)

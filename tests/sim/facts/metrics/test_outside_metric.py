@@ -16,7 +16,7 @@ from rich.console import Console
 
 from sim.facts.metrics.catalogue import METRICS, _name_metrics, evaluate, find_metric
 from sim.facts.metrics.metric import Metric, Outcome
-from sim.study.report.report import About
+from sim.study.report.comparison import About
 from sim.study.report.terminal import show
 from sim.study.store import read_rows
 
@@ -80,12 +80,12 @@ def test_the_metric_of_the_page_is_the_way_that_uavs_flew(tmp_path, monkeypatch)
 
 
 def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):
-    backend = Serial()
-    words = ["--planner", "hover", "--seeds", "0", "--duration", "1", "--sensing", "ideal"]
-    assert compare(*words, backend=backend)[0] == 0
-    code, out, _ = compare(*words, "--metric", "mine:FARTHEST", backend=backend)
+    executor = Serial()
+    words = ["--planner", "hover", "--seeds", "0", "--duration", "1", "--set", "sensing.mode=ideal"]
+    assert compare(*words, executor=executor)[0] == 0
+    code, out, _ = compare(*words, "--metric", "mine:FARTHEST", executor=executor)
     assert code == 0 and "middle [km]" in out
-    assert len(backend.flown) == 2  # again, for the metric that the first flight lacked
+    assert len(executor.flown) == 2  # again, for the metric that the first flight lacked
     (row,) = read_rows(tmp_path / "runs" / "compare")
     assert 20 < row.metrics["mine:FARTHEST"] < 100
     assert "farthest from the middle [km]" in (tmp_path / "runs" / "compare" / "report.html").read_text()

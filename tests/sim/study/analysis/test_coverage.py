@@ -1,7 +1,7 @@
 """Intervals hold the true mean as often as the report says, on maps drawn from trials that were flown.
 
 `data/trials.csv` is of `understory compare --planner sma-nbo-mwtp --planner sma-nbo --planner greedy --planner hover
---sensing ideal --duration 20` on seeds 0 to 171, and of 40 s without `hover` on fewer.
+--set sensing.mode=ideal --duration 20` on seeds 0 to 171, and of 40 s without `hover` on fewer.
 """
 
 import csv

@@ -7,11 +7,11 @@ from helpers.trials import failed, row
 
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import estimate_means
+from sim.study.analysis.labels import find_baseline, label_planners, parse_labels
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import compute_scores, find_score_ends
 from sim.study.analysis.normalised_score import score_planners as scored_study
-from sim.study.analysis.planner_labels import find_baseline, label_planners, parse_labels
-from sim.study.study import ScoreScale
+from sim.study.definition import ScoreScale
 from tracking.errors import InputError
 
 GOSPA, SHARE = find_shown_metric("gospa.mean_m"), find_shown_metric("ospa.share_under_1m")

@@ -6,10 +6,11 @@ import re
 from helpers.trials import row
 from rich.console import Console
 
-from sim.study.report.report import About, make_files
+from sim.study.definition import ScoreScale
+from sim.study.report.comparison import About
+from sim.study.report.report_files import make_files
 from sim.study.report.tables import SCORES
 from sim.study.report.terminal import show
-from sim.study.study import ScoreScale
 
 SCORE = ScoreScale(floor="hover", bound="sma-nbo")
 

@@ -1,4 +1,4 @@
-"""Trials of a study and their results, as values that can be sent to other processes and have the trial's key."""
+"""Trials of a study and their rows of results, as values that can be sent to other processes."""
 
 import functools
 import hashlib
@@ -20,8 +20,8 @@ from sim.scenario.loading import load
 from sim.scenario.quantities import parse_integers
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.text_files import read_bytes
-from sim.study.cells import Cell, list_cells
-from sim.study.study import Study
+from sim.study.cells import Cell, Levels, list_cells
+from sim.study.definition import Study
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import import_plugin
@@ -36,12 +36,12 @@ _RELEASED = (
 )
 
 
-class _Setup(Struct, frozen=True, kw_only=True):
-    """The common part of a task and its row: the trial's place in its study, and everything that reproduces it."""
+class TrialPlace(Struct, frozen=True, kw_only=True):
+    """The place of a trial in its study, and everything that reproduces it."""
 
     study: str = ""
     scenario: str = ""  # name or .toml file
-    factors: tuple[tuple[str, str], ...] = ()  # displayed factors and levels: (("lambda", "45"), ("R", "5"))
+    factors: Levels = ()  # those displayed: (("lambda", "45"), ("R", "5"))
     settings: dict[str, str] = {}  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
     planner: str  # in the form of --planner
     seed: int
@@ -49,7 +49,7 @@ class _Setup(Struct, frozen=True, kw_only=True):
     version: str  # version of the package
 
 
-class Task(_Setup, frozen=True, kw_only=True):
+class StudyTrial(TrialPlace, frozen=True, kw_only=True):
     """One trial to fly."""
 
     key: str
@@ -57,12 +57,12 @@ class Task(_Setup, frozen=True, kw_only=True):
     metrics: tuple[str, ...] = ()  # import strings of plug-in metrics
 
     @property
-    def shared(self) -> dict[str, Any]:
-        """The fields that a row takes from its task."""
-        return {name: getattr(self, name) for name in _Setup.__struct_fields__}
+    def place(self) -> dict[str, Any]:
+        """The fields of `TrialPlace`, which the trial's row has, too."""
+        return {name: getattr(self, name) for name in TrialPlace.__struct_fields__}
 
 
-class Row(_Setup, frozen=True, kw_only=True, eq=False):
+class TrialRow(TrialPlace, frozen=True, kw_only=True, eq=False):
     """One trial with its results."""
 
     status: Literal["done", "failed"]
@@ -75,7 +75,7 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
     machine: str = ""  # processor of the machine that flew the trial
 
 
-def list_tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
+def list_trials(study: Study, metrics: Sequence[str] = ()) -> list[StudyTrial]:
     """All trials of a study, seed by seed and repeat by repeat, so that an interrupted study has complete pairs.
 
     metrics: import strings of plug-in metrics to compute. InputError if a trial cannot be flown.
@@ -93,7 +93,7 @@ def list_tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
         except InputError as error:
             raise InputError(_locate_error(study, cell, error)) from error
     made = [
-        Task(
+        StudyTrial(
             key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
             study=study.name,
             scenario=cell.scenario,
@@ -187,15 +187,15 @@ def _hash_file(path: Path) -> str:
         return ""  # the set-up of the world reports what is wrong with the file
 
 
-def _check_distinct(study: Study, first: Sequence[Task]) -> None:
+def _check_distinct(study: Study, first: Sequence[StudyTrial]) -> None:
     """InputError if two cells have the same trials, which would count twice."""
-    known: dict[str, Task] = {}
-    for task in first:
-        other = known.setdefault(task.key, task)
-        if other is not task:
-            both = f"{_name_place(other)} and {_name_place(task)}"
+    known: dict[str, StudyTrial] = {}
+    for trial in first:
+        other = known.setdefault(trial.key, trial)
+        if other is not trial:
+            both = f"{_name_place(other)} and {_name_place(trial)}"
             raise InputError(f"{study.at('study')}: {study.name}: {both} are the same trials; each counts once")
 
 
-def _name_place(task: Task) -> str:
-    return ", ".join([*(f"{name} {level}" for name, level in task.factors), task.planner])
+def _name_place(trial: StudyTrial) -> str:
+    return ", ".join([*(f"{name} {level}" for name, level in trial.factors), trial.planner])

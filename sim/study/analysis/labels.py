@@ -1,37 +1,68 @@
-"""Labels of the planners and trackers that a study compares: their text, a shared part of it, or the user's label."""
+"""Texts of cells, and labels of the planners and trackers that a study compares."""
 
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from planning.planner_loading import add_options, split_options
-from sim.study.analysis.cell_text import Cell, Placed, cells_of
-from sim.study.cells import COMPARED_FACTORS, TRACKER, VIEW
-from sim.study.tasks import Row
+from sim.study.cells import COMPARED_FACTORS, TRACKER, VIEW, Levels
+from sim.study.trials import TrialPlace, TrialRow
 from tracking.errors import InputError, did_you_mean
+
+SYMBOLS = {"lambda": "λ"}
+
+
+def cells_of(rows: Sequence[TrialPlace]) -> list[Levels]:
+    """The cell of each row; scenario and version are factors, too, if the rows differ in them."""
+    differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
+    found = [
+        (*((name, getattr(row, name)) for name in differing if name not in dict(row.factors)), *row.factors)
+        for row in rows
+    ]
+    return [tuple(factor for factor in cell if factor[0] not in COMPARED_FACTORS) for cell in found]
+
+
+def cell_text(cell: Levels | None) -> str:
+    """A cell as text, such as λ = 45, R = 5; None means all cells."""
+    if cell is None:
+        return "all cells"
+    return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
+
+
+def append_cell(planner: str, cell: Levels | None) -> str:
+    """A planner with its cell, if the study has cells: greedy (λ = 45, R = 5)."""
+    return planner if cell == () else f"{planner} ({cell_text(cell)})"
+
+
+def make_slug(text: str) -> str:
+    """A text about cells in the form of names of files and anchors: lambda-45-r-5."""
+    for name, symbol in SYMBOLS.items():
+        text = text.replace(symbol, name)
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+
 
 BOUND = ", upper bound"  # end of the label of a planner that sees the truth
 Key = tuple[str, str]
 
 
-def format_entrant(row: Placed) -> str:
+def format_entrant(row: TrialPlace) -> str:
     """Text of a trial's entrant in a comparison: its planner, with tracker and view if the study varies them."""
     return add_options(row.planner, _list_entered(row))
 
 
-def label_planners(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
+def label_planners(rows: Sequence[TrialPlace], given: Mapping[str, str] = {}) -> dict[str, str]:
     """Label of each entrant, with a remark if it is an upper bound; given: labels from `parse_labels`."""
-    flown = [row for row in rows if isinstance(row, Row)]
+    flown = [row for row in rows if isinstance(row, TrialRow)]
     bounds = {format_entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _make_labels(rows).items()}
 
 
-def _make_labels(rows: Sequence[Placed]) -> dict[str, str]:
+def _make_labels(rows: Sequence[TrialPlace]) -> dict[str, str]:
     """Label of each entrant: its text, without options that change from cell to cell.
 
     A planner has such options if its texts differ from cell to cell, with one text in each cell.
     """
-    texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # texts of each planner, with their cells
+    texts: dict[Key, dict[str, set[Levels]]] = defaultdict(dict)  # texts of each planner, with their cells
     for row, cell in zip(rows, cells_of(rows), strict=True):
         texts[_make_key(row)].setdefault(row.planner, set()).add(cell)
     shared = {}
@@ -44,12 +75,12 @@ def _make_labels(rows: Sequence[Placed]) -> dict[str, str]:
     }
 
 
-def _list_entered(row: Placed) -> dict[str, str]:
+def _list_entered(row: TrialPlace) -> dict[str, str]:
     """Tracker and view of a trial as options of the planner; empty if the study does not vary them."""
     return {name: level for name, level in row.factors if name in COMPARED_FACTORS}
 
 
-def _make_key(row: Placed) -> Key:
+def _make_key(row: TrialPlace) -> Key:
     return split_options(row.planner)[0], ", ".join(_list_entered(row).values())
 
 
@@ -60,7 +91,7 @@ def _join_shared(name: str, planners: Sequence[str]) -> str:
 
 
 def find_baseline(
-    rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}, option: str = "--baseline"
+    rows: Sequence[TrialPlace], baseline: str | None, given: Mapping[str, str] = {}, option: str = "--baseline"
 ) -> str:
     """Label of the baseline, given by label, text, or name of planner or tracker; by default that of the first row.
 
@@ -75,7 +106,7 @@ def find_baseline(
     return next(shown[text] for text, label in own.items() if label == meant)
 
 
-def parse_labels(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
+def parse_labels(rows: Sequence[TrialPlace], asked: Sequence[str]) -> dict[str, str]:
     """The user's labels, given as "label=planner", by the labels that they replace; InputError if one is invalid."""
     labels = _make_labels(rows)
     found: dict[str, str] = {}

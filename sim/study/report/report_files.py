@@ -1,13 +1,11 @@
-"""Report of a study: `report.html`, tables and figures."""
+"""The files of a study's report: `report.html`, `table.csv` and figures."""
 
 import base64
 import hashlib
-import os
-import platform
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -15,18 +13,10 @@ from pathlib import Path
 from sim.facts.metrics.metric import Metric
 from sim.mission.atomic_files import write_whole
 from sim.study.analysis.answers import Answer, find_answers
-from sim.study.analysis.cell_text import SYMBOLS, append_cell, cell_text
-from sim.study.analysis.groups import (
-    Group,
-    drop_constant_factors,
-    find_constant_factors,
-    find_varying_factors,
-    group_rows,
-)
-from sim.study.analysis.metric_choice import RUNTIME, choose_metrics, find_shown_metric, list_available
-from sim.study.analysis.normalised_score import score_planners
-from sim.study.analysis.planner_labels import find_baseline, format_entrant
-from sim.study.report.answer_columns import format_csv
+from sim.study.analysis.groups import Group, find_constant_factors, find_varying_factors
+from sim.study.analysis.labels import SYMBOLS, append_cell, cell_text, format_entrant
+from sim.study.analysis.metric_choice import RUNTIME, find_shown_metric, list_available
+from sim.study.report.comparison import About, compare_rows
 from sim.study.report.figures.pictures import Picture, draw_pictures, draw_score_picture
 from sim.study.report.html_parts import (
     make_bullet_list,
@@ -38,9 +28,8 @@ from sim.study.report.html_parts import (
 )
 from sim.study.report.sentences import list_shortfalls, write_notes, write_verdict
 from sim.study.report.single_trials import list_failures, show_extreme_maps
-from sim.study.report.tables import make_answer_tables, make_runtime_tables, make_score_table
-from sim.study.study import ScoreScale
-from sim.study.tasks import Row
+from sim.study.report.tables import format_csv, make_answer_tables, make_runtime_tables, make_score_table
+from sim.study.trials import TrialRow
 from tracking.errors import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # file names of a report's figures
@@ -71,25 +60,7 @@ _HOW_TO_FLY = (
 )
 
 
-@dataclass(frozen=True)
-class About:
-    """Facts about a study that its rows do not contain."""
-
-    study: str  # name
-    description: str = ""
-    command: str = ""  # command line that runs the study again
-    versions: Mapping[str, str] = field(default_factory=dict)
-    machine: str = field(  # machine that made the report; trials may have flown on others
-        default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
-    )
-    wall_s: float | None = None  # sum over all trials, even if they flew at the same time
-    baseline: str | None = None  # a planner of the rows, by default the first
-    labels: Mapping[str, str] = field(default_factory=dict)  # labels of planners, as from `labels_of`
-    metrics: tuple[str, ...] = ()  # names of metrics, by default the usual ones
-    score: ScoreScale | None = None  # the study's score
-
-
-def write(rows: Sequence[Row], folder: Path, about: About) -> None:
+def write(rows: Sequence[TrialRow], folder: Path, about: About) -> None:
     """Write report.html, table.csv and figures/*.svg, *.png into `folder`: all of them, or none.
 
     Figures of an earlier report that this one lacks are removed. InputError if a metric or the baseline is unknown,
@@ -108,35 +79,37 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
         raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
 
 
-def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
+def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
     """The files of a report by name."""
-    baseline = find_baseline(rows, about.baseline, about.labels)
-    every = group_rows(rows, baseline, about.labels)
-    groups, metrics = drop_constant_factors(every), choose_metrics(rows, about.metrics)
-    found = find_answers(groups, metrics, baseline)
-    times = find_answers(
-        groups, [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)], baseline
-    )
-    drawn = draw_pictures(groups, baseline, metrics)
-    scoring, scored = list[Picture](), ""
-    if scores := score_planners(rows, groups, about.score, about.labels):
-        scoring, table = [draw_score_picture(scores.scores, scores.ends)], make_score_table(scores, groups)
-        scored = make_paragraph(table.note) + make_html_table(table) + _embed_figures(scoring)
-    full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
-    every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
-    full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
-    extremes, commands = show_extreme_maps(groups, metrics[0])
-    best_and_worst = "Least and greatest maps" if metrics[0].better == "neither" else "Best and worst maps"
-    of_each = make_paragraph(f"For each planner separately, by {metrics[0].title}.")
+    found = compare_rows(rows, about)
+    baseline = found.baseline
+    groups = found.groups
+    metric = found.metrics[0]
+    runtimes = [find_shown_metric(name) for name in RUNTIME if name in list_available(rows)]
+    times = find_answers(groups, runtimes, baseline)
+    pictures = draw_pictures(groups, baseline, found.metrics)
+    scoring: list[Picture] = []
+    scored = ""
+    if found.scored:
+        scoring.append(draw_score_picture(found.scored.scores, found.scored.ends))
+        score_table = make_score_table(found.scored, groups)
+        scored = make_paragraph(score_table.note) + make_html_table(score_table) + _embed_figures(scoring)
+    full = {group.cell: other.cell for group, other in zip(groups, found.every, strict=True)}
+    shown = [*found.answers, *(answer for answer in times if answer.metric not in found.metrics)]
+    full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in shown]
+    extremes, commands = show_extreme_maps(groups, metric)
+    best_and_worst = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
+    of_each = make_paragraph(f"For each planner separately, by {metric.title}.")
+    tables = make_answer_tables(found.answers, baseline)
     sections = {
-        "In short": _write_verdicts(found, baseline, metrics[0]),
-        "What was run": _describe_study(rows, every, about, baseline),
+        "In short": _write_verdicts(found.answers, baseline, metric),
+        "What was run": _describe_study(rows, found.every, about, baseline),
         "Scores": scored,
-        "Results": f"{make_bullet_list(write_notes(found))}\n{make_titled_tables(make_answer_tables(found, baseline))}",
-        "Figures": _embed_figures(drawn),
+        "Results": f"{make_bullet_list(write_notes(found.answers))}\n{make_titled_tables(tables)}",
+        "Figures": _embed_figures(pictures),
         "Run time": make_titled_tables(make_runtime_tables(times)),
         best_and_worst: of_each + extremes if commands else "",
-        f"Failures: {sum(len(group.failed) for group in every)}": list_failures(every),
+        f"Failures: {sum(len(group.failed) for group in found.every)}": list_failures(found.every),
         "Fly them again": make_paragraph(_HOW_TO_FLY) + commands if commands else "",
         "How to read this": make_bullet_list(_HOW_TO_READ),
     }
@@ -145,7 +118,7 @@ def make_files(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         "report.html": make_page(f"{about.study}: understory", opening, sections).encode(),
         "table.csv": format_csv(full_answers, baseline).encode(),
     }
-    for picture in (*drawn, *scoring):
+    for picture in (*pictures, *scoring):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
 
@@ -182,7 +155,7 @@ def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> s
     )
 
 
-def _describe_study(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
+def _describe_study(rows: Sequence[TrialRow], every: Sequence[Group], about: About, baseline: str) -> str:
     seeds, changing = sorted({row.seed for row in rows}), find_varying_factors(every)
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}

@@ -16,10 +16,11 @@ from helpers.trials import failed, row, study
 from planning.planner_loading import load_planner
 from sim.__main__ import COMMANDS
 from sim.scenario.loading import load
-from sim.study.analysis.differences import Difference
+from sim.study.analysis.answers import Difference
 from sim.study.analysis.intervals import Estimate, compute_p_values, count_maps_needed, estimate_means
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.report.report import About, format_duration, format_ranges, make_files, write
+from sim.study.report.comparison import About
+from sim.study.report.report_files import format_duration, format_ranges, make_files, write
 from sim.study.report.sentences import write_verdict
 from sim.terminal.commands import load_command
 from tracking.errors import InputError
@@ -28,7 +29,7 @@ EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
 ABOUT = About(
     "tried",
     description=EVIL,
-    command="understory compare tried.toml --maps 6",
+    command="understory compare tried.toml --seeds 0-5",
     versions={"understory": "0.1.0", "numpy": "2.0"},
     machine="2 cores, test",
     wall_s=5400.0,
@@ -167,7 +168,7 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
     def written():
         return {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in tmp_path.rglob("*.*")}
 
-    monkeypatch.setattr("sim.study.report.report.make_files", lambda rows, about: files)
+    monkeypatch.setattr("sim.study.report.report_files.make_files", lambda rows, about: files)
     write(rows(), tmp_path, ABOUT)
     assert written() == files
     assert {"report.html", "table.csv", "figures/ecdf.svg", "figures/ecdf.png"} <= set(files)

@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from sim.installation import ROOT
-from sim.study.study import Study
-from sim.study.tasks import get_release, list_tasks
+from sim.study.definition import Study
+from sim.study.trials import get_release, list_trials
 
 FILES = ("sim/__main__.py", "assets/quadrotor.urdf", "assets/meshes/person.obj", "assets/meshes/leaves.png")
 PLANNERS = {
@@ -42,10 +42,10 @@ def keyed(tmp_path, monkeypatch):
         for file, content in files.items():
             file.write_text(content)
         study = Study(name="x", planners=(planner,), seeds="0", settings=settings)
-        found = [list_tasks(study)[0].key]
+        found = [list_trials(study)[0].key]
         for file, content in files.items():
             file.write_text(content + "# another\n")
-            found.append(list_tasks(study)[0].key)
+            found.append(list_trials(study)[0].key)
         return found
 
     yield keys
@@ -76,7 +76,7 @@ def copied(tmp_path, monkeypatch):
             shutil.copy(ROOT / name, root / name)
 
         def released():
-            monkeypatch.setattr("sim.study.tasks.ROOT", root)
+            monkeypatch.setattr("sim.study.trials.ROOT", root)
             return get_release.__wrapped__()
 
         return root, released

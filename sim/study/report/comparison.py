@@ -1,0 +1,80 @@
+"""What a study compares, and the result: groups, answers and scores, which tables, figures and the report show."""
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.metric import Metric
+from sim.study.analysis.answers import Answer, find_answers
+from sim.study.analysis.groups import Group, drop_constant_factors, group_rows
+from sim.study.analysis.labels import find_baseline, parse_labels
+from sim.study.analysis.metric_choice import choose_metrics
+from sim.study.analysis.normalised_score import Scored, find_score_ends, score_planners
+from sim.study.definition import ScoreScale, Study
+from sim.study.trials import StudyTrial, TrialRow
+from tracking.errors import check_known
+
+
+@dataclass(frozen=True)
+class About:
+    """Facts about a study that its rows do not contain."""
+
+    study: str  # name
+    description: str = ""
+    command: str = ""  # command line that runs the study again
+    versions: Mapping[str, str] = field(default_factory=dict)
+    machine: str = field(  # machine that made the report; trials may have flown on others
+        default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
+    )
+    wall_s: float | None = None  # sum over all trials, even if they flew at the same time
+    baseline: str | None = None  # a planner of the rows, by default the first
+    labels: Mapping[str, str] = field(default_factory=dict)  # labels of planners, as from `parse_labels`
+    metrics: tuple[str, ...] = ()  # names of metrics, by default the usual ones
+    score: ScoreScale | None = None  # the study's score
+
+
+def make_about(
+    study: Study, trials: Sequence[StudyTrial], *, baseline: str | None, labels: Sequence[str], metrics: Sequence[str]
+) -> About:
+    """Facts about a study that is to be flown; InputError if they name what its trials will not have.
+
+    Args:
+        study: The study.
+        trials: All its trials.
+        baseline: Label, text or name of a planner or tracker; None means the first.
+        labels: Labels of planners, as "label=planner".
+        metrics: Names of the metrics to show.
+    """
+    given = parse_labels(trials, labels)
+    find_baseline(trials, baseline, given)
+    if study.score:
+        find_score_ends(trials, study.score, given)
+        check_known(study.at("score.metric"), study.score.metric, [*METRICS, *metrics])
+    return About(
+        study.name, study.description, baseline=baseline, labels=given, metrics=tuple(metrics), score=study.score
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The rows of a study, compared."""
+
+    baseline: str  # its label
+    every: list[Group]  # with all factors
+    groups: list[Group]  # in the same order, without the factors that have the same value in all of them
+    metrics: list[Metric]
+    answers: list[Answer]
+    scored: Scored | None  # None if the study has no score, or no map has both floor and bound
+
+
+def compare_rows(rows: Sequence[TrialRow], about: About) -> Comparison:
+    """Compare rows; InputError if a metric or the baseline is unknown, or there are no rows."""
+    baseline = find_baseline(rows, about.baseline, about.labels)
+    every = group_rows(rows, baseline, about.labels)
+    groups = drop_constant_factors(every)
+    metrics = choose_metrics(rows, about.metrics)
+    answers = find_answers(groups, metrics, baseline)
+    scored = score_planners(rows, groups, about.score, about.labels)
+    return Comparison(baseline, every, groups, metrics, answers, scored)
