@@ -27,11 +27,11 @@ LAYERS = {
             "testing",
             "registration",
         ),
-        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker", "fleet"),
+        *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker"),
         "undetected",
     ),
     "planning": (
-        *("planner", "planners", "planner_loading", "options", "prediction", "objective", "optimizers"),
+        *("planner", "catalogue", "planner_loading", "options", "prediction", "objective", "optimizers"),
         *("coordination", "composed", "baselines", "rivals", "oracle", "testing", "planner_check"),
     ),
     "sim": (

@@ -78,7 +78,7 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path, without
         ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
         ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected `float` >= 0"),
         (
-            {"scenario": Scenario(people=People(group=object))},
+            {"scenario": Scenario(people=People(stay=object))},
             "scenario: <class 'object'> is not allowed; expected plain values",
         ),
         ({"planner": dict}, "planner: dict is a class; give an object of it"),

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from sim.facts.scan_choice import find_scans
+from sim.facts.flight import find_scans
 from sim.mission.archive import find_recording
 from sim.mission.atomic_files import claim_place
 from sim.scenario.quantities import parse_integer, parse_interval

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
 from sim.world.stem_map import read_stem_map
 from tracking.errors import InputError, spell
@@ -176,7 +177,7 @@ def read_cameras(path: Path) -> dict[int, CameraRow]:
     return cameras
 
 
-def _read_view(row: Row, path: Path) -> CameraRow:
+def _read_view(row: TableRow, path: Path) -> CameraRow:
     if name := row.values.get("camera"):
         try:
             return CameraRow.calibrated(read_camera(str(path.parent / name) if Path(name).suffix else name))
@@ -198,16 +199,18 @@ def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
     return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
 
 
-def read_uav(row: Row) -> int:
+def read_uav(row: TableRow) -> int:
     """Number of the UAV of a row, 0 in a table without this column."""
     return row.integer("uav") if "uav" in row.values else 0
 
 
-def _read_attitude(row: Row) -> list[float]:
+def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
     if any(name in row.values for name in _ANGLES):
         yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
-        return _turn(-yaw, math.pi / 2 + pitch, -roll)
+        # Turns about the camera's z, then x, then z axis.
+        turned = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
+        return [float(part) for part in turned.as_quat()]
     if not any(name in row.values for name in _QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
     quaternion = [row.number(name) for name in _QUATERNION]
@@ -217,14 +220,7 @@ def _read_attitude(row: Row) -> list[float]:
     return quaternion if abs(norm - 1) <= _ROUNDED else [part / norm for part in quaternion]
 
 
-def _turn(about_up: float, about_right: float, about_back: float) -> list[float]:
-    """Quaternion xyzw of turns about the camera's z, then x, then z axis [rad]."""
-    c, s = math.cos(about_right / 2), math.sin(about_right / 2)
-    plus, minus = (about_up + about_back) / 2, (about_up - about_back) / 2
-    return [s * math.cos(minus), s * math.sin(minus), c * math.sin(plus), c * math.cos(plus)]
-
-
-def _read_detection(row: Row) -> Detection | None:
+def _read_detection(row: TableRow) -> Detection | None:
     """The detection of a row; None if it has none."""
     given = [names for names in (_PLACE, _COVARIANCE, _PIXEL) if any(row.values.get(name) for name in names)]
     if not given:

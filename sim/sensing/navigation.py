@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.scenario.scenario import Scenario
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.navigation import Navigation
 from tracking.numerics.arrays import Array
 from tracking.numerics.normal import standard_normal
@@ -15,13 +16,11 @@ class NavigationErrors:
     """Errors of one UAV's navigation at the present scan; `advance` goes on to the next one."""
 
     def __init__(self, navigation: Navigation, rng: np.random.Generator) -> None:
-        n = navigation
         self._navigation = navigation
         self._rng = rng
-        self._biases = n.biases * standard_normal(rng, 6)
-        clock = n.clock_deviation * standard_normal(rng, 1)[0]
-        self.clock = float(clock if n.clock_offset is None else n.clock_offset)  # s
-        self._drift = n.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
+        self._biases = navigation.biases * standard_normal(rng, 6)
+        self.clock = float(navigation.clock_deviation * standard_normal(rng, 1)[0])  # s
+        self._drift = navigation.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
         self._draw_noise()
 
     def advance(self, elapsed: float) -> None:

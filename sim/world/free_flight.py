@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from sim.world.attitude import matrix_of, settle
 from sim.world.quadrotor import DRAG, GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts, steady_thrusts
-from tracking.geometry.camera import rotate
+from tracking.geometry.quaternions import engine_rotation, rotate, settle
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.trigonometry import arctan2, cos, sin
@@ -20,10 +19,16 @@ _REACH = 0.5
 def fly_while_clear(
     states: Array, targets: Array, memories: Array, winds: Array, calm: bool, dt: float, top: float
 ) -> int:
-    """Fly quadrotors as long as all are clear, up to a step of dt s per wind; return the number of steps made.
+    """Fly quadrotors as long as all are clear, up to a step per wind; return the number of steps made.
 
-    states (n, 13) as in `rotor_thrusts` and memories (n, 3) as in `steady_thrusts` are changed in place. targets (n, 3)
-    as in `rotor_thrusts`; winds (steps, 2) m/s; calm: no air resistance. top: height of all that stands, m.
+    Args:
+        states: (n, 13) as in `rotor_thrusts`, changed in place.
+        targets: (n, 3) as in `rotor_thrusts`.
+        memories: (n, 3) as in `steady_thrusts`, changed in place.
+        winds: (steps, 2) m/s.
+        calm: True without air resistance.
+        dt: Time of a step, s.
+        top: Height of all that stands, m.
     """
     for k in range(len(winds)):
         if not _are_clear(states, top):
@@ -34,9 +39,14 @@ def fly_while_clear(
 
 @compiled
 def glide_while_clear(states: Array, commands: Array, dt: float, steps: int, top: float) -> int:
-    """Move kinematic UAVs as long as all are clear after a step of dt s; return the number of steps made.
+    """Move kinematic UAVs as long as all are clear after a step; return the number of steps made.
 
-    states (n, 13) as in `fly_while_clear` are changed in place; commands (n, 2) m/s.
+    Args:
+        states: (n, 13) as in `fly_while_clear`, changed in place.
+        commands: (n, 2) m/s.
+        dt: Time of a step, s.
+        steps: Most steps to make.
+        top: Height of all that stands, m.
     """
     for k in range(steps):
         moved = move_kinematic(states, commands, dt)
@@ -69,7 +79,16 @@ def move_kinematic(states: Array, commands: Array, dt: float) -> Array:
 # Values are assigned one by one: to assign slices makes Numba compile the text of an error message, for seconds.
 @merged
 def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: bool, dt: float) -> Array:
-    """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors; as of `fly_while_clear`."""
+    """Forces N and torques N m (n, 6), in the world frame, of rotors and air on quadrotors.
+
+    Args:
+        states: (n, 13) as in `fly_while_clear`.
+        targets: (n, 3) as in `fly_while_clear`.
+        memories: (n, 3) as in `fly_while_clear`, changed in place.
+        wind: (2,) m/s.
+        calm: True without air resistance.
+        dt: Time of a step, s.
+    """
     out, known, undisturbed = np.zeros((len(states), 6)), states.copy(), np.zeros(3)
     settled = settle(states[:, 3:7])
     for i in range(len(states)):
@@ -82,7 +101,7 @@ def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: 
             for j in range(3):
                 memories[i, j] = memory[j]
                 out[i, j] = DRAG * ((wind[j] if j < 2 else 0.0) - known[i, 7 + j])
-        turn = matrix_of(states[i, 3], states[i, 4], states[i, 5], states[i, 6])
+        turn = engine_rotation(states[i, 3], states[i, 4], states[i, 5], states[i, 6])
         for k in range(4):
             force = _turn(turn, (0.0, 0.0, thrusts[k]))
             torque = _cross(_turn(turn, (ROTORS[k, 0], ROTORS[k, 1], ROTORS[k, 2])), force)
@@ -105,8 +124,8 @@ def _move(states: Array, wrench: Array, dt: float) -> None:
     settled, linear, angular = settle(states[:, 3:7]), np.empty(3), np.empty(3)
     for i in range(len(states)):
         state = states[i]
-        turn = matrix_of(state[3], state[4], state[5], state[6])
-        back = matrix_of(-state[3], -state[4], -state[5], state[6])
+        turn = engine_rotation(state[3], state[4], state[5], state[6])
+        back = engine_rotation(-state[3], -state[4], -state[5], state[6])
         force = _turn(back, (wrench[i, 0], wrench[i, 1], wrench[i, 2] - GRAVITY * MASS))
         torque = _turn(back, (wrench[i, 3], wrench[i, 4], wrench[i, 5]))
         velocity = _turn(back, (state[7], state[8], state[9]))

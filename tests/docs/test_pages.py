@@ -9,13 +9,14 @@ import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
 
 import understory
-from planning.planners import PLANNERS
+from planning.catalogue import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.scenario.camera_settings import CameraSettings
+from sim.scenario.environment import Appearance
 from sim.scenario.loading import decode, load
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, ScenarioSettings
 from sim.scenario.text_files import tomllib
-from sim.scenario.uavs import Cut, Uav
+from sim.scenario.uavs import Cut, UavSettings
 from sim.terminal.commands import load_command
 from tracking.navigation import Navigation
 
@@ -119,7 +120,7 @@ def test_every_key_of_literature_is_resolved():
     assert used <= set(re.findall(r"^- \[(\w+)\]", sources, flags=re.M))
 
 
-def defaults(kind=Scenario, prefix=""):
+def defaults(kind=ScenarioSettings, prefix=""):
     """Every key of a scenario with its default as TOML; None where it is written out elsewhere."""
     for field in msgspec.structs.fields(kind):
         key = prefix + field.encode_name
@@ -128,16 +129,15 @@ def defaults(kind=Scenario, prefix=""):
         elif key in ("people.paths", "uavs"):
             yield key, None
         else:
-            # None, UNSET and NaN stand for a default that depends on other keys.
-            varies = field.default in (None, msgspec.UNSET) or field.default != field.default
-            yield key, msgspec.NODEFAULT if varies else field.default
+            yield key, msgspec.NODEFAULT if field.default is None else field.default  # None follows from other keys
         if key == "uavs.0.camera":
             yield from defaults(CameraSettings, f"{key}.")
 
 
 def test_the_reference_lists_every_key_with_meaning_default_and_overrides():
     listed = dict(re.findall(r"^\| `([\w.]+)` \| ?(.*?) ?\|", REFERENCE, flags=re.M))
-    tables = {"": Scenario, "uavs.0.": Uav, "uavs.0.navigation.": Navigation, "network.cuts.": Cut}
+    tables = {"": ScenarioSettings, "uavs.0.": UavSettings, "uavs.0.navigation.": Navigation}
+    tables |= {"network.cuts.": Cut, "appearance.": Appearance}
     expected = {key: default for prefix, kind in tables.items() for key, default in defaults(kind, prefix)}
     assert set(listed) == set(expected)
     for key, default in expected.items():

@@ -66,14 +66,14 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 IMAGES = {
-    "images": ("duration=2", "appearance.randomise=true"),
-    "images through lenses": ("duration=2", "appearance.randomise=true", *_LENSES),
+    "images": ("duration=2", "appearance=full"),
+    "images through lenses": ("duration=2", "appearance=full", *_LENSES),
 }
 # Last come the images themselves, of short missions.
 _FLY = """
 import hashlib, json, sys
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.study.trials import StudyTrial, get_release

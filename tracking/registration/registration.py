@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.factorisation import inverses
@@ -55,9 +56,8 @@ class Registration:
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
         """Begin with the figures; `known` as in `make_registration`."""
         self._navigation, self._estimates, self._known = navigation, estimates, known
-        # An offset that is given is unknown to trackers, but not its size.
-        clock = navigation.clock_deviation if navigation.clock_offset is None else navigation.clock_offset
-        self._stay, self._vary = np.square([*navigation.biases, clock]), np.square([*navigation.drifts, 0.0])
+        self._stay = np.square([*navigation.biases, navigation.clock_deviation])
+        self._vary = np.square([*navigation.drifts, 0.0])
         self.errors, self.covariance = np.zeros(ERRORS), np.diag(self._stay + self._vary)
         self._common: Array | None = None  # (7, 7), covariance of what no residual tells: the whole fleet has it
         self._crosses: dict[int, Array] = {}  # C (4, 7) of the state of each track and the errors
@@ -110,7 +110,15 @@ class Registration:
         self._time, self._believed = scan.time, place
 
     def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
-        """Note how a corrected scan was associated with tracks, whose beliefs are those before it."""
+        """Note how a corrected scan was associated with tracks.
+
+        Args:
+            ids: Ids (T,) of tracks.
+            beliefs: Their beliefs before the scan.
+            scan: The scan, corrected.
+            gates: Pairs (G, 2) of a track and a measurement in its gate.
+            weights: Probabilities (G,) that the measurement is the person's.
+        """
         slopes = self._find_slopes(scan.pose, scan.measurements)
         self._residuals = [
             _Residual(

@@ -20,7 +20,7 @@ import numpy as np
 
 from planning.planner import Plan
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.fusion.kla import KullbackLeiblerAverage
+from tracking.fusion.rule import KullbackLeiblerAverage
 from tracking.tracker import Tracker
 
 

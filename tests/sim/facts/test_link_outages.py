@@ -10,7 +10,7 @@ import pytest
 from helpers import synthetic
 from helpers.recordings import broken, record
 
-from sim.facts import events
+from sim.facts import mission_events as events
 from sim.facts.event import Event, list_outages_at, summarise_outages
 from sim.facts.flight import Flight
 from sim.mission.archive import save

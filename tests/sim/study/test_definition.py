@@ -9,8 +9,8 @@ from collections import Counter
 import msgspec
 import pytest
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.scenario.overrides import _parse_value
 from sim.scenario.scenario import Scenario
