@@ -16,12 +16,11 @@ class NavigationErrors:
     """Errors of one UAV's navigation at the present scan; `advance` goes on to the next one."""
 
     def __init__(self, navigation: Navigation, rng: np.random.Generator) -> None:
-        n = navigation
         self._navigation = navigation
         self._rng = rng
-        self._biases = n.biases * standard_normal(rng, 6)
-        self.clock = float(n.clock_deviation * standard_normal(rng, 1)[0])  # s
-        self._drift = n.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
+        self._biases = navigation.biases * standard_normal(rng, 6)
+        self.clock = float(navigation.clock_deviation * standard_normal(rng, 1)[0])  # s
+        self._drift = navigation.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
         self._draw_noise()
 
     def advance(self, elapsed: float) -> None:

@@ -7,9 +7,10 @@ import numpy as np
 
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.quaternions import pitch
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
-from tracking.numerics.trigonometry import cos, cos_each, sin, sin_each
+from tracking.numerics.trigonometry import cos_each, sin_each
 from tracking.track import Scan
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
@@ -18,7 +19,6 @@ HEADINGS = np.linspace(0.0, 5.0, len(PEOPLE))  # rad
 ORDINARY, TILTED, EMPTY = "ordinary", "tilted camera", "no person in view"
 _WALK = 1.5  # m/s
 _ALTITUDE = 25.0  # m
-_TILT = math.radians(30)
 _ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 
 
@@ -37,7 +37,8 @@ class StagedView:
 
 _COARSE = Camera(math.radians(60), 128)
 _LEVEL = Pose.level(0.0, 0.0, _ALTITUDE)
-_TO_THE_EAST = Pose(np.array([-12.0, 0.0, _ALTITUDE]), np.array([0.0, -sin(_TILT / 2), 0.0, cos(_TILT / 2)]))
+_AHEAD = Pose.level(-12.0, 0.0, _ALTITUDE)
+_TO_THE_EAST = Pose(_AHEAD.position, pitch(_AHEAD.quaternion, math.radians(30)))
 VIEWS = {
     ORDINARY: StagedView(_COARSE, _LEVEL, PEOPLE),
     "turned and moved": StagedView(_COARSE, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
