@@ -41,10 +41,10 @@ from planning.prediction.propagation import Nominal, nominal_positions
 from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
 from sim.environments.observations import Observations
-from sim.exchange.export import TARGETS
+from sim.exchange.export import EXPORTS, LABELS
 from sim.exchange.export import export as write_export
-from sim.exchange.flight_log import FlightOptions, read_flight
-from sim.exchange.labelled_images import LABELS, write_labelled_images
+from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight, load
 from sim.facts.metrics.metric import Metric, Outcome
@@ -248,8 +248,9 @@ def track(
     Raises:
         InputError: If the input is wrong.
     """
-    options = FlightOptions(format_overrides(settings), origin, sigma, detector)
-    return Flight(track_flight(read_flight(folder, options), name=f"flight {Path(folder).resolve().name}").recording)
+    changes = format_overrides(settings)
+    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
+    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
 
 
 def mission(
@@ -373,7 +374,7 @@ def export(
     Raises:
         InputError: If an argument cannot be used, or a library that writes the format is not installed.
     """
-    check_known("to", to, [*TARGETS, *LABELS])
+    check_known("to", to, [*EXPORTS, *LABELS])
     given = [flights] if isinstance(flights, Flight) else list(flights)
     if to in LABELS:
         if any(flight.recording.frames is not None for flight in given):
