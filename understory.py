@@ -26,7 +26,7 @@ for _package in ("sim", "planning", "tracking"):
         raise ImportError(f"understory: {_places[0]} hides Understory's package {_package!r}; rename it")
 
 from planning.composed import Composed
-from planning.coordination.decision import Coordination
+from planning.coordination.decision import Coordination, decide_own_plan
 from planning.objective.nbo import make_objective
 from planning.objective.terms import Term
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -35,7 +35,8 @@ from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.planner_check import check_planner
 from planning.planner_loading import PlannerError, load_planner, resolve_planner
 from planning.prediction.field_of_view import aim_point, view_quadrangle
-from planning.prediction.propagation import nominal_positions
+from planning.prediction.intent import expect_plans
+from planning.prediction.propagation import Nominal, nominal_positions
 from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
 from planning.testing.made_up_teams import make_random_team
@@ -166,9 +167,12 @@ __all__ = [  # noqa: RUF022 - grouped by who needs the names
     "Coordination",
     "CrossEntropy",
     "Grid",
+    "Nominal",
     "Term",
     "aim_point",
+    "decide_own_plan",
     "detectable_share",
+    "expect_plans",
     "free_share",
     "inside",
     "make_objective",

@@ -30,7 +30,7 @@ class Propagation(Protocol):
 
     Example:
         ```python
-        from planning.prediction.propagation import Nominal
+        from understory import Nominal
 
         class Cautious(Nominal):
             def predict(self, situation, horizon, rng):

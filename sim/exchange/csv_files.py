@@ -30,6 +30,7 @@ from sim.mission.recording import Recording
 from sim.scenario.camera_settings import read_camera
 from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
+from sim.scenario.scenario import leave_out_removed_keys
 from sim.scenario.settings_text import format_toml
 from sim.world.stem_map import TREE_COLUMNS, read_stem_map
 from tracking.errors import InputError, spell
@@ -198,7 +199,8 @@ def write_truth(recording: Recording, folder: Path) -> None:
 
 def write_map_and_settings(recording: Recording, folder: Path) -> None:
     """Write `scenario.toml` and `trees.csv`."""
-    flown = json.loads(recording.scenario) | {"duration": float(recording.times[-1]) or recording.setting.duration}
+    settings = leave_out_removed_keys(json.loads(recording.scenario))
+    flown = settings | {"duration": float(recording.times[-1]) or recording.setting.duration}
     (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
     trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
     write_table(folder / "trees.csv", TREE_COLUMNS[: recording.trees.shape[1]], trees)

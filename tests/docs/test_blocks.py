@@ -3,11 +3,12 @@
 import csv
 import re
 import shutil
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator, text_of
+from helpers.pages import DOCS, PAGES, ROOT, SHORTER, Shell, blocks, generator, text_of
 from helpers.studies import short, sql, store
 
 import understory
@@ -27,6 +28,15 @@ NAMES = (
 )
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
+
+
+@pytest.fixture
+def shell(tmp_path, monkeypatch, capsys):
+    """The command line and Python of pages, in an empty folder."""
+    yield Shell(tmp_path, monkeypatch, capsys)
+    for name, module in list(sys.modules.items()):  # another page may have modules of the same names
+        if (getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.mark.docs

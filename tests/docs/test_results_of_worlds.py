@@ -11,7 +11,7 @@ from helpers.studies import invented
 from msgspec.structs import replace
 
 from planning.catalogue import PLANNERS
-from sim.study.analysis.answers import differences
+from sim.study.analysis.answers import differences, holm
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
 from sim.study.definition import adapt_study
@@ -71,7 +71,7 @@ def test_mean_scores_are_as_the_page_says(page):
 
 
 def test_differences_are_marked_by_holms_correction_for_all_planners(monkeypatch):
-    """Against a plain count from the trials: Student's p-values of the paired differences, times those left."""
+    """Counted from the trials: p-values of the paired differences in all worlds and planners together."""
     monkeypatch.setattr(scores, "ORDER", scores.ORDER[:4])
     found = defaultdict(dict)
     for row in scores.trials():
@@ -86,12 +86,9 @@ def test_differences_are_marked_by_holms_correction_for_all_planners(monkeypatch
         ]
         for k, gap in enumerate([*gaps, np.mean(gaps, axis=0)]):
             chances[name, k] = differences({(s, 0): gap[s : s + 1] for s in range(50)}, [GOSPA])[0].p_value
-    ordered = sorted(chances, key=chances.get)
-    left = 0
-    while left < len(ordered) and chances[ordered[left]] * (len(ordered) - left) <= 0.05:
-        left += 1
-    assert 5 < left < len(ordered) - 5
-    assert {place for place in chances if marks[place[0]][place[1]] == "**"} == set(ordered[:left])
+    kept = {place for place, survives in zip(chances, holm(list(chances.values())), strict=True) if survives}
+    assert 5 < len(kept) < len(chances) - 5
+    assert {place for place in chances if marks[place[0]][place[1]] == "**"} == kept
 
 
 def test_the_list_has_the_maps_that_the_commands_fly(page):
@@ -112,9 +109,8 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 
     def added(value, worlds, **changes):
         with Store.open(tmp_path / "runs", "bench-1") as opened:
-            for task in list_trials(
-                adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
-            ):
+            study = adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
+            for task in list_trials(study):
                 opened.add(task, replace(invented(task), metrics=dict.fromkeys(scores.METRICS, value)))
         scores.add([tmp_path / "runs"])
         return [(row.scenario, row.planner, row.metrics["share_held"]) for row in scores.trials()]
