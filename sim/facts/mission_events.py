@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
-from sim.facts.metrics.fleet_facts import list_contacts
-from sim.facts.metrics.handoffs import find_handoffs
+from sim.facts.metrics.fleet_facts import find_handoffs, list_contacts
 from sim.facts.metrics.holding import find_episodes
 from sim.facts.metrics.unmatched import find_unmatched_tracks
 from sim.facts.people import STATES, PeopleFacts, Unheld, describe_view, group_views
@@ -170,7 +169,7 @@ def _find_changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[in
 
 
 def _list_handoffs(recording: Recording) -> Iterator[Event]:
-    """Hand-offs of people from UAV to UAV, as `sim.facts.metrics.handoffs` finds them."""
+    """Hand-offs of people from UAV to UAV, as `sim.facts.metrics.fleet_facts` finds them."""
     for k, last, person, uavs in find_handoffs(recording):
         unseen = recording.times[k] - recording.times[last + 1]
         text = f"person {person} passed from UAV {uavs[0]} to UAV {uavs[1]}"

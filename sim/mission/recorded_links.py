@@ -26,7 +26,7 @@ def measure_ages(recording: Recording) -> Array:
     NaN of UAVs that do not work, of each UAV's own scans, before a first one arrives, and all in a network without
     delays, in which consensus has no single scans.
     """
-    network, uavs = recording.setting.network, recording.working.shape[1]
+    network, uavs = recording.setting.network, recording.uav_count
     newest, ages = np.full((uavs, uavs), np.nan), np.full((len(recording.times), uavs, uavs), np.nan)
     relay = ScanRelay(network, uavs)
     for k, links in enumerate(find_recorded_links(recording) if network.takes_time else ()):
@@ -37,7 +37,7 @@ def measure_ages(recording: Recording) -> Array:
         for i in working:
             own = [Sent(k, i, recording.scan_at(k, i))] if recording.frames_taken[k, i] else []
             relay.send(i, time, own, links, working, size=int(recording.bytes_sent[k, i]))
-            relay.senders[i].send(time, int(recording.plan_bytes[k, i]))  # plans keep scans waiting
+            relay.send_plan(i, time, int(recording.plan_bytes[k, i]))
         both = np.ix_(working, working)
         ages[k][both] = time - newest[both]
     return ages

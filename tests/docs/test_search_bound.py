@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.pages import DOCS
 
-from sim.facts.metrics.searching import _find_people_in_the_open
+from sim.facts.metrics.fleet_facts import _find_people_in_the_open
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 

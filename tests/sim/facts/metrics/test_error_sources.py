@@ -5,7 +5,7 @@ import pytest
 from helpers.recordings import bare, broken, record
 from helpers.summaries import summary
 
-from sim.facts.metrics.error_sources import SOURCES, find_error_sources
+from sim.facts.metrics.fleet_facts import SOURCES, find_error_sources
 from sim.facts.metrics.metric import Outcome
 from tracking.metrics.gospa import gospa
 
