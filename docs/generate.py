@@ -20,7 +20,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 
-from planning.planners import DEFAULT_PLANNER, PLANNERS
+from planning.catalogue import DEFAULT_PLANNER, PLANNERS
 from sim.facts.metrics.catalogue import METRICS
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.scenario import Scenario

@@ -36,13 +36,15 @@ from stonesoup.updater.kalman import KalmanUpdater
 from sim.scenario.quantities import parse_integers
 from sim.study.analysis.intervals import estimate_means
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 EPOCH = datetime(2000, 1, 1)
 SCANS, DT, SIDE = 80, 0.5, 120.0  # number, s, and edge of the area [m]

@@ -14,8 +14,7 @@ from planning.coordination.schemes import Centralised, Decentralised, Order, Par
 from planning.objective.connectivity import Connectivity
 from planning.objective.cost_to_go import LATEST, cost_to_go
 from planning.objective.nbo import Measure, make_objective
-from planning.objective.objective import Term
-from planning.objective.terms import Search, Separation
+from planning.objective.terms import Search, Separation, Term
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import Optimizer, make_pursuits, make_turns
@@ -198,7 +197,7 @@ class Composed:
         return tuple(make(value) for make, value in given if value)
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """As `planning.coordination.decision.Decision.decide`."""
+        """As `planning.coordination.decision.Decider.decide`."""
         # The MWTP counts what is out of reach, and samples depend on the number of targets.
         local = self.beta == 0.0 and isinstance(self.propagator, Nominal)
         steps = self.horizon + (math.ceil(LATEST / situation.step) if self.cost_to_go else 0)

@@ -14,8 +14,8 @@ from tracking.geometry.camera import Camera, Look
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.plugins.array_checks import check_numbers
 from tracking.plugins.plugin_error import Unusable
+from tracking.plugins.result_check import read_numbers
 from tracking.track import Track
 from tracking.undetected import Intensity
 
@@ -138,7 +138,7 @@ def copy_plan(plan: object) -> Plan:
 
 def _copy_controls(name: str, given: object) -> Array:
     """A copy of controls (H, 2) m/s; `Unusable` if they have another shape or are not finite."""
-    controls = check_numbers(name, given)
+    controls = read_numbers(name, given)
     if controls.ndim != 2 or controls.shape[1] != 2 or not 1 <= len(controls) <= LONGEST_PLAN:
         raise Unusable(f"{name} of shape {controls.shape}, not (H, 2) with H from 1 to {LONGEST_PLAN}")
     if not np.all(np.isfinite(controls)):
@@ -159,6 +159,18 @@ class Planner(Protocol):
     `decentralised = True` claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with
     `team[i].receives(j)`; `planning.planner_check` tests this claim and the other rules. A method `knowing` makes the
     planner an oracle: it takes the truth and returns the planner to fly. Results mark oracles (`planning.oracle`).
+
+    Example:
+        ```python
+        import numpy as np
+        from understory import Plan, run
+
+        class East:
+            def plan(self, team, rng):
+                return [Plan(np.array([[situation.own.max_speed, 0.0]])) for situation in team]
+
+        print(run("forest", East(), settings={"duration": 1, "sensing.mode": "ideal"}))
+        ```
     """
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:

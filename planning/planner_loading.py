@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from importlib.machinery import PathFinder
 from typing import Any, cast
 
+from planning.catalogue import PlannerSpec, find_planners, list_parameters
 from planning.planner import Exchange, Planner
-from planning.planners import PlannerSpec, find_planners, list_parameters
 from tracking.errors import InputError, nearest
 from tracking.numerics.arrays import Array
 from tracking.plugins.plugin_error import Unusable

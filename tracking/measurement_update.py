@@ -54,14 +54,18 @@ class ScanUpdate(NamedTuple):
 def predict_scan(
     beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, p: TrackerParameters
 ) -> ScanPrediction:
-    """Prediction from beliefs at a scan's time, means (T, 4) and covariances (T, 4, 4).
+    """Prediction from beliefs at a scan's time.
 
-    existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
-    `tracking.filter.negative_information.miss_likelihood`.
+    Args:
+        beliefs: Means (T, 4) and covariances (T, 4, 4).
+        existence: Existence probabilities (T,).
+        seen: Flags (T, 36) of the samples in view.
+        missed: Likelihoods (T, 36) as from `tracking.filter.negative_information.miss_likelihood`.
+        p: Parameters of the tracker.
     """
-    undetected = negative_information_update(*beliefs, temper(missed, p.negative_information))
-    detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.detection_probability
-    if p.management == "existence":
+    undetected = negative_information_update(*beliefs, temper(missed, p.settings.negative_information))
+    detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.settings.detection_probability
+    if p.settings.management == "existence":
         detectable *= 1.0 - _compute_unresolved_probability(beliefs[0], existence)
     return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
 
@@ -85,9 +89,16 @@ def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
 
 
 def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
-    """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost (N,) as in `associate`.
+    """Associate a scan's measurements with tracks, and update the tracks.
 
     Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
+
+    Args:
+        before: Tracks predicted to the scan.
+        z: Measurements (N, 2) m.
+        R: Their covariances (N, 2, 2) m².
+        lost: Density of lost people (N,) as in `associate`.
+        p: Parameters of the tracker.
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
@@ -108,12 +119,19 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
 def associate(
     before: ScanPrediction, z: Array, R: Array, lost: Array, settings: AssociationSettings
 ) -> tuple[Array, Array, Array, Array]:
-    """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
+    """Associate measurements with tracks.
 
-    lost (N,) 1/m²: density of lost people away from their tracks at each measurement. It adds to the density of
-    clutter, which is equivalent to lower likelihoods. settings: `TrackerParameters.association`.
-    Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
-    `tracking.association.jpda.existence_association`.
+    Args:
+        before: Tracks predicted to the scan.
+        z: Measurements (N, 2) m.
+        R: Their covariances (N, 2, 2) m².
+        lost: Density (N,) 1/m² of lost people away from their tracks at each measurement. It adds to the density of
+            clutter, which is equivalent to lower likelihoods.
+        settings: `TrackerParameters.association`.
+
+    Returns:
+        The likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
+        `tracking.association.jpda.existence_association`.
     """
     clutter = settings.clutter_density
     likelihood = gated_likelihood(before.means, before.covariances, z, R, settings.gate_probability)

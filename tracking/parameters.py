@@ -95,8 +95,11 @@ class LossRule(NamedTuple):
 class TrackerParameters:
     """What a tracker is told besides its camera and the map of trees.
 
-    Each key of `settings` except `motion` is an attribute, too: `parameters.max_speed` is a setting, while
-    `parameters.motion` is the motion model itself, over one scan.
+    Attributes:
+        motion: Motion model, over one scan; `settings.motion` is its name.
+        settings: The settings of the trackers, as `parameters.settings.max_speed`.
+        fusion: Name of the fusion rule, see `tracking.fusion.rule`.
+        navigation: Errors of the UAV's pose.
     """
 
     def __init__(
@@ -113,15 +116,13 @@ class TrackerParameters:
         fusion: rule of fusion, see `tracking.fusion.rule`; navigation: errors of the UAV's pose. InputError if a
         changed setting is unknown or out of its bounds.
         """
-        self.motion, self.fusion, self.navigation, self.settings = motion, fusion, navigation, settings
+        self.motion = motion
+        self.settings = settings
+        self.fusion = fusion
+        self.navigation = navigation
         if changed:
             plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in changed.items()}
             self.settings = read_settings(msgspec.structs.asdict(settings) | plain, Tracking)
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as many types as settings
-        if name == "settings":  # while a copy is being made
-            raise AttributeError(name)
-        return getattr(self.settings, name)
 
     @cached_property
     def association(self) -> AssociationSettings:
@@ -138,7 +139,7 @@ class TrackerParameters:
     @cached_property
     def measurement_gate(self) -> float:
         """Squared distance within which a person's measurement is with `gate_probability` (two degrees of freedom)."""
-        return -2.0 * log(1.0 - self.gate_probability)
+        return -2.0 * log(1.0 - self.settings.gate_probability)
 
     @cached_property
     def match_gate(self) -> float:
@@ -151,7 +152,8 @@ class TrackerParameters:
     @cached_property
     def step_survival(self) -> float:
         """Probability that a person in the area is still there one step of motion later."""
-        return power(self.survival, self.motion.dt) if self.management == "existence" else 1.0
+        settings = self.settings
+        return power(settings.survival, self.motion.dt) if settings.management == "existence" else 1.0
 
 
 @cache  # because each UAV has its own parameters

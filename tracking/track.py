@@ -64,9 +64,14 @@ class Track:
 def make_tracks(
     ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array
 ) -> tuple[Track, ...]:
-    """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3).
+    """Tracks with copies of these arrays. A sighting becomes NaN if its time is below 0 or NaN.
 
-    A sighting becomes NaN if its time is below 0 or NaN.
+    Args:
+        ids: Ids (T,).
+        means: Means (T, 4).
+        covariances: Covariances (T, 4, 4).
+        existence: Existence probabilities (T,).
+        sightings: Positions and times (T, 3) of the last sure detections.
     """
     known = np.where(sightings[:, 2:] >= 0.0, sightings, np.nan)
     rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), known, strict=True)
@@ -100,27 +105,27 @@ class TrackTable:
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 
-    @staticmethod
-    def of(tracks: Sequence[Track], weights: float | Array, times: float | Array) -> TrackTable:
-        """Table of tracks without a sighting yet; weights (T,) and times (T, 4), or one number for all."""
-        count, (means, covariances) = len(tracks), beliefs_of(tracks)
-        return TrackTable(
-            ids=np.array([t.id for t in tracks], dtype=np.int64),
-            means=means,
-            covariances=covariances,
-            existence=np.array([t.existence for t in tracks], dtype=float),
-            weights=np.full(count, weights),
-            times=np.full((count, 4), times),
-            views=np.zeros((count, 2), dtype=np.int64),
-            misses=np.zeros(count, dtype=np.int64),
-            sightings=np.column_stack([means[:, :2], np.full(count, -np.inf)]),
-        )
-
     def __getitem__(self, rows: Indices | Flags) -> TrackTable:
         return TrackTable(*(column[rows] for column in _COLUMNS(self)))
 
     def __add__(self, other: TrackTable) -> TrackTable:
         return TrackTable(*map(np.concatenate, zip(_COLUMNS(self), _COLUMNS(other), strict=True)))
+
+
+def make_table(tracks: Sequence[Track], weights: float | Array, times: float | Array) -> TrackTable:
+    """Table of tracks without a sighting yet; weights (T,) and times (T, 4), or one number for all."""
+    count, (means, covariances) = len(tracks), beliefs_of(tracks)
+    return TrackTable(
+        ids=np.array([t.id for t in tracks], dtype=np.int64),
+        means=means,
+        covariances=covariances,
+        existence=np.array([t.existence for t in tracks], dtype=float),
+        weights=np.full(count, weights),
+        times=np.full((count, 4), times),
+        views=np.zeros((count, 2), dtype=np.int64),
+        misses=np.zeros(count, dtype=np.int64),
+        sightings=np.column_stack([means[:, :2], np.full(count, -np.inf)]),
+    )
 
 
 _COLUMNS = attrgetter(*TrackTable.__dataclass_fields__)

@@ -1,7 +1,7 @@
 """Tracker of one UAV: prediction, data association, measurement update, and management of tracks."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -11,16 +11,14 @@ from tracking.account import Association, Birth, Deletion, DeletionReason, Reacq
 from tracking.filter.motion import count_steps, predict_steps
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, temper
 from tracking.fusion.exchange import NO_EVIDENCE, SURE, UNSEEN, Messenger, ScanEvidence
-from tracking.fusion.message import Message
-from tracking.fusion.track_ids import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, is_new_id, new_id
+from tracking.fusion.message import FIRST_NEW_ID, IDS_PER_SCAN, UAVS, Message, is_new_id, new_id
 from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import count_misses, find_duplicates, find_outcompeted
 from tracking.management.initiation import Tentative, initiate_tracks
+from tracking.management.input_check import check_scan, check_tracks
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
-from tracking.management.scan_check import check_scan
-from tracking.management.track_check import check_tracks
 from tracking.measurement_update import predict_scan, update_scan
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
@@ -38,6 +36,7 @@ from tracking.track import (
     Scan,
     Track,
     TrackTable,
+    make_table,
     make_tracks,
 )
 
@@ -66,20 +65,35 @@ class Tracker:
     def __init__(
         self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
     ) -> None:
+        """Start before the first scan.
+
+        Args:
+            uav: Number of the UAV.
+            camera: Its camera.
+            forest: The known map of trees.
+            parameters: Settings of trackers, motion model and fusion rule.
+            initial: Tracks of people who are known at the start.
+        """
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
         known = check_tracks(initial)
         if known and known[-1].id >= FIRST_NEW_ID:
             raise ValueError(f"ids of initial tracks must be below {FIRST_NEW_ID}, are up to {known[-1].id}")
-        self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
-        self.max_speed = parameters.max_speed
+        self.uav = uav
+        self.parameters = parameters
+        self.max_speed = parameters.settings.max_speed
+        self._camera = camera
+        self._forest = forest
         self.motion = parameters.motion  # as learned from the speeds of people that the fleet detected
         self.account = ScanAccount()  # of the last scan
         self._messenger = Messenger(uav, parameters)
-        self._registration = make_registration(parameters.navigation, parameters.pose_errors, known=bool(known))
-        self._first, self._steps = 0.0, 0.0  # time of the first scan [s], and steps of motion since then
-        self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
-        self._table = TrackTable.of(known, UNSEEN, -math.inf)
+        pose_errors = parameters.settings.pose_errors
+        self._registration = make_registration(parameters.navigation, pose_errors, known=bool(known))
+        self._first = 0.0  # time of the first scan [s]
+        self._steps = 0.0  # of motion since then
+        self._last_frame: Lens | None = None  # the camera at its pose in the last frame
+        self._last_framed = -math.inf  # time of that frame [s]
+        self._table = make_table(known, UNSEEN, -math.inf)
         self._tracks: tuple[Track, ...] | None = None  # of the table, once somebody has asked for them
         self._evidence = NO_EVIDENCE  # of a scan not yet fused
         self._tentative: list[Tentative] = []
@@ -116,7 +130,8 @@ class Tracker:
         views = self._predict(scan.time, lens)
         table = self._table
         beliefs = Beliefs(table.means, table.covariances)
-        likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, FRAME_AT], p.detection_probability)
+        since = scan.time - table.times[:, FRAME_AT]
+        likelihood = miss_likelihood(*beliefs, views, since, p.settings.detection_probability)
         before = predict_scan(beliefs, table.existence, views[:, THIS_FRAME], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, between, p.loss)
         after = update_scan(before, z, R, turned, p)
@@ -126,7 +141,7 @@ class Tracker:
             self._registration.note(table.ids, beliefs, scan, after.gates, after.weights)
         detected = 1.0 - after.missed
         hits = detected >= SEEN
-        if p.management == "m_of_n":
+        if p.settings.management == "m_of_n":
             hits &= ~find_outcompeted(after.gates, detected)
         now, visible = scan.time, before.visible
         table.times[hits, DETECTED_AT] = now
@@ -149,7 +164,7 @@ class Tracker:
             ids = [new_id(self._messenger.scans, self.uav, k) for k in range(len(new))]
             self.account.births = [Birth(id, t.origins) for id, t in zip(ids, new, strict=True)]
             begun = [Track(id, t.belief, t.existence) for id, t in zip(ids, new, strict=True)]
-            self._table += TrackTable.of(begun, 1.0, time)
+            self._table += make_table(begun, 1.0, time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan in which this UAV took no frame, which counts as neither hit nor miss."""
@@ -166,14 +181,16 @@ class Tracker:
         steps = count_steps(self.motion, time - self._first)
         elapsed, self._steps = steps - self._steps, steps
         self._waited += elapsed
-        table, (last, before) = self._table, self._last_frame
+        table = self._table
         table.means, table.covariances = predict_steps(self.motion, table.means, table.covariances, elapsed)
         table.existence = table.existence * power(self.parameters.step_survival, elapsed)
-        views = visible_samples(self._forest, table.means, table.covariances, frame, before)
+        views = visible_samples(self._forest, table.means, table.covariances, frame, self._last_frame)
         table.views = views @ _BITS
         table.times = table.times.copy()  # a message may hold the former ones
-        table.times[:, FRAME_AT] = np.where(table.views[:, FRAME_BEFORE] > 0, last, -math.inf)
-        self._last_frame = (time, frame) if frame else self._last_frame
+        table.times[:, FRAME_AT] = np.where(table.views[:, FRAME_BEFORE] > 0, self._last_framed, -math.inf)
+        if frame:
+            self._last_frame = frame
+            self._last_framed = time
         return views
 
     def message(self, degree: int) -> Message:
@@ -181,57 +198,90 @@ class Tracker:
         return self._messenger.message(degree, self._table, self._evidence)
 
     def accept(self, message: Message) -> None:
-        """Take over the fleet's tracks, count its scan, and delete tracks."""
-        p, now, scans = self.parameters, self._messenger.time, self._messenger.scans
-        means, covariances = self._apply_negative_information(message)
+        """Take over the fleet's tracks; then merge, delete and re-acquire tracks, as all UAVs do alike."""
         if self._registration:
             self._registration.learn(message.ids, message.beliefs.covariances, 1 + message.degree)
-        existence = message.existence() if p.management == "existence" else np.ones(len(means))
-        misses = count_misses(message.misses, message.times, now, p.delete[1])
-        if p.management == "existence":
-            unlikely = existence < p.deletion_threshold
-        else:
-            unlikely = np.bitwise_count(misses) >= p.delete[0]
-        variances = covariances[:, 0, 0] + covariances[:, 1, 1]
-        gone = unlikely | (variances > p.max_variance)
-        # Tracks of hidden people may be close to each other without competing for a measurement.
-        recent = message.times[:, DETECTED_AT] > now - _SHARED_WITHIN
-        ids = message.ids.copy()
-        merged: dict[int, int] = {}  # row of the track that goes on, by that of the one that is deleted
-        for kept, other in find_duplicates((means, covariances), existence, ~gone & recent, p.match_gate):
-            existence[kept] = min(existence[kept] + existence[other], 1.0)
-            gone[other], merged[other] = True, kept
-            if ids[kept] >= new_id(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
-                ids[[kept, other]] = np.sort(ids[[kept, other]])
-        self._messenger.accept(message)
-        self._evidence = NO_EVIDENCE
-        rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.latest_sightings()
-        table = TrackTable(ids, means, covariances, *rest)
-        if gone.any():
-            self._messenger.delete(ids[gone].tolist())
-            for t in np.flatnonzero(gone).tolist():
-                into = int(ids[merged[t]]) if t in merged else None
-                reason: DeletionReason = "merged" if t in merged else "unlikely" if unlikely[t] else "variance"
-                self.account.deletions.append(
-                    Deletion(int(ids[t]), reason, float(existence[t]), float(variances[t]), into)
-                )
-            order = np.argsort(ids, kind="stable")
-            table = table[order[~gone[order]]]
-        self._table, self._tracks = self._reacquire(table), None
-        detected = self._table.sightings[:, SIGHTED_AT] >= now
+        table = self._adopt(message)
+        unlikely = self._find_unlikely(table)
+        wide = _find_variances(table) > self.parameters.settings.max_variance
+        merged = self._merge_duplicates(table, ~(unlikely | wide))
+        self._table = self._reacquire(self._delete(table, unlikely, wide, merged))
+        self._tracks = None
+        detected = self._table.sightings[:, SIGHTED_AT] >= self._messenger.time
         if detected.any() and hasattr(self.motion, "learn"):
             self.motion = self.motion.learn(self._table.means[detected, 2:])
 
+    def _adopt(self, message: Message) -> TrackTable:
+        """The fleet's tracks, with the negative information of all frames and the scan's misses."""
+        self._messenger.accept(message)
+        self._evidence = NO_EVIDENCE
+        settings = self.parameters.settings
+        means, covariances = self._apply_negative_information(message)
+        return TrackTable(
+            ids=message.ids.copy(),
+            means=means,
+            covariances=covariances,
+            existence=message.existence() if settings.management == "existence" else np.ones(len(means)),
+            weights=np.full(len(means), UNSEEN),
+            times=message.times,
+            views=message.views,
+            misses=count_misses(message.misses, message.times, self._messenger.time, settings.delete[1]),
+            sightings=message.latest_sightings(),
+        )
+
+    def _find_unlikely(self, table: TrackTable) -> Flags:
+        """Flags (T,) of tracks that probably are of nobody: by their existence or, with m of n, by their misses."""
+        settings = self.parameters.settings
+        if settings.management == "existence":
+            return np.asarray(table.existence < settings.deletion_threshold)
+        return np.asarray(np.bitwise_count(table.misses) >= settings.delete[0])
+
+    def _merge_duplicates(self, table: TrackTable, among: Flags) -> dict[int, int]:
+        """Merge tracks that share one person; returns the row of the track that goes on, by that of the other.
+
+        among (T,): flags of the tracks that may be merged. The one that goes on gets the existence of both, and if it
+        is new, the older id.
+        """
+        p, scans = self.parameters, self._messenger.scans
+        # Tracks of hidden people may be close to each other without competing for a measurement.
+        recent = table.times[:, DETECTED_AT] > self._messenger.time - _SHARED_WITHIN
+        beliefs = table.means, table.covariances
+        merged: dict[int, int] = {}
+        for kept, other in find_duplicates(beliefs, table.existence, among & recent, p.match_gate):
+            table.existence[kept] = min(table.existence[kept] + table.existence[other], 1.0)
+            merged[other] = kept
+            if table.ids[kept] >= new_id(max(scans - round(_NEW_FOR / p.motion.dt), 1), 0, 0):
+                table.ids[[kept, other]] = np.sort(table.ids[[kept, other]])
+        return merged
+
+    def _delete(self, table: TrackTable, unlikely: Flags, wide: Flags, merged: Mapping[int, int]) -> TrackTable:
+        """The table without its unlikely, wide and merged tracks, which the account and the next message name."""
+        gone = unlikely | wide
+        gone[list(merged)] = True
+        if not gone.any():
+            return table
+        self._messenger.delete(table.ids[gone].tolist())
+        variances = _find_variances(table)
+        for t in np.flatnonzero(gone).tolist():
+            into = int(table.ids[merged[t]]) if t in merged else None
+            reason: DeletionReason = "merged" if t in merged else "unlikely" if unlikely[t] else "variance"
+            self.account.deletions.append(
+                Deletion(int(table.ids[t]), reason, float(table.existence[t]), float(variances[t]), into)
+            )
+        order = np.argsort(table.ids, kind="stable")
+        return table[order[~gone[order]]]
+
     def _apply_negative_information(self, message: Message) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
-        now, p = self._messenger.time, self.parameters
+        now, settings = self._messenger.time, self.parameters.settings
         detected = message.times[:, DETECTED_AT] >= now
         if detected.all():
             return message.beliefs
         views = message.views[..., None] & _BITS > 0
         views[detected] = False
-        missed = miss_likelihood(*message.beliefs, views, now - message.times[:, FRAME_AT], p.detection_probability)
-        return negative_information_update(*message.beliefs, temper(missed, p.negative_information))
+        since = now - message.times[:, FRAME_AT]
+        missed = miss_likelihood(*message.beliefs, views, since, settings.detection_probability)
+        return negative_information_update(*message.beliefs, temper(missed, settings.negative_information))
 
     def _reacquire(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
@@ -245,10 +295,15 @@ class Tracker:
         lost = find_lost_tracks(table.sightings, self._messenger.time, p)
         of_new, of_lost = ((table.means[rows], table.covariances[rows]) for rows in (new, lost))
         pairs = match_lost_tracks(
-            of_new, of_lost, table.sightings[lost], now=self._messenger.time, max_speed=p.max_speed
+            of_new, of_lost, table.sightings[lost], now=self._messenger.time, max_speed=p.settings.max_speed
         )
         for n, k in pairs:
             self.account.reacquisitions.append(Reacquisition(int(table.ids[lost[k]]), int(table.ids[new[n]])))
             table.ids[new[n]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(table.ids)), [lost[k] for _, k in pairs])
         return table[left[np.argsort(table.ids[left], kind="stable")]]
+
+
+def _find_variances(table: TrackTable) -> Array:
+    """Traces (T,) m² of the covariances of positions."""
+    return np.asarray(table.covariances[:, 0, 0] + table.covariances[:, 1, 1])

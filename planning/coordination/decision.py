@@ -9,8 +9,18 @@ from planning.planner import Exchange, Plan, Situation
 from tracking.numerics.arrays import Array
 
 
-class Decision(Protocol):
-    """Optimises plans of some UAVs on one UAV's belief."""
+class Decider(Protocol):
+    """Optimises plans of some UAVs on one UAV's belief.
+
+    Example:
+        ```python
+        class AsExpected:
+            horizon = 5
+
+            def decide(self, situation, controls, uavs, rng):
+                return controls[list(uavs)]
+        ```
+    """
 
     @property
     def horizon(self) -> int:
@@ -24,7 +34,24 @@ class Decision(Protocol):
 
 
 class Coordination(Protocol):
-    """Makes a team's plans out of decisions."""
+    """Makes a team's plans out of decisions.
+
+    Example:
+        ```python
+        from planning.coordination.decision import decide_own_plan
+        from planning.planner import Exchange, Plan
+        from planning.prediction.intent import expect_plans
+
+        class Parallel:
+            exchange = Exchange()
+            decentralised = True
+
+            def make_plans(self, team, decider, rng):
+                expected = [expect_plans(situation, decider.horizon) for situation in team]
+                pairs = zip(team, expected, strict=True)
+                return [Plan(decide_own_plan(situation, plans, decider, rng)) for situation, plans in pairs]
+        ```
+    """
 
     @property
     def exchange(self) -> Exchange:
@@ -34,10 +61,10 @@ class Coordination(Protocol):
     def decentralised(self) -> bool:
         """True if a UAV's plan depends only on its own situation and on plans that it receives."""
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """The plan of each UAV, in the team's order."""
 
 
-def decide_own_plan(situation: Situation, plans: Array, decision: Decision, rng: np.random.Generator) -> Array:
+def decide_own_plan(situation: Situation, plans: Array, decider: Decider, rng: np.random.Generator) -> Array:
     """Plan (H, 2) m/s of the UAV itself, if others fly `plans` (n, H, 2) m/s."""
-    return np.asarray(decision.decide(situation, plans, [situation.vehicles.index(situation.own)], rng)[0])
+    return np.asarray(decider.decide(situation, plans, [situation.vehicles.index(situation.own)], rng)[0])

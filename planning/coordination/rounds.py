@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planning.coordination.decision import Decision, decide_own_plan
+from planning.coordination.decision import Decider, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import expect_plans
 from tracking.numerics.arrays import Array
@@ -26,7 +26,7 @@ class SequentialPartitions:
     exchange = Exchange()
     decentralised = True
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
         drawn = rng.integers(self.rounds, size=len(team)) if self.rounds else np.arange(len(team))
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by receiver and sender
@@ -36,7 +36,7 @@ class SequentialPartitions:
             for s in deciding:
                 heard = known[s.own.id]
                 among = replace(s, neighbours=tuple(v for v in s.neighbours if v.id in heard))
-                made[s.own.id] = decide_own_plan(among, expect_plans(among, decision.horizon, heard), decision, rng)
+                made[s.own.id] = decide_own_plan(among, expect_plans(among, decider.horizon, heard), decider, rng)
             for sender in deciding:
                 for s in team:
                     if s.receives(sender.own.id):

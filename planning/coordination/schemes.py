@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from planning.coordination.decision import Decision, decide_own_plan
+from planning.coordination.decision import Decider, decide_own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import BASE_RANGE, expect_plans
 from tracking.numerics.arrays import Array
@@ -36,15 +36,15 @@ class Sequential:
         """False for the order "worst-first", which compares beliefs."""
         return self.order != "worst-first"
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # plans by holder and author
         sequence = self._order_team(team, rng)
         for sweep in range(self.sweeps):
             for situation in sequence:
                 sender = situation.own.id
-                plans = expect_plans(situation, decision.horizon, known[sender])
-                plan = decide_own_plan(situation, plans, decision, rng)
+                plans = expect_plans(situation, decider.horizon, known[sender])
+                plan = decide_own_plan(situation, plans, decider, rng)
                 for s in team:
                     if s.own.id == sender or s.receives(sender, sweep):
                         known[s.own.id][sender] = plan
@@ -74,9 +74,9 @@ class Parallel:
     exchange = Exchange()
     decentralised = True
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
-        return [Plan(decide_own_plan(s, expect_plans(s, decision.horizon), decision, rng)) for s in team]
+        return [Plan(decide_own_plan(s, expect_plans(s, decider.horizon), decider, rng)) for s in team]
 
 
 @dataclass(frozen=True)
@@ -90,12 +90,12 @@ class Decentralised:
     exchange = Exchange(0)
     decentralised = True
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
         seed = int(rng.integers(2**63))
         plans = []
         for s in team:
-            shares = _plan_jointly(s, decision, seed)
+            shares = _plan_jointly(s, decider, seed)
             plans.append(Plan(shares.pop(s.own.id), shares))
         return plans
 
@@ -107,19 +107,19 @@ class Centralised:
     exchange = Exchange(centre=True)
     decentralised = False
 
-    def make_plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+    def make_plans(self, team: Sequence[Situation], decider: Decider, rng: np.random.Generator) -> list[Plan]:
         """As `planning.coordination.decision.Coordination.make_plans`."""
         if not team:
             return []
         first = team[0]
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)
-        plans = _plan_jointly(centre, decision, int(rng.integers(2**63)))
+        plans = _plan_jointly(centre, decider, int(rng.integers(2**63)))
         return [Plan(plans[s.own.id]) for s in team]
 
 
-def _plan_jointly(situation: Situation, decision: Decision, seed: int) -> dict[int, Array]:
+def _plan_jointly(situation: Situation, decider: Decider, seed: int) -> dict[int, Array]:
     """Joint plan of all UAVs in a situation: the share (H, 2) m/s of each, by id."""
-    plans = expect_plans(situation, decision.horizon)
-    found = decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))
+    plans = expect_plans(situation, decider.horizon)
+    found = decider.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))
     return {v.id: plan for v, plan in zip(situation.vehicles, found, strict=True)}

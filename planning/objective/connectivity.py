@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.objective import Objective
+from planning.objective.terms import Objective
 from planning.planner import Situation
 from planning.prediction.response import camera_paths
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -27,7 +27,7 @@ class Connectivity:
     weight: float
 
     def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """As `planning.objective.objective.Term.objective`; None where radios reach everywhere."""
+        """As `planning.objective.terms.Term.objective`; None where radios reach everywhere."""
         reach, step = float(situation.radio_range), situation.step
         if reach == math.inf:
             return None

@@ -53,10 +53,18 @@ def cost_to_go(vehicles: Sequence[Vehicle], weight: float) -> CostToGo:
 def lower_times_to_view(
     seconds: Array, belief: PredictedBelief, ahead: CostToGo, target: int, uav: int, cameras: Array
 ) -> None:
-    """Lower the times `seconds` (LANES,) until a target can be in view, where this UAV needs less time after its plan.
+    """Lower the times until a target can be in view, where this UAV needs less time after its plan.
 
-    cameras (2, LANES) m: positions of the UAV at the end of the horizon. It flies straight at full speed, until the
-    target is in the largest circle about its aim point; the time is negative if it is there.
+    It flies straight at full speed, until the target is in the largest circle about its aim point; the time is negative
+    if it is there.
+
+    Args:
+        seconds: Times (LANES,) s, changed in place.
+        belief: Predicted belief.
+        ahead: Radii of the UAVs' views, and their speeds.
+        target: Row of the target.
+        uav: Row of the UAV.
+        cameras: Positions (2, LANES) m of the UAV at the end of the horizon.
     """
     place, aim, radius, speed = belief.points[-1, target, 0], belief.views[uav, 4], ahead.radii[uav], ahead.speeds[uav]
     x, y = place[0] - aim[0], place[1] - aim[1]

@@ -14,16 +14,23 @@ from tracking.numerics.compiled import compiled, merged
 def add_penalties(
     targets: Array, traces: Array, seen: Flags, ends: Array, uavs: Indices, own: Array, views: Array, sums: Array
 ) -> None:
-    """Add the MWTP of targets (T, 2 or 3) m at the end of the horizon to `sums` (LANES,), by Algorithm 2.
+    """Add the MWTP of targets at the end of the horizon to sums, by Algorithm 2.
 
-    traces (T, LANES) m² of their position covariances; seen (T,): targets in view of UAVs that do not decide, which are
-    at `ends` (n, 2) m. Those that decide, `uavs` (k,), are at `own` (k, 2, LANES) m. views (n, 5, 3) as in
-    `field_of_view.view_quadrangle`.
     Source: [Li22], with β = 1.
 
     Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
     Note: a target that is in a field of view but hidden gets no match, because its p^MDO, the least displacement after
     which the field of view covers it, would be zero.
+
+    Args:
+        targets: Places (T, 2 or 3) m.
+        traces: Traces (T, LANES) m² of their position covariances.
+        seen: Flags (T,) of targets in view of UAVs that do not decide.
+        ends: Places (n, 2) m of those UAVs.
+        uavs: Rows (k,) of the UAVs that decide.
+        own: Their places (k, 2, LANES) m.
+        views: Fields of view (n, 5, 3) as in `field_of_view.view_quadrangle`.
+        sums: Sums (LANES,), changed in place.
     """
     unseen, left, sensors = np.empty((len(targets), LANES)), np.empty((len(targets), 3)), np.empty((len(ends), 3))
     for t in range(len(targets)):

@@ -12,7 +12,7 @@ from planning.objective.cost_to_go import (
     replace_by_future_errors,
 )
 from planning.objective.mwtp import add_penalties
-from planning.objective.objective import Objective
+from planning.objective.terms import Objective
 from planning.prediction.predicted_belief import (
     LANES,
     PredictedBelief,
@@ -52,16 +52,23 @@ def make_objective(
 
     Velocities are means over a step: with them [Li22] eq. (5) holds for UAVs with any lag (`prediction.response`).
     The objective sums tr P (position block) times the target's weight over steps and targets, and adds for beta > 0
-    the MWTP of Algorithm 2 on weighted traces. It is the mean over `samples` sets of targets. Each P is updated with
-    the information of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)). If a
-    target has several equally probable trajectories, each has its own P, and the mean of their traces counts.
-    The contribution of the others, velocities (n, H, 2) m/s, is the same for all candidates and computed once.
-    Another `measure` replaces each trace by the expected squared error up to a cut-off (`squared_error.cut_off`), or by
-    minus the mutual information between targets' paths and all measurements (`advance_with_gains`). A learned
-    cost-to-go adds the errors to be expected after the horizon (`cost_to_go.FUTURE`).
+    the MWTP of Algorithm 2 on weighted traces. Each P is updated with the information of all UAVs that see the target
+    at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)). If a target has several equally probable
+    trajectories, each has its own P, and the mean of their traces counts. The contribution of the others is the same
+    for all candidates and computed once.
 
     Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
     every frame, by default five in a step of 1 s, so beliefs in people in view become narrower than predicted.
+
+    Args:
+        belief: Belief predicted over the horizon.
+        velocities: Mean velocities (n, H, 2) m/s of all UAVs.
+        uavs: Rows of the k UAVs that decide.
+        beta: Weight of the MWTP.
+        samples: Number of sets of targets, over which the mean is taken.
+        measure: Replaces each trace by the expected squared error up to a cut-off (`squared_error.cut_off`), or by
+            minus the mutual information between targets' paths and all measurements (`advance_with_gains`). A learned
+            cost-to-go adds the errors to be expected after the horizon (`cost_to_go.FUTURE`).
     """
     deciding = np.asarray(uavs, dtype=np.int64)
     others = _predict_others(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)

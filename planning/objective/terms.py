@@ -1,26 +1,47 @@
-"""Terms of the objective besides that of tracks: separation of UAVs, and search, compiled."""
+"""The objective, which optimisers minimise, and its terms besides that of tracks: separation, and search, compiled."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from planning.objective.objective import Objective
 from planning.planner import Situation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
-from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import detectable_share
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import hypot
+
+# Function from candidates (N, k, H, 2) m/s to costs (N,) m². Candidates are commands in optimisers and mean velocities
+# in terms. The term of tracks also takes `ease` (k,) m/s: fields of view are wider by ease times a step on each side.
+Objective = Callable[..., Array]
+
+
+class Term(Protocol):
+    """A term of the objective besides the uncertainty of tracks.
+
+    Example:
+        ```python
+        class Calm:
+            def objective(self, situation, velocities, uavs):
+                return lambda candidates: (candidates**2).sum(axis=(1, 2, 3))
+        ```
+    """
+
+    def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
+        """Cost [m²] as a function of the mean velocities of UAVs `uavs`; the others fly `velocities`. None if zero.
+
+        velocities (n, H, 2) m/s: a row for each UAV of `situation.vehicles`.
+        """
+
 
 _PRICE = 1e6  # m² per m and step, above any gain in knowledge
 
@@ -36,7 +57,7 @@ class Separation:
     distance: float
 
     def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
-        """As `planning.objective.objective.Term.objective`."""
+        """As `planning.objective.terms.Term.objective`."""
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         chosen = np.asarray(uavs, dtype=np.int64)
         others = np.delete(
@@ -88,7 +109,7 @@ class _Cells(NamedTuple):
     people: Array  # (H, C): people left after each step; the plans of the other UAVs lower it
 
 
-class _Views(NamedTuple):
+class _Visibility(NamedTuple):
     """Visibility of C cells from V places, as a sparse matrix."""
 
     starts: Indices  # (V + 1,): index of each place's first cell
@@ -110,7 +131,7 @@ class _Raster(NamedTuple):
     low: Array  # (k, 2) m: the south-west corner
     side: Indices  # (k,): places along each edge
     first: Indices  # (k,): number of the first place
-    views: _Views
+    views: _Visibility
     costs_to_go: Array  # (V,): steps from a final place until people left by others can be in view, summed over people
     # Most of the plans that an optimiser tries visit a sequence of places that other plans visited before.
     visited: Indices  # (_ENTRIES, H k): sequences of places; each has one entry, which others may take over
@@ -133,7 +154,7 @@ class Search:
     weight: float
 
     def objective(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """As `planning.objective.objective.Term.objective`; None where no undetected people are expected."""
+        """As `planning.objective.terms.Term.objective`; None where no undetected people are expected."""
         undetected = situation.undetected
         if undetected is None or not np.any(undetected.people > _FEWEST):
             return None
@@ -253,7 +274,7 @@ def _count_steps_of_others(
 
 
 @compiled
-def _find_views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid: Grid) -> _Views:
+def _find_views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, grid: Grid) -> _Visibility:
     """Views from places (V, 3) m of cells, which are in order from south to north, by their quarters."""
     uavs, view, farthest = seeing
     starts = np.zeros(len(places) + 1, np.int64)
@@ -273,11 +294,11 @@ def _find_views(places: Array, seeing: _Seeing, cells: _Cells, blockers: Array, 
                 found.append(c)
                 shares.append(seen / len(cells.quarters))
         starts[v + 1] = len(found) - 1
-    return _Views(starts, np.array(found)[1:], np.array(shares)[1:])
+    return _Visibility(starts, np.array(found)[1:], np.array(shares)[1:])
 
 
 @compiled
-def _thin(left: Array, views: _Views, first: int) -> None:
+def _thin(left: Array, views: _Visibility, first: int) -> None:
     """Remove those detected by a UAV at place first + h after step h from the people left after each step (H, C)."""
     for h in range(len(left)):
         for m in range(views.starts[first + h], views.starts[first + h + 1]):
@@ -322,7 +343,7 @@ def _are_equal(one: Indices, other: Indices) -> bool:
 
 
 @compiled
-def _sum_found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
+def _sum_found(views: _Visibility, places: Indices, to_come: Array, left: Array) -> float:
     """Sum over people detected from places (H k,) of the steps from then on; left (C,) is ones before and after."""
     total, k = 0.0, len(places) // len(to_come)
     for p in range(len(places)):

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from planning.objective.objective import Objective
+from planning.objective.terms import Objective
 from planning.optimizers.mutations import choose_distinct, draw_chances, mutate_plans
 from planning.options import Range, check_options
 from planning.planner import limit_speed
@@ -15,7 +15,7 @@ from planning.prediction.targets_in_reach import NO_TARGETS, TargetsInReach
 from tracking.numerics.arrays import Array
 
 
-class _Task(NamedTuple):
+class _Problem(NamedTuple):
     """A minimisation problem."""
 
     objective: Objective
@@ -72,39 +72,41 @@ class CrossEntropy:
         """As `Optimizer.minimise`."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
-        found = self._search(_Task(objective, starts, max_speeds, in_reach), rng, end)
+        found = self._search(_Problem(objective, starts, max_speeds, in_reach), rng, end)
         while self.seconds and perf_counter() < end:
-            task = _Task(objective, np.concatenate([found[None], starts]), max_speeds, in_reach)
-            found = self._search(task, rng, end)
+            problem = _Problem(objective, np.concatenate([found[None], starts]), max_speeds, in_reach)
+            found = self._search(problem, rng, end)
         return found
 
-    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Array:
+    def _search(self, problem: _Problem, rng: np.random.Generator, end: float) -> Array:
         """Search once from the starts, and begin no round after `end` [s].
 
         The number of random draws is independent of costs, so that later draws do not depend on beliefs.
         """
-        in_reach = NO_TARGETS if task.in_reach is None else task.in_reach
-        pool = limit_speed(task.starts, task.max_speeds)
-        values = task.objective(pool)
+        in_reach = NO_TARGETS if problem.in_reach is None else problem.in_reach
+        pool = limit_speed(problem.starts, problem.max_speeds)
+        values = problem.objective(pool)
         start, ease, scale = pool[np.argmin(values)], 0.0, 1.0
         for k in range(self.rounds):
             if perf_counter() >= end:
                 break
             most = self.elites + (self.last_elites - self.elites) * k // max(self.rounds - 1, 1)
             order = np.argsort(values, kind="stable")
-            elite = choose_distinct(pool, order, most, scale * self.apart, task.max_speeds)
+            elite = choose_distinct(pool, order, most, scale * self.apart, problem.max_speeds)
             pool, values = pool[elite], values[elite]
             count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
-            before, ease = ease, 0.0 if task.in_reach is None else self._widen_views(k, count)
+            before, ease = ease, 0.0 if problem.in_reach is None else self._widen_views(k, count)
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
-                values, count = task.costs(pool, ease), count - most - (not ease)
-            drawn = mutate_plans(pool, draw_chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
-            pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
+                values, count = problem.costs(pool, ease), count - most - (not ease)
+            drawn = mutate_plans(
+                pool, draw_chances(rng, count, pool), scale * self.spread, problem.max_speeds, in_reach
+            )
+            pool, values = np.concatenate([pool, drawn]), np.concatenate([values, problem.costs(drawn, ease)])
             scale *= self.shrink
         if ease:  # time ended before the fields of view had their true size: compare the best plans by true costs
             pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last_elites]]])
-            values = task.objective(pool)
+            values = problem.objective(pool)
         return np.asarray(pool[np.argmin(values)])
 
     def _widen_views(self, k: int, count: int) -> float:

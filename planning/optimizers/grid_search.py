@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.objective.objective import Objective
+from planning.objective.terms import Objective
 from planning.planner import limit_speed
 from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array

@@ -44,7 +44,7 @@ def draw_chances(rng: np.random.Generator, children: int, parents: Array) -> Cha
 
 @compiled
 def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
-    """Children (N, k, H, 2) m/s, within the speed limits, of parents (E, k, H, 2), which have equally many children.
+    """Children (N, k, H, 2) m/s of plans, within the speed limits.
 
     The kinds of mutations take turns, as `_CYCLE` says. A mate is another parent.
 
@@ -55,6 +55,13 @@ def mutate_plans(parents: Array, drawn: Chances, spread: float, max_speeds: Arra
     - join: the mate's path from some step on.
 
     Noise and bends have the size of `spread` maximum speeds, times a random factor.
+
+    Args:
+        parents: Plans (E, k, H, 2) m/s, which have equally many children.
+        drawn: The random numbers behind the children.
+        spread: Size of the noise, in maximum speeds.
+        max_speeds: Speed limits (k,) m/s.
+        in_reach: Targets that can be brought into view.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
@@ -201,9 +208,14 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 
 @compiled
 def choose_distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
-    """Indices of at most `most` plans, taken in `order`, each with a path that is apart from the paths taken before.
+    """Indices of plans, taken in order, each with a path that is apart from the paths taken before.
 
-    plans (N, k, H, 2) m/s; apart: root mean square over UAVs and steps of their distance, in steps at maximum speed.
+    Args:
+        plans: Plans (N, k, H, 2) m/s.
+        order: Indices of plans in the order of choice.
+        most: Largest number of plans to choose.
+        apart: Root mean square over UAVs and steps of the distance of two paths, in steps at maximum speed.
+        max_speeds: Speed limits (k,) m/s.
     """
     _, k, H, _ = plans.shape
     chosen, count = np.empty(most, dtype=np.int64), 0

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from planning.objective.objective import Objective
+from planning.objective.terms import Objective
 from planning.planner import Vehicle, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
 from planning.prediction.targets_in_reach import TargetsInReach
@@ -16,7 +16,15 @@ from tracking.numerics.trigonometry import cos_each, sin_each
 
 
 class Optimizer(Protocol):
-    """Searches for plans of k UAVs; the result is never worse than the best start."""
+    """Searches for plans of k UAVs; the result is never worse than the best start.
+
+    Example:
+        ```python
+        class BestStart:
+            def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
+                return starts[objective(starts).argmin()]
+        ```
+    """
 
     def minimise(
         self,
@@ -26,9 +34,14 @@ class Optimizer(Protocol):
         rng: np.random.Generator,
         in_reach: TargetsInReach | None = None,
     ) -> Array:
-        """The best plans (k, H, 2) m/s found from `starts` (S, k, H, 2) m/s, within `max_speeds` (k,) m/s.
+        """The best plans (k, H, 2) m/s that are found.
 
-        An optimiser may ignore targets in reach; if they are given, the objective also takes the argument `ease`.
+        Args:
+            objective: Costs of plans; if targets in reach are given, it also takes the argument `ease`.
+            starts: Plans (S, k, H, 2) m/s to begin with.
+            max_speeds: Speed limits (k,) m/s.
+            rng: The only source of random numbers.
+            in_reach: Targets that can be brought into view, which an optimiser may ignore.
         """
 
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.planner import Vehicle
-from tracking.geometry.camera import ALL_ROUND, Camera, rotation
+from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.matrices import apply
@@ -20,7 +21,7 @@ _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 IMAGE_POINTS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
-class _View(NamedTuple):
+class _GroundView(NamedTuple):
     """What a vehicle sees, as of `aim_point`, `viewing_range` and `view_quadrangle`."""
 
     aim: Array
@@ -66,18 +67,18 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     return _view_of(vehicle).quadrangle.copy()
 
 
-def _view_of(vehicle: Vehicle) -> _View:
+def _view_of(vehicle: Vehicle) -> _GroundView:
     attitude = np.asarray(vehicle.attitude, dtype=float)
     return _find_view(vehicle.camera, float(vehicle.position[2] - TARGET_HEIGHT), attitude.tobytes())
 
 
 @lru_cache(4096)  # because all UAVs of a fleet ask for the same views
-def _find_view(camera: Camera, height: float, quaternion: bytes) -> _View:
+def _find_view(camera: Camera, height: float, quaternion: bytes) -> _GroundView:
     attitude = np.frombuffer(quaternion).copy()
     aim = _find_points(camera, height, attitude, np.zeros((1, 2)))[0]
     if camera.fov >= ALL_ROUND:
         sides = [(x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-        return _View(aim, math.inf, np.array([*sides, (0, 0, 0)], dtype=float))
+        return _GroundView(aim, math.inf, np.array([*sides, (0, 0, 0)], dtype=float))
     R, out = rotation(attitude), np.empty((5, 3))
     left, right, low, high = camera.bounds
     for k, (axis, sign, slope) in enumerate(((0, 1.0, right), (0, -1.0, -left), (1, 1.0, high), (1, -1.0, -low))):
@@ -85,4 +86,4 @@ def _find_view(camera: Camera, height: float, quaternion: bytes) -> _View:
         size = hypot(normal[0], normal[1])
         out[k] = normal[0] / size, normal[1] / size, height * normal[2] / size
     out[4] = *aim, 0.0
-    return _View(aim, float(np.max(length(_find_points(camera, height, attitude, _CORNERS)))), out)
+    return _GroundView(aim, float(np.max(length(_find_points(camera, height, attitude, _CORNERS)))), out)

@@ -10,12 +10,15 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
-from tracking.geometry.line_of_sight import Vector, is_blocked, length_inside
+from tracking.geometry.line_of_sight import (
+    Vector,
+    lower_detectable_shares,
+)
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import PART_EXPONENT, Forest, any_of_two
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp, replace_by_logs
+from tracking.numerics.exponential import replace_by_logs
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
@@ -141,11 +144,18 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array, targe
 def add_information(
     belief: PredictedBelief, uav: int, cameras: Array, row: int, information: Array, free: Array
 ) -> bool:
-    """Add to `information` (3 LANES,) the R⁻¹ (xx, xy, yy) of a point in lanes where `cameras` (2, LANES) m see it.
+    """Add the R⁻¹ of a point to the information in lanes where cameras see it; True if any camera sees it.
 
     Under porous trees it is weighted with the probability of detection. The trace after this expected information is
     a lower bound of the expected trace (Jensen's inequality).
-    row: index of the (step, target, trajectory) triple; free (LANES,) is overwritten. True if any camera sees it.
+
+    Args:
+        belief: Predicted belief.
+        uav: Row of the UAV.
+        cameras: Places (2, LANES) m of its camera.
+        row: Index of the (step, target, trajectory) triple.
+        information: Information (3 LANES,): xx, xy, yy.
+        free: A workspace (LANES,).
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
     targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
@@ -178,28 +188,12 @@ def _find_visible_shares(
 
     view (5, 3): field of view of the cameras; blockers (B, 6): cylinders that may hide the point.
     """
-    x, y = point[0], point[1]
-    east, north = cameras[0], cameras[1]
-    some, porous = 0, False
+    east, north, some = cameras[0], cameras[1], 0
     for lane in range(LANES):
-        near = inside(view, x - east[lane], y - north[lane])
+        near = inside(view, point[0] - east[lane], point[1] - north[lane])
         free[lane] = 1.0 if near else 0.0
         some += near
-    for k in range(len(blockers) if some else 0):
-        cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
-        opaque = blockers[k, 5] == math.inf
-        porous |= not opaque
-        for lane in range(LANES if opaque else 0):
-            if free[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
-                free[lane] = 0.0
-                some -= 1
-        for lane in range(0 if opaque else LANES):
-            camera = east[lane], north[lane], height
-            if free[lane] > 0.0 and is_blocked(camera, point, cylinder):
-                free[lane] *= exp(-PART_EXPONENT * blockers[k, 5] * length_inside(camera, point, cylinder, 0.0, 1.0))
-    for lane in range(LANES if porous else 0):
-        free[lane] = any_of_two(free[lane])
-    return some > 0
+    return some > 0 and some > lower_detectable_shares(free, cameras, height, point, blockers)
 
 
 @inlined
@@ -240,12 +234,19 @@ def advance_belief(P: Array, transition: Transition, noise: Array, information: 
 
 @compiled
 def advance_with_gains(P: Array, transition: Transition, noise: Array, information: Array, costs: Array) -> None:
-    """Apply `advance_belief` to P, and set `costs` (LANES,) to minus the information gained.
+    """Apply `advance_belief` to P, and set costs to minus the information gained.
 
     The gain is the mutual information [nats] between a state one step later and its measurements, ½ log det(I + J P_pp)
     with the predicted position block and the measurements' information J. By the chain rule, the sum over steps is
     the mutual information between the path and all measurements. This sum is monotone and submodular in the
     measurements, because they are independent given the path [Krause05].
+
+    Args:
+        P: Covariances (10 LANES,) as in `advance_belief`, changed in place.
+        transition: Of velocities over a step.
+        noise: Process noise (3,) of a step.
+        information: Information (3 LANES,) of the measurements.
+        costs: Costs (LANES,), overwritten.
     """
     way, _ = transition
     for k in range(LANES):

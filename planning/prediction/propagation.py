@@ -26,7 +26,18 @@ FIVE_POINTS = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
 
 
 class Propagation(Protocol):
-    """Predicts a belief on targets over a horizon."""
+    """Predicts a belief on targets over a horizon.
+
+    Example:
+        ```python
+        from planning.prediction.propagation import Nominal
+
+        class Cautious(Nominal):
+            def predict(self, situation, horizon, rng):
+                belief = super().predict(situation, horizon, rng)
+                return belief._replace(covariances=2.0 * belief.covariances)
+        ```
+    """
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """Belief for `horizon` steps; each sample is a whole set of targets."""

@@ -12,9 +12,8 @@ from planning.planner import Exchange, Plan, Situation, limit_speed
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
 from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
-from tracking.geometry.line_of_sight import Grid, free_share
+from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.visibility import detectable_share
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.poisson import draw_poisson
@@ -28,7 +27,7 @@ class DrawnWorld(NamedTuple):
     errors: Array  # (M, 4): state less the track's mean, infinite for undetected people
 
 
-class _Flight(NamedTuple):
+class _Reach(NamedTuple):
     """How a UAV flies to places."""
 
     start: Array  # (3,) m
@@ -81,7 +80,7 @@ class Thompson:
             [own.position[None, :2], _list_places(start, reach, situation.step, world.states, spots)]
         )
         view = view_quadrangle(own)
-        flight = _Flight(start, reach, situation.step)
+        flight = _Reach(start, reach, situation.step)
         found = _find_errors_in_view(places, flight, view, world, self.cutoff, forest.blockers, forest.grid)
         # If no place shows an error, the first one is taken: the UAV's own position.
         return np.asarray(places[np.argmax(found.sum(axis=1) / _count_steps_to_each(places, start, reach))])
@@ -134,7 +133,7 @@ def _list_places(start: Array, reach: float, step: float, states: Array, spots: 
 
 @compiled
 def _find_errors_in_view(
-    places: Array, flight: _Flight, view: Array, world: DrawnWorld, most: float, blockers: Array, grid: Grid
+    places: Array, flight: _Reach, view: Array, world: DrawnWorld, most: float, blockers: Array, grid: Grid
 ) -> Array:
     """Errors (N, M) up to `most` m of people that places (N, 2) m are expected to show on arrival; 0 out of view."""
     found = np.zeros((len(places), len(world.states)))

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
+from planning.catalogue import COMPARED
 from planning.planner_loading import load_planner
-from planning.planners import COMPARED
 from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.quantities import REPEATS, WORKERS, parse_duration, parse_integer, parse_integers
 from sim.scenario.text_files import read_toml

@@ -8,7 +8,6 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.cli.recordings import check_new, find_folder
 from sim.facts.event import (
     IDENTITIES,
     INCIDENTS,
@@ -28,7 +27,7 @@ from sim.facts.words import TextGroup
 from sim.mission.atomic_files import claim_place, write_whole
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
-from sim.terminal.commands import Recorded
+from sim.terminal.commands import Recorded, check_new, find_folder
 from sim.terminal.console import console, print_remarks, show_place
 from sim.views.drawing.plots import save
 from sim.views.explain_picture import draw_explanation

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from rich.markup import escape
 from rich.table import Table
 
-from planning.planners import list_planners
+from planning.catalogue import list_planners
 from sim.scenario.loading import SCENARIOS
 from sim.study.definition import STUDIES, read_study
 from sim.terminal.console import console

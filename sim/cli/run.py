@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.facts.metrics.summary import make_results_table
 from sim.facts.words import name_fleet
 from sim.mission.atomic_files import PlaceTaken, claim_place

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sim.exchange.flight_tables import CameraRow, Detection, Fleet, LoggedFrame, Poses
 from sim.scenario.camera_settings import calibrate
 from tracking.errors import InputError, one_line
-from tracking.geometry.camera import rotation
-from tracking.geometry.interpolation import interpolate_poses
-from tracking.numerics.arrays import Array
+from tracking.geometry.quaternions import interpolate_poses
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 CAMERA = "sensor_msgs/msg/CameraInfo"
@@ -173,25 +172,13 @@ def _trace(links: dict[str, _Link], frame: str, where: str) -> tuple[Poses, str]
     if not chain:
         raise InputError(f"{where}: has neither nav_msgs/Odometry nor tf of the frame {frame!r}, which is its camera's")
     times = max((link.poses.times for link in chain), key=len)
-    position, quaternion = np.zeros((len(times), 3)), np.tile(OPTICAL, (len(times), 1))
+    position = np.zeros((len(times), 3))
+    attitude = Rotation.from_quat(np.tile(OPTICAL, (len(times), 1)))
     for link in chain:
         row = interpolate_poses(link.poses.times, link.poses.rows, np.clip(times, *link.poses.times[[0, -1]]))
-        turned = np.array([rotation(q) @ p for q, p in zip(row[:, 3:], position, strict=True)]).reshape(-1, 3)
-        position, quaternion = row[:, :3] + turned, multiply_quaternions(row[:, 3:], quaternion)
-    return Poses(times, np.hstack([position, quaternion])), name
-
-
-def multiply_quaternions(p: Array, q: Array) -> Array:
-    """Products (N, 4) of quaternions xyzw (N, 4)."""
-    (a, b, c, d), (x, y, z, w) = p.T, q.T
-    return np.column_stack(
-        [
-            d * x + a * w + b * z - c * y,
-            d * y - a * z + b * w + c * x,
-            d * z + a * y - b * x + c * w,
-            d * w - a * x - b * y - c * z,
-        ]
-    )
+        turn = Rotation.from_quat(row[:, 3:])
+        position, attitude = row[:, :3] + turn.apply(position), turn * attitude
+    return Poses(times, np.hstack([position, attitude.as_quat()])), name
 
 
 def _read_camera(info: Any, where: str) -> CameraRow:  # noqa: ANN401 - messages have types of the bag's own

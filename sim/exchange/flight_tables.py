@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.csv_tables import Row, read_csv
@@ -207,7 +208,9 @@ def _read_attitude(row: Row) -> list[float]:
     """Quaternion xyzw of the camera."""
     if any(name in row.values for name in _ANGLES):
         yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
-        return _turn(-yaw, math.pi / 2 + pitch, -roll)
+        # Turns about the camera's z, then x, then z axis.
+        turned = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
+        return [float(part) for part in turned.as_quat()]
     if not any(name in row.values for name in _QUATERNION):
         return [0.0, 0.0, 0.0, 1.0]
     quaternion = [row.number(name) for name in _QUATERNION]
@@ -215,13 +218,6 @@ def _read_attitude(row: Row) -> list[float]:
     if abs(norm - 1) > _WRONG:
         raise row.error("qx", f"the quaternion's norm is {norm:g}, not 1")
     return quaternion if abs(norm - 1) <= _ROUNDED else [part / norm for part in quaternion]
-
-
-def _turn(about_up: float, about_right: float, about_back: float) -> list[float]:
-    """Quaternion xyzw of turns about the camera's z, then x, then z axis [rad]."""
-    c, s = math.cos(about_right / 2), math.sin(about_right / 2)
-    plus, minus = (about_up + about_back) / 2, (about_up - about_back) / 2
-    return [s * math.cos(minus), s * math.sin(minus), c * math.sin(plus), c * math.cos(plus)]
 
 
 def _read_detection(row: Row) -> Detection | None:

@@ -18,7 +18,7 @@ from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Pose
-from tracking.geometry.interpolation import interpolate_poses
+from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
 
 

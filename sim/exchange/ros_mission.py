@@ -6,8 +6,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from sim.exchange.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, OPTICAL, TRANSFORMS, multiply_quaternions
+from sim.exchange.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, OPTICAL, TRANSFORMS
 from sim.exchange.ros_bag import Message, RosBag
 from sim.exchange.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
 from sim.facts.event import Event
@@ -17,7 +18,7 @@ from sim.facts.rerender import Rerenderer
 from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
-from tracking.geometry.camera import Camera, rotation
+from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array, Image
@@ -65,9 +66,9 @@ def _find_believed_bodies(recording: Recording) -> Array:
     if recording.believed is None:
         return recording.poses
     own, true, believed = (rows.reshape(-1, 7) for rows in (recording.poses, recording.cameras, recording.believed))
-    back = true[:, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse turn
-    turned = multiply_quaternions(multiply_quaternions(believed[:, 3:], back), own[:, 3:])
-    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned]).reshape(recording.poses.shape)
+    body, camera, told = (Rotation.from_quat(rows[:, 3:]) for rows in (own, true, believed))
+    turned = told * camera.inv() * body
+    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned.as_quat()]).reshape(recording.poses.shape)
 
 
 def _write_poses(bag: RosBag, recording: Recording, k: int, odometry: dict[str, Array]) -> None:
@@ -78,8 +79,8 @@ def _write_poses(bag: RosBag, recording: Recording, k: int, odometry: dict[str, 
     """
     time, cameras = float(recording.times[k]), recording.believed_cameras[k]
     header, links = head(time), list[Message]()
-    optical = np.tile(-OPTICAL, (len(cameras), 1))  # the opposite turn
-    turned = np.hstack([cameras[:, :3], multiply_quaternions(cameras[:, 3:], optical)])
+    turned = Rotation.from_quat(cameras[:, 3:]) * Rotation.from_quat(OPTICAL).inv()
+    optical = np.hstack([cameras[:, :3], turned.as_quat()])
     for name, poses in odometry.items():
         moved = (poses[k] - poses[max(k - 1, 0)])[:, :3] * recording.setting.rates.sensing
         for i, (row, velocity) in enumerate(zip(poses[k], moved, strict=True)):
@@ -87,10 +88,10 @@ def _write_poses(bag: RosBag, recording: Recording, k: int, odometry: dict[str, 
                 "header": header,
                 "child_frame_id": f"uav{i}/base_link",
                 "pose": {"pose": (row[:3].tolist(), row[3:].tolist())},
-                "twist": {"twist": {"linear": (rotation(row[3:]).T @ velocity).tolist()}},
+                "twist": {"twist": {"linear": Rotation.from_quat(row[3:]).apply(velocity, inverse=True).tolist()}},
             }
             bag.write(f"/uav{i}/{name}", ODOMETRY, time, told)
-    for i, (body, camera) in enumerate(zip(odometry["odometry"][k], turned, strict=True)):
+    for i, (body, camera) in enumerate(zip(odometry["odometry"][k], optical, strict=True)):
         for frame, row in ((f"uav{i}/base_link", body), (_name_camera(i), camera)):
             links.append((header, frame, (row[:3].tolist(), row[3:].tolist())))
         command: Message = (header, {"linear": (*recording.commands[k, i].tolist(), 0.0)})

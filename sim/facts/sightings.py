@@ -15,12 +15,9 @@ from sim.sensing.cameras import view_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.line_of_sight import is_blocked, length_inside
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
-from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp
+from tracking.numerics.arrays import Array, Flags
 
 NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
 _OUT = "out of view"  # the place of a track in a frame
@@ -164,22 +161,8 @@ def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Fo
     points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     hiding = np.zeros((len(points), len(forest.trees)))
-    hiding[inside] = _find_hidden_shares(
-        pose.position, points[inside], forest.blockers, forest.tree_of_blockers, len(forest.trees)
-    )
+    hiding[inside] = forest.shares_hidden(pose.position, points[inside])
     return inside, hiding
-
-
-@compiled
-def _find_hidden_shares(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Array:
-    """Shares (M, T) of segments from a camera (3,) to points (M, 3) that trees, `tree_of` cylinders (B, 6), hide."""
-    free = np.ones((len(points), trees))
-    for j in range(len(points)):
-        for b in range(len(cylinders)):
-            if is_blocked(camera, points[j], cylinders[b]):
-                depth = cylinders[b, 5] * length_inside(camera, points[j], cylinders[b], 0.0, 1.0)
-                free[j, tree_of[b]] *= 0.0 if cylinders[b, 5] == math.inf else exp(-depth)
-    return 1.0 - free
 
 
 def outline_hidden_ground(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

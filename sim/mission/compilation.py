@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numba.core import event
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.composed import Composed
 from planning.made_up_teams import make_flying_team
 from planning.objective.nbo import Measure, make_objective
 from planning.planner import Situation
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import find_targets_in_reach

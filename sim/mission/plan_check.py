@@ -13,8 +13,8 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.plugins.array_checks import check_numbers
-from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
+from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.plugins.result_check import Form
 from tracking.track import Track
 
 
@@ -61,19 +61,11 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(each if hasattr(each, "controls") else Plan(_read_velocity(each)))
+                plan = copy_plan(each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity", each)[None]))
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))
     return plans, faults
-
-
-def _read_velocity(given: object) -> Array:
-    """A velocity as the controls (1, 2) m/s of a plan."""
-    velocity = check_numbers("velocities", given)
-    if velocity.shape != (2,):
-        raise Unusable(f"velocity of shape {velocity.shape}, not (2,)")
-    return velocity[None]
 
 
 def _limit(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:

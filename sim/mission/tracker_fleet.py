@@ -10,10 +10,9 @@ from sim.mission.scan_relay import ScanRelay, Sent
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.fleet import step
-from tracking.fusion.checked_tracker import make_tracker
+from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
-from tracking.fusion.member import Member
+from tracking.fusion.member import Member, make_tracker
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Indices
 from tracking.track import Scan, Track

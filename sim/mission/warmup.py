@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 from numba.core import event
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from sim.mission.compilation import compile_in_processes, is_mostly_uncompiled, name_compiled
 from sim.mission.mission import Mission
 from sim.mission.trial import Compilation, Say

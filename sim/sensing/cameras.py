@@ -2,14 +2,11 @@
 
 import math
 
-import numpy as np
-
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
-from tracking.numerics.arrays import Array
-from tracking.numerics.trigonometry import cos, sin
+from tracking.geometry.quaternions import pitch
 
 
 def true_view_of(uav: Uav, scenario: Scenario) -> Camera:
@@ -38,12 +35,3 @@ def camera_pose(uav: Uav, body: Pose) -> Pose:
     """
     carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
     return Pose(body.position, pitch(carrier, math.radians(uav.tilt_deg)))
-
-
-def pitch(quaternion: Array, angle: float) -> Array:
-    """A carrier's attitude (4,), turned about its y axis such that a downward view rises towards its x axis."""
-    if angle == 0.0:
-        return quaternion
-    x, y, z, w = quaternion.tolist()
-    s, c = -sin(angle / 2), cos(angle / 2)
-    return np.array([c * x - s * z, c * y + s * w, c * z + s * x, c * w - s * y])

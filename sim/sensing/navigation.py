@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.scenario.scenario import Scenario
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.navigation import Navigation
 from tracking.numerics.arrays import Array
 from tracking.numerics.normal import standard_normal

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.camera import Camera, Pose, rotate
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.quaternions import mean_spin, rotate
 from tracking.numerics.arrays import Array
 
 _STRIP = 1.0  # pixel, by which the image moves in one strip of equally old rows
@@ -42,14 +43,10 @@ class Sweep:
         if before is None:
             return Sweep(readout, np.zeros(3), np.zeros(3), np.zeros_like(now.people))
         elapsed = now.time - before.time
-        a, b = before.pose.quaternion, now.pose.quaternion
-        # Vector and scalar of the turn b a*; twice the vector is the angle, if that is small.
-        vector = a[3] * b[:3] - b[3] * a[:3] - np.cross(b[:3], a[:3])
-        scalar = a[3] * b[3] + a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
         return Sweep(
             readout,
             (now.pose.position - before.pose.position) / elapsed,
-            vector * (math.copysign(2.0, scalar) / elapsed),
+            mean_spin(before.pose.quaternion, now.pose.quaternion, elapsed),
             np.nan_to_num((now.people - before.people) / elapsed),
         )
 

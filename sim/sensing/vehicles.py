@@ -7,9 +7,10 @@ import numpy as np
 from planning.planner import Vehicle
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import noise_of, pitch, view_of
+from sim.sensing.cameras import noise_of, view_of
 from sim.world.quadrotor import COMMAND_LAG
 from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import pitch
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import arctan2, cos, sin
 

@@ -15,7 +15,7 @@ from sim.world.engine import Engine, explain_failure, pybullet, silence, silence
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.interpolation import interpolate_poses
+from tracking.geometry.quaternions import interpolate_poses
 from tracking.numerics.arrays import Array
 
 _SIZE = (1280, 800)

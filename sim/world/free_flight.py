@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from sim.world.attitude import matrix_of, settle
 from sim.world.quadrotor import DRAG, GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts, steady_thrusts
-from tracking.geometry.camera import rotate
+from tracking.geometry.quaternions import engine_rotation, rotate, settle
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, merged
 from tracking.numerics.trigonometry import arctan2, cos, sin
@@ -82,7 +81,7 @@ def wrenches(states: Array, targets: Array, memories: Array, wind: Array, calm: 
             for j in range(3):
                 memories[i, j] = memory[j]
                 out[i, j] = DRAG * ((wind[j] if j < 2 else 0.0) - known[i, 7 + j])
-        turn = matrix_of(states[i, 3], states[i, 4], states[i, 5], states[i, 6])
+        turn = engine_rotation(states[i, 3], states[i, 4], states[i, 5], states[i, 6])
         for k in range(4):
             force = _turn(turn, (0.0, 0.0, thrusts[k]))
             torque = _cross(_turn(turn, (ROTORS[k, 0], ROTORS[k, 1], ROTORS[k, 2])), force)
@@ -105,8 +104,8 @@ def _move(states: Array, wrench: Array, dt: float) -> None:
     settled, linear, angular = settle(states[:, 3:7]), np.empty(3), np.empty(3)
     for i in range(len(states)):
         state = states[i]
-        turn = matrix_of(state[3], state[4], state[5], state[6])
-        back = matrix_of(-state[3], -state[4], -state[5], state[6])
+        turn = engine_rotation(state[3], state[4], state[5], state[6])
+        back = engine_rotation(-state[3], -state[4], -state[5], state[6])
         force = _turn(back, (wrench[i, 0], wrench[i, 1], wrench[i, 2] - GRAVITY * MASS))
         torque = _turn(back, (wrench[i, 3], wrench[i, 4], wrench[i, 5]))
         velocity = _turn(back, (state[7], state[8], state[9]))

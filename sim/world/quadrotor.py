@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tracking.geometry.camera import rotation
+from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined, merged
 from tracking.numerics.exponential import exp

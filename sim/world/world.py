@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.attitude import settle
 from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
 from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
 from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.quaternions import rotate, settle
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import cos, sin

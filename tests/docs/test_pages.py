@@ -9,7 +9,7 @@ import pytest
 from helpers.pages import DOCS, PAGES, ROOT, blocks, commands, generator
 
 import understory
-from planning.planners import PLANNERS
+from planning.catalogue import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import decode, load

@@ -10,8 +10,8 @@ from helpers.pages import DOCS
 from helpers.studies import invented
 from msgspec.structs import replace
 
-from planning.planners import PLANNERS
-from sim.study.analysis.differences import differences
+from planning.catalogue import PLANNERS
+from sim.study.analysis.answers import differences
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
 from sim.study.definition import adapt_study

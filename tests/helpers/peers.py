@@ -40,9 +40,9 @@ class StoneSoup:
         hypothesiser = PDAHypothesiser(
             self.predictor,
             KalmanUpdater(None),
-            clutter_spatial_density=parameters.clutter_density,
-            prob_detect=parameters.detection_probability,
-            prob_gate=parameters.gate_probability,
+            clutter_spatial_density=parameters.settings.clutter_density,
+            prob_detect=parameters.settings.detection_probability,
+            prob_gate=parameters.settings.gate_probability,
         )
         self.associator = associator(hypothesiser)
         states = [GaussianState(t.belief.mean, t.belief.covariance, timestamp=self.at(time)) for t in tracks]

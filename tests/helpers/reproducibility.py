@@ -73,7 +73,7 @@ IMAGES = {
 _FLY = """
 import hashlib, json, sys
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
 from sim.study.trials import StudyTrial, get_release

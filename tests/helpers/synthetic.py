@@ -17,7 +17,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Scan, Track
+from tracking.track import Scan, Track
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):

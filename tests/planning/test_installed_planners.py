@@ -9,8 +9,8 @@ import pytest
 from helpers.commands import called
 from helpers.processes import ROOT, python
 
+from planning.catalogue import PLANNERS, PlannerSpec, find_planners, list_planners
 from planning.planner_loading import load_planner
-from planning.planners import PLANNERS, PlannerSpec, find_planners, list_planners
 from sim.terminal import console
 
 EXAMPLE = ROOT / "docs" / "examples" / "shepherd"

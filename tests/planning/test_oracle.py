@@ -11,10 +11,10 @@ from helpers.flights import mission_of
 from helpers.studies import task_of
 from helpers.teams import Spy
 
+from planning.catalogue import PLANNERS
 from planning.objective.nbo import make_objective
 from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, correct_tracks, make_true_tracks
 from planning.planner_loading import load_planner
-from planning.planners import PLANNERS
 from planning.prediction.propagation import Nominal
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.archive import load as load_recording
@@ -23,14 +23,14 @@ from sim.mission.trial import Trial
 from sim.running import results as flights
 from sim.running.results import run_mission
 from sim.scenario.loading import load
-from sim.study.analysis.planner_labels import find_baseline
+from sim.study.analysis.labels import find_baseline
 from sim.study.report.comparison import About
 from sim.study.report.terminal import show
 from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.tracker import Track
+from tracking.track import Track
 
 SHORT = ("duration=1", "sensing.mode=ideal", "dynamics=kinematic")
 MARK = "sees the truth"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from helpers.teams import with_little_effort
 
+from planning.catalogue import PLANNERS
 from planning.composed import Composed
 from planning.planner import Plan
 from planning.planner_check import CHECKS, check_planner
 from planning.planner_loading import load_planner
-from planning.planners import PLANNERS
 from tracking.errors import InputError
 
 

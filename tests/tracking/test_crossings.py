@@ -18,8 +18,10 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.metrics.ospa import ospa
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.track import Scan, Track
+from tracking.tracker import Tracker
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 SCANS = 41  # 8 s; the people are closest at 4 s
@@ -82,7 +84,7 @@ class Crossing:
     def _scan(self, k: int, rng: np.random.Generator) -> Scan:
         half = (POSE.position[2] - TARGET_HEIGHT) * math.tan(CAMERA.fov / 2)
         alarms = POSE.position[:2] + rng.uniform(-half, half, (rng.poisson(self.alarms * (2 * half) ** 2), 2))
-        z = np.vstack([self.people(k)[rng.random(2) < self.parameters.detection_probability], alarms])
+        z = np.vstack([self.people(k)[rng.random(2) < self.parameters.settings.detection_probability], alarms])
         R = np.array([NOISE.covariance(POSE.position[:2], x) for x in z]).reshape(-1, 2, 2)
         noise = np.linalg.cholesky(R) @ rng.normal(size=(len(z), 2, 1))
         return Scan(0, k * MOTION.dt, POSE, z + noise[..., 0], R)

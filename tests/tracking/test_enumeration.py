@@ -13,8 +13,9 @@ from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.visibility import Forest
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.measurement_update import associate, predict_scan
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import Scan, Track, TrackerParameters
+from tracking.track import Scan, Track
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
 FILTER = {
@@ -57,7 +58,7 @@ def missed(people, visible, p):
     for i, a in enumerate(people):
         near = [b.r * math.exp(-0.5 * np.sum((a.mean[:2] - b.mean[:2]) ** 2)) for k, b in enumerate(people) if k != i]
         alone = 1 - 0.12 * max(near, default=0.0)
-        out.append(1 - p.detection_probability * p.gate_probability * visible * alone)
+        out.append(1 - p.settings.detection_probability * p.settings.gate_probability * visible * alone)
     return out
 
 
@@ -67,7 +68,7 @@ def hypotheses(people, scan, misses, p, lost=0.0):
     lost (N,): density at each measurement of people without a track; any other is clutter.
     """
     found = list(zip(scan.measurements, scan.covariances, strict=True))
-    others = p.clutter_density + lost * np.ones(len(found))
+    others = p.settings.clutter_density + lost * np.ones(len(found))
     for event in itertools.product((None, *range(len(found) + 1)), repeat=len(people)):
         given = [j for j in event if j]
         if len(set(given)) < len(given):
@@ -79,7 +80,11 @@ def hypotheses(people, scan, misses, p, lost=0.0):
             elif j == 0:
                 weight *= person.r * miss
             else:
-                weight *= person.r * p.detection_probability * person.density(*found[j - 1], p.gate_probability)
+                weight *= (
+                    person.r
+                    * p.settings.detection_probability
+                    * person.density(*found[j - 1], p.settings.gate_probability)
+                )
         yield event, weight
 
 
@@ -148,7 +153,7 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         p, visible, scan = TrackerParameters(MOTION, **settings), rng.integers(0, 2), measured(rng, 0, people, ABOVE)
         beliefs = np.array([a.mean for a in people]), np.array([a.covariance for a in people])
         seen = np.full((len(people), 36), bool(visible))
-        empty = 1 - p.detection_probability * seen
+        empty = 1 - p.settings.detection_probability * seen
         before = predict_scan(beliefs, np.array([a.r for a in people]), seen, empty, p)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
         _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p.association)
@@ -185,10 +190,10 @@ def test_a_measurement_without_a_track_is_new_by_the_poisson_intensities(count):
     scan = measured(rng, 0, [], ABOVE, count)
     p = TrackerParameters(MOTION, clutter_density=10 ** rng.uniform(-6, -1), birth_density=10 ** rng.uniform(-6, -1))
     weights = {
-        kinds: math.prod(p.birth_density if new else p.clutter_density for new in kinds)
+        kinds: math.prod(p.settings.birth_density if new else p.settings.clutter_density for new in kinds)
         for kinds in itertools.product((False, True), repeat=count)
     }
-    spread = np.diag([0.0, 0.0, p.max_speed**2 / 4, p.max_speed**2 / 4])
+    spread = np.diag([0.0, 0.0, p.settings.max_speed**2 / 4, p.settings.max_speed**2 / 4])
     people = []
     for j, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
         r = math.fsum(w for kinds, w in weights.items() if kinds[j]) / math.fsum(weights.values())
@@ -207,7 +212,7 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
         tentative = [Tentative(Gaussian(a.mean, a.covariance), (), a.r) for a in people]
         for k in range(1, 4):
             people, scan = [a.predicted(settings["survival"] ** 0.2) for a in people], measured(rng, k, people, ABOVE)
-            misses = [1 - p.detection_probability * p.gate_probability] * len(people)
+            misses = [1 - p.settings.detection_probability * p.settings.gate_probability] * len(people)
             people, _ = after(people, scan, misses, p)
             measurements = scan.measurements, scan.covariances
             _, tentative = initiate_tracks(tentative, *measurements, **IN_VIEW, p=p)

@@ -9,7 +9,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Track
+from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
 AREA, OPEN = (150.0, 100.0), Forest(())

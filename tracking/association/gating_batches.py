@@ -16,9 +16,15 @@ def find_gating_batches(
 ) -> list[tuple[Indices, Indices]]:
     """Indices of tracks and of measurements, ascending, of batches that share no gate.
 
-    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate: largest squared Mahalanobis
-    distance. Each track is in one batch; a measurement near no track is in none. A batch consists of whole
-    connected components of the graph of gates, which JPDA calls clusters.
+    Each track is in one batch; a measurement near no track is in none. A batch consists of whole connected components
+    of the graph of gates, which JPDA calls clusters.
+
+    Args:
+        means: Means (T, 4) of tracks.
+        covariances: Covariances (T, 4, 4) of tracks.
+        measurements: Measurements (N, 2) m.
+        noise: Their covariances (N, 2, 2) m².
+        gate: Largest squared Mahalanobis distance.
     """
     roots = _find_roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)

@@ -37,6 +37,19 @@ class Detector(Protocol):
     declares `stateful = True` and has a method `reset(seed)` that clears it: then each UAV's camera has an instance of
     its own, which gets that camera's frames in order of time. It is reset once, before the first frame; after a reset
     with the same seed the same frames give the same detections.
+
+    Example:
+        ```python
+        import numpy as np
+        from understory import Detections
+
+        class Reddest:
+            def detect(self, frame):
+                red = 2.0 * frame.image[..., 0] - frame.image[..., 1] - frame.image[..., 2]
+                row, column = np.unravel_index(np.argmax(red), red.shape)
+                pixels = np.array([[column + 0.5, row + 0.5]])
+                return Detections(pixels, frame.camera.ground_points(frame.pose, pixels, 0.85), 0.1 * np.eye(2)[None])
+        ```
     """
 
     def detect(self, frame: Frame) -> Detections:

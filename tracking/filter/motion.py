@@ -8,8 +8,8 @@ from typing import Protocol
 
 from tracking.errors import InputError
 from tracking.numerics.arrays import Array
-from tracking.plugins.array_checks import check_array, check_positive_definite
 from tracking.plugins.registry import Registry
+from tracking.plugins.result_check import COVARIANCES, Form
 
 # Each model is called with the scenario's keys dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], of which it
 # may ignore some.
@@ -32,6 +32,18 @@ class MotionModel(Protocol):
     A model may have the method `stretch(duration)`, which returns the same motion over one step of so many seconds; for
     others, times are rounded to whole steps. A built-in model may learn: `learn(velocities)` returns the model after a
     scan in which people of these velocities (N, 2) m/s were detected.
+
+    Example:
+        ```python
+        import numpy as np
+
+        class Standing:
+            def __init__(self, dt, sigma_a, max_speed, walking_speed):
+                self.dt = dt
+
+            def predict_all(self, means, covariances):
+                return means, covariances + 0.01 * np.eye(4)
+        ```
     """
 
     @property
@@ -61,9 +73,16 @@ def predict_steps(motion: MotionModel, means: Array, covariances: Array, steps: 
 
 
 def make_motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
-    """The model of that name or import string.
+    """The motion model of that name or import string.
 
     InputError if there is none, if its attribute `dt` differs from this one, or later if its predictions are wrong.
+
+    Args:
+        name: Name or import string.
+        dt: Duration of a step [s].
+        sigma_a: Standard deviation of the acceleration [m/s²].
+        max_speed: Largest speed of people [m/s].
+        walking_speed: Speed that is expected at first [m/s].
     """
     model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed, walking_speed)
     with MOTION_MODELS.errors(name, "be made"):
@@ -84,7 +103,4 @@ class _CheckedModel:
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         with MOTION_MODELS.errors(self.name, "predict", self.model, "predict_all"):
             moved, spread = self.model.predict_all(means, covariances)
-            moved = check_array("means", moved, means.shape)
-            spread = check_array("covariances", spread, covariances.shape)
-            check_positive_definite("covariances", spread)
-            return moved, spread
+            return Form((4,)).check("means", moved, len(means)), COVARIANCES.check("covariances", spread, len(means))

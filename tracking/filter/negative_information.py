@@ -17,15 +17,21 @@ _AGAIN, _TOGETHER = 8.5, 0.35
 
 @compiled
 def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
-    """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
+    """Likelihood (T, K) of no detection at the samples of beliefs.
 
-    views (T, 2, K): flags of the samples that the frames of this scan show, and those that the frames before showed, by
-    one UAV or by any of several; elapsed (T,) s since the frames before; detection: probability in plain view.
     Negative information of the last frames is already in the belief, although the Gaussian has tails again in the empty
     place. A second look there only tells that no person has come since. So where frames of both times show a place, the
     likelihood falls with the share of the belief that people cross between them.
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
     belief even if they showed all of it, which is no information, or if the fleet did not hold the track then.
+
+    Args:
+        means: Means (T, 4).
+        covariances: Covariances (T, 4, 4).
+        views: Flags (T, 2, K) of the samples that the frames of this scan show, and those that the frames before
+            showed, by one UAV or by any of several.
+        elapsed: Times (T,) s since the frames before.
+        detection: Probability of detection in plain view.
     """
     missed = np.ones((len(views), views.shape[2]))
     for t in range(len(missed)):

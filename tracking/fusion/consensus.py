@@ -10,10 +10,10 @@ from tracking.fusion.message import Message, Partition, are_alike, count_novel_n
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.track import SIGHTED_AT
+from tracking.track import SIGHTED_AT, Scan
 
 
-class _History(NamedTuple):
+class _LatestColumns(NamedTuple):
     """Columns of N messages that are not averaged."""
 
     times: Array  # (N, T, 4)
@@ -58,6 +58,46 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
     return sent
 
 
+def step(
+    fleet: Sequence[Member],
+    scans: Sequence[Scan],
+    adjacency: Flags | None = None,
+    *,
+    rounds: int = 5,
+    lost: Flags | None = None,
+    time: float | None = None,
+) -> Indices:
+    """Update trackers with their scans, predict the others to the scans' time, and fuse the tracks of all.
+
+    Args:
+        fleet: Trackers of n UAVs.
+        scans: Scans of one time and of different UAVs.
+        adjacency: Graph of communication (n, n) in the fleet's order; by default all UAVs hear each other.
+        rounds: As in `fuse`.
+        lost: As in `fuse`.
+        time: Time of the scan [s], which is needed if there are no scans.
+
+    Returns:
+        Bytes (n,) that each UAV sends.
+    """
+    given = {scan.uav: scan for scan in scans}
+    times = sorted({scan.time for scan in scans} | ({time} if time is not None else set()))
+    if len(times) != 1 or len(given) != len(scans):
+        raise ValueError(
+            f"scans must be of one time and of different UAVs, are at {times} s of {[s.uav for s in scans]}"
+        )
+    unknown = set(given) - {tracker.uav for tracker in fleet}
+    if unknown:
+        raise ValueError(f"scans of UAVs {sorted(unknown)}, of which the fleet has no tracker")
+    for tracker in fleet:
+        if tracker.uav in given:
+            tracker.step(given[tracker.uav])
+        else:
+            tracker.coast(times[0])
+    complete = ~np.eye(len(fleet), dtype=np.bool_)
+    return fuse(fleet, complete if adjacency is None else adjacency, rounds, lost)
+
+
 def pool(members: Sequence[Member]) -> Message:
     """The message for trackers in one place to accept, as after a round of `fuse` in which all hear each other."""
     first, *others = messages = [member.message(len(members) - 1) for member in members]
@@ -77,12 +117,12 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     mixed = own.select(joint.rows[0], **rest)
     there = joint.rows[0] >= 0
     novel[there, : own.novel.shape[1]] = own.novel[joint.rows[0][there]]
-    shares, before, history = mixed.shares.copy(), novel.copy(), _read_history(mixed)
+    shares, before, kept = mixed.shares.copy(), novel.copy(), _read_latest(mixed)
     for m, rows in zip(received, joint.rows[1:], strict=True):
         divisor = 1.0 + max(own.degree, m.degree)
         _add_shares(mixed.shares, shares, m.shares, rows, divisor)
         _add_shares(novel, before, m.novel, rows, divisor)
-        _take_latest(history, _read_history(m), rows)
+        _take_latest(kept, _read_latest(m), rows)
     return mixed
 
 
@@ -97,8 +137,8 @@ def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indi
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
     shares = np.array([m.shares for m in messages])
-    history = _History(*map(np.array, zip(*map(_read_history, messages), strict=True)))
-    novel, shares, history, numbers = _run_rounds(novel, shares, history, degrees, heard)
+    kept = _LatestColumns(*map(np.array, zip(*map(_read_latest, messages), strict=True)))
+    novel, shares, kept, numbers = _run_rounds(novel, shares, kept, degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
@@ -108,13 +148,13 @@ def _mix(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indi
             partitions = list(map(_join_partitions, known))
     mixed = [
         Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.keys, q, t, v, n, s, m.deleted, added)
-        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *history, strict=True)
+        for m, partition, q, added, t, v, n, s in zip(messages, partitions, shares, novel, *kept, strict=True)
     ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
-def _read_history(m: Message) -> _History:
-    return _History(m.times, m.views, m.misses, m.sightings)
+def _read_latest(m: Message) -> _LatestColumns:
+    return _LatestColumns(m.times, m.views, m.misses, m.sightings)
 
 
 def _join_partitions(partitions: Sequence[Partition]) -> Partition:
@@ -124,8 +164,8 @@ def _join_partitions(partitions: Sequence[Partition]) -> Partition:
 
 @compiled
 def _run_rounds(
-    novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
-) -> tuple[Array, Array, _History, Indices]:
+    novel: Array, shares: Array, kept: _LatestColumns, degrees: Array, heard: Flags
+) -> tuple[Array, Array, _LatestColumns, Indices]:
     """Columns of N messages after rounds `heard` (R, N, N), and count (N,) of the numbers of novel information sent."""
     (count, tracks, width), columns = novel.shape, shares.shape[2]
     rows, single, numbers = np.arange(tracks), np.zeros(1, np.int64), np.zeros(count, np.int64)
@@ -134,8 +174,8 @@ def _run_rounds(
     shares = shares.reshape(count, 1, tracks * columns)
     for k in range(len(heard)):
         sums, added = shares.copy(), novel.copy()
-        times, views, misses, sightings = history
-        latest = _History(times.copy(), views.copy(), misses.copy(), sightings.copy())
+        times, views, misses, sightings = kept
+        latest = _LatestColumns(times.copy(), views.copy(), misses.copy(), sightings.copy())
         for i in range(count):
             numbers[i] += count_novel_numbers(novel[i].reshape(tracks, width))
             for j in range(count):
@@ -143,10 +183,10 @@ def _run_rounds(
                     divisor = 1.0 + max(degrees[i], degrees[j])
                     _add_shares(sums[i], shares[i], shares[j], single, divisor)
                     _add_shares(added[i], novel[i], novel[j], single, divisor)
-                    ours = _History(latest.times[i], latest.views[i], latest.misses[i], latest.sightings[i])
-                    _take_latest(ours, _History(times[j], views[j], misses[j], sightings[j]), rows)
-        novel, shares, history = added, sums, latest
-    return novel.reshape(count, tracks, width), shares.reshape(count, tracks, columns), history, numbers
+                    ours = _LatestColumns(latest.times[i], latest.views[i], latest.misses[i], latest.sightings[i])
+                    _take_latest(ours, _LatestColumns(times[j], views[j], misses[j], sightings[j]), rows)
+        novel, shares, kept = added, sums, latest
+    return novel.reshape(count, tracks, width), shares.reshape(count, tracks, columns), kept, numbers
 
 
 @compiled
@@ -166,7 +206,7 @@ def _add_shares(sums: Array, here: Array, there: Array, rows: Indices, divisor: 
 
 
 @compiled
-def _take_latest(latest: _History, heard: _History, rows: Indices) -> None:
+def _take_latest(latest: _LatestColumns, heard: _LatestColumns, rows: Indices) -> None:
     """Take over from a message the latest times and sightings, all views, and the common misses; rows as above."""
     for t in range(len(rows)):
         r = rows[t]

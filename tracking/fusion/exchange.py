@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.association.jpda import log_odds
-from tracking.fusion.message import Message, Partition
+from tracking.fusion.message import IDS_PER_SCAN, Message, Partition, new_id
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
-from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
 from tracking.numerics.arrays import Array, Indices
 from tracking.parameters import SEEN, TrackerParameters
-from tracking.track import SIGHTED_AT, Beliefs, Track, TrackTable, beliefs_of, make_tracks
+from tracking.track import SIGHTED_AT, Beliefs, Track, TrackTable, beliefs_of, make_table, make_tracks
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average, which matters only if no UAV had the person in view
 # Probability from which on a detection is a sighting. If two tracks share the measurements of one person, at most one
@@ -118,7 +117,7 @@ class TrackExchange:
         marks = np.column_stack([chances >= SEEN] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
         history[:, :3][marks] = time
-        table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
+        table = make_table(held, np.maximum(chances, UNSEEN), history[:, :4])
         sighted = history[:, 6] > -math.inf
         table.sightings[sighted], table.sightings[~sighted, SIGHTED_AT] = history[sighted, 4:], time
         return self._messenger.message(degree, table, NO_EVIDENCE)

@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tracking.association.jpda import from_log_odds
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverses
 from tracking.numerics.matrices import products
-from tracking.plugins.array_checks import check_array
-from tracking.plugins.plugin_error import Unusable
 from tracking.track import SIGHTED_AT, SURE_AT, Beliefs
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
@@ -34,6 +32,10 @@ _COLUMNS = {
     "novel": 0,
 }
 _PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and key, shares, and the rest
+# Ids of new tracks are unique in a fleet, without a server.
+IDS_PER_SCAN = 1_000  # per UAV: the first half for new tracks, the second for tracks that lose their id to another
+UAVS = 1_000
+FIRST_NEW_ID = IDS_PER_SCAN * UAVS  # ids of initial tracks are smaller
 
 
 class Partition(NamedTuple):
@@ -139,14 +141,6 @@ def are_alike(messages: Sequence[Message]) -> bool:
     return not same or same.count(same[0]) == len(same)
 
 
-def check_novel(name: str, given: Any, count: int) -> Array:  # noqa: ANN401 - not ours
-    """Return novel information from outside about `count` tracks, as `Message.novel`; raise `Unusable` for others."""
-    width = np.shape(given)[-1:] or (0,)
-    if 0 < width[0] <= INFORMATION:
-        raise Unusable(f"{name} of {width[0]} columns; allowed are 0, or more than {INFORMATION}")
-    return check_array(name, given, (count, *width))
-
-
 @compiled
 def count_novel_numbers(novel: Array) -> int:
     """Count the numbers of novel information (T, ...): 14 for each track with any, 2 more for each UAV with a share."""
@@ -155,3 +149,13 @@ def count_novel_numbers(novel: Array) -> int:
         shares = int(np.count_nonzero(novel[t, INFORMATION:]))
         total += 2 * shares + (INFORMATION - _REDUNDANT if shares else 0)
     return total
+
+
+def new_id(scan: int, uav: int, counter: int) -> int:
+    """Id that no other new track of the fleet can have; older tracks have smaller ids."""
+    return (scan * UAVS + uav) * IDS_PER_SCAN + counter
+
+
+def is_new_id(ids: Indices, scan: int) -> Flags:
+    """Flags (T,) of ids of tracks that began in a scan, rather than tracks that got another id in it."""
+    return (ids >= new_id(scan, 0, 0)) & (ids % IDS_PER_SCAN < IDS_PER_SCAN // 2)

@@ -6,8 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.message import Message, are_alike, find_beliefs, find_latest_sightings
-from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
+from tracking.fusion.message import (
+    IDS_PER_SCAN,
+    Message,
+    are_alike,
+    find_beliefs,
+    find_latest_sightings,
+    is_new_id,
+    new_id,
+)
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within

@@ -8,9 +8,8 @@ import numpy as np
 
 from tracking.errors import spell
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.fusion.checked_tracker import check_message, make_tracker
 from tracking.fusion.consensus import fuse
-from tracking.fusion.member import TRACKERS
+from tracking.fusion.member import TRACKERS, check_message, make_tracker
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -42,7 +41,7 @@ def check_tracker(tracker: str) -> list[Finding]:
 
     tracker: a name or an import string. InputError if there is no such tracker, or it cannot be made.
     """
-    return try_checks(_Flight(tracker), _CHECKS)
+    return try_checks(_Script(tracker), _CHECKS)
 
 
 def _place_people(k: int) -> Array:
@@ -72,7 +71,7 @@ def _make_arguments(uav: int, known: Array) -> tuple[int, Camera, Forest, Tracke
     return uav, Camera(math.radians(60), 128), Forest(()), parameters, initial
 
 
-class _Flight:
+class _Script:
     """The script, flown by a tracker on each of two linked UAVs."""
 
     def __init__(self, name: str, known: Array = _KNOWN) -> None:
@@ -89,7 +88,7 @@ class _Flight:
         fuse(self.members, ~np.eye(2, dtype=np.bool_), 5)
         self.tracks.append([member.tracks for member in self.members])
 
-    def finish(self) -> "_Flight":
+    def finish(self) -> "_Script":
         """The flight after all scans; InputError if the tracker fails."""
         while len(self.tracks) < _SCANS:
             self.step()
@@ -105,24 +104,24 @@ class _Flight:
         return held, seen
 
 
-def _check_scans(flight: _Flight) -> str:
+def _check_scans(flight: _Script) -> str:
     flight.finish()
     return f"{_SCANS} of two UAVs: detections, misses, clutter, a look elsewhere, no frame"
 
 
-def _check_known(flight: _Flight) -> str:
-    ids = [track.id for track in _Flight(flight.name).members[0].tracks]
+def _check_known(flight: _Script) -> str:
+    ids = [track.id for track in _Script(flight.name).members[0].tracks]
     require(ids == [0, 1, 2], f"of initial tracks 0, 1, 2 it has {ids}")
     return "initial tracks are held before the first scan"
 
 
-def _check_people(flight: _Flight) -> str:
+def _check_people(flight: _Script) -> str:
     held, seen = flight.count_people()
     require(2 * held >= len(_KNOWN), seen)
     return f"{seen}; one was unknown at the start"
 
 
-def _check_agreement(flight: _Flight) -> str:
+def _check_agreement(flight: _Script) -> str:
     for k, (one, other) in enumerate(flight.tracks):
         ids = [[track.id for track in tracks] for tracks in (one, other)]
         now = f"at {_STEP * k:.1f} s"
@@ -134,13 +133,13 @@ def _check_agreement(flight: _Flight) -> str:
     return "two UAVs that hear one another have the same ids and beliefs"
 
 
-def _check_unknown_start(flight: _Flight) -> str:
-    other = _Flight(flight.name, _KNOWN[:0]).finish()
+def _check_unknown_start(flight: _Script) -> str:
+    other = _Script(flight.name, _KNOWN[:0]).finish()
     _check_agreement(other)
     return other.count_people()[1]
 
 
-def _check_covariances(flight: _Flight) -> str:
+def _check_covariances(flight: _Script) -> str:
     squares: list[float] = []
     for k, (tracks, _) in enumerate(flight.tracks):
         means, covariances = beliefs_of(tracks)
@@ -152,13 +151,13 @@ def _check_covariances(flight: _Flight) -> str:
     return check_nees(squares)
 
 
-def _check_repeatable(flight: _Flight) -> str:
-    again = _Flight(flight.name).finish()
+def _check_repeatable(flight: _Script) -> str:
+    again = _Script(flight.name).finish()
     require(not find_change(flight.tracks, again.tracks, ""), "other instances have other tracks after the same scans")
     return "equal bit for bit, on other instances"
 
 
-def _check_inputs(flight: _Flight) -> str:
+def _check_inputs(flight: _Script) -> str:
     """Check with one UAV, without the copies that trackers get in a mission."""
     given = _make_arguments(0, _KNOWN)
     made = TRACKERS.make(flight.name, *given)
@@ -177,8 +176,8 @@ def _check_inputs(flight: _Flight) -> str:
     return "arguments, scans and messages are as they were"
 
 
-def _check_time(flight: _Flight) -> str:
-    seconds = timeit.repeat(_Flight(flight.name).step, repeat=_SCANS, number=1)
+def _check_time(flight: _Script) -> str:
+    seconds = timeit.repeat(_Script(flight.name).step, repeat=_SCANS, number=1)
     return describe_time(seconds[1:], "a scan of two UAVs and 4 people")  # the first may prepare something
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from tracking.geometry.distortion import Distortion, find_reach
 from tracking.geometry.lens import Lens, Optics, focal_length, in_image, plane_pixel, plane_point
+from tracking.geometry.quaternions import rotation
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.compiled import compiled, merged
+from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import apply
-from tracking.numerics.trigonometry import arctan2, cos, sin, tan
+from tracking.numerics.trigonometry import arctan2, tan
 
 ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directions; it has no image
 EDGE_POINTS = 16  # on each bent edge of an image
@@ -40,44 +41,6 @@ class Pose:
     def level(x: float, y: float, z: float) -> Pose:
         """A level pose, which for a camera is nadir with north at the top."""
         return Pose(np.array([x, y, z], dtype=float), np.array([0.0, 0.0, 0.0, 1.0]))
-
-
-@compiled
-def rotation(quaternion: Array) -> Array:
-    """Rotation matrix from body to world (3, 3) of a unit quaternion xyzw (4,)."""
-    x, y, z, w = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-@merged
-def rotate(quaternion: Array, spin: Array, dt: float) -> Array:
-    """Quaternion xyzw (4,) after a turn from `quaternion` at `spin` (3,) rad/s, in the world frame, for dt s.
-
-    Uses the exponential map, like the engine. The last bit of the engine's own quaternion depends on the processor,
-    because its sine and cosine are those of the C library.
-    """
-    rate = math.sqrt(spin[0] * spin[0] + spin[1] * spin[1] + spin[2] * spin[2])
-    scale = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    x, y, z, w = scale * spin[0], scale * spin[1], scale * spin[2], cos(0.5 * rate * dt)
-    a, b, c, d = quaternion
-    out = np.array(
-        [
-            w * a + x * d + y * c - z * b,
-            w * b + y * d + z * a - x * c,
-            w * c + z * d + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        ]
-    )
-    norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2] + out[3] * out[3])
-    for j in range(4):
-        out[j] /= norm
-    return out
 
 
 @dataclass(frozen=True)
@@ -117,9 +80,16 @@ class Camera:
         centre: tuple[float, float],
         distortion: tuple[float, ...] = (),
     ) -> Camera:
-        """A camera of focal lengths (fx, fy) and principal point (cx, cy) [pixel], and distortion k1, k2, p1, p2, k3.
+        """A camera of which a calibration is known.
 
         Note: the principal point of a calibration by OpenCV lies at cx + 0.5, cy + 0.5 here.
+
+        Args:
+            width: Of the image [pixel].
+            height: Of the image [pixel].
+            focal: Focal lengths (fx, fy) [pixel].
+            centre: Principal point (cx, cy) [pixel].
+            distortion: Coefficients k1, k2, p1, p2, k3.
         """
         bend = Distortion(*(float(k) for k in distortion))
         (fx, fy), (cx, cy) = focal, centre

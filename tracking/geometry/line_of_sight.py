@@ -1,4 +1,4 @@
-"""Line of sight between two points: the share of it that vertical cylinders leave free, found by a raster."""
+"""The law of sight: the share of a line between two points that vertical cylinders leave free, found by a raster."""
 
 import math
 from typing import NamedTuple
@@ -7,12 +7,15 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp
+from tracking.numerics.exponential import exp, power
 
 PIECE = 4.0  # m, horizontal length of a piece of a segment; a steep line of sight rises above the trees within it
 _CELL = 2.0  # m, edge of a cell, or more if there would be more than about _CELLS cells
 _CELLS = 250_000
 _MARGIN = 1e-6  # m: far more than rounding moves a point
+# A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
+# to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
+PART_EXPONENT = 0.555
 
 
 class Grid(NamedTuple):
@@ -95,9 +98,14 @@ def is_blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
 
 @inlined
 def length_inside(origin: Vector, point: Vector, cylinder: Vector, start: float, end: float) -> float:
-    """Length [m] inside a solid cylinder (5,) of the part from `start` to `end` of a segment that touches it.
+    """Length [m] inside a solid cylinder of a part of a segment that touches the cylinder.
 
-    The segment goes from origin (3,), at 0, to point (3,), at 1.
+    Args:
+        origin: Start of the segment (3,) m.
+        point: End of the segment (3,) m.
+        cylinder: Cylinder (5 or more,) as in `make_grid`.
+        start: Where the part starts, 0 at the origin.
+        end: Where the part ends, 1 at the point.
     """
     dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
     ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
@@ -110,6 +118,24 @@ def length_inside(origin: Vector, point: Vector, cylinder: Vector, start: float,
         a, b = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
         start, end = max(start, min(a, b)), min(end, max(a, b))
     return max(end - start, 0.0) * math.sqrt(length + dz * dz)
+
+
+@inlined
+def optical_depth(origin: Vector, point: Vector, cylinder: Vector, start: float, end: float) -> float:
+    """Extinction times length of a part of a segment inside a cylinder, by which `free_share` falls.
+
+    It is 0 outside, and infinite if the segment touches an opaque cylinder.
+
+    Args:
+        origin: Start of the segment (3,) m.
+        point: End of the segment (3,) m.
+        cylinder: Cylinder (6,), the last entry being the extinction [1/m].
+        start: Where the part starts, 0 at the origin.
+        end: Where the part ends, 1 at the point.
+    """
+    if not is_blocked(origin, point, cylinder):
+        return 0.0
+    return math.inf if cylinder[5] == math.inf else cylinder[5] * length_inside(origin, point, cylinder, start, end)
 
 
 @inlined
@@ -131,15 +157,62 @@ def free_share(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> f
     for k in range(pieces):
         s = start + (end - start) * (k + 0.5) / pieces
         cell = grid.rows * grid.columns if every else _find_cell(origin[0] + s * dx, origin[1] + s * dy, grid)
+        low, high = start + (end - start) * k / pieces, start + (end - start) * (k + 1) / pieces
         for m in range(grid.starts[cell], grid.starts[cell + 1]):
-            row = grid.members[m]
-            cylinder = cylinders[row, 0], cylinders[row, 1], cylinders[row, 2], cylinders[row, 3], cylinders[row, 4]
-            if is_blocked(origin, point, cylinder):
-                if cylinders[row, 5] == math.inf:
-                    return 0.0
-                low, high = start + (end - start) * k / pieces, start + (end - start) * (k + 1) / pieces
-                depth += cylinders[row, 5] * length_inside(origin, point, cylinder, low, high)
+            depth += optical_depth(origin, point, cylinder_of(cylinders, grid.members[m]), low, high)
+            if depth == math.inf:
+                return 0.0
     return exp(-depth) if depth > 0.0 else 1.0
+
+
+@inlined
+def cylinder_of(cylinders: Array, row: int) -> Vector:
+    """A row of cylinders (B, 6)."""
+    c = cylinders
+    return c[row, 0], c[row, 1], c[row, 2], c[row, 3], c[row, 4], c[row, 5]
+
+
+@compiled
+def detectable_share(free: float) -> float:
+    """Probability that enough of a person shows to detect them, given the free share of the line of sight."""
+    return any_of_two(power(free, PART_EXPONENT)) if 0.0 < free < 1.0 else free
+
+
+@inlined
+def any_of_two(part: float) -> float:
+    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
+    return 1.0 - (1.0 - part) * (1.0 - part)
+
+
+@inlined
+def lower_detectable_shares(shares: Array, cameras: Array, height: float, point: Vector, cylinders: Array) -> int:
+    """Lower shares to the detectable shares of a point for cameras side by side; returns how many become 0.
+
+    The law is that of `detectable_share` and `free_share`, without a raster.
+
+    Args:
+        shares: 0 or 1 of each camera (L,).
+        cameras: Places of the cameras (2, L) m.
+        height: Of the cameras [m].
+        point: The point (3,) m.
+        cylinders: Cylinders (B, 6) that may hide the point.
+    """
+    east, north = cameras[0], cameras[1]
+    hidden, porous = 0, False
+    for k in range(len(cylinders)):
+        x, y, radius, bottom, top, extinction = cylinder_of(cylinders, k)
+        cylinder, opaque = (x, y, radius, bottom, top, PART_EXPONENT * extinction), extinction == math.inf
+        porous |= not opaque
+        for lane in range(len(shares) if opaque else 0):
+            if shares[lane] > 0.0 and is_blocked((east[lane], north[lane], height), point, cylinder):
+                shares[lane] = 0.0
+                hidden += 1
+        for lane in range(0 if opaque else len(shares)):
+            if shares[lane] > 0.0:
+                shares[lane] *= exp(-optical_depth((east[lane], north[lane], height), point, cylinder, 0.0, 1.0))
+    for lane in range(len(shares) if porous else 0):
+        shares[lane] = any_of_two(shares[lane])
+    return hidden
 
 
 @compiled

@@ -8,19 +8,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import Grid, free_share, make_grid
+from tracking.geometry.line_of_sight import Grid, cylinder_of, detectable_share, free_share, make_grid, optical_depth
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled, inlined
-from tracking.numerics.exponential import exp, exp_each, power
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp, exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors, elementwise
 
 # Area that leaves in random directions show along a line, as a share of their own. Source: [Monsi53].
 EXTINCTION = 0.5
-# A person shows if one of two parts shows, each of which is free with this power of the free share of the line of sight
-# to the middle. Fitted to the default cameras' images of crowns of 2 and 5 m radius; any pixel gives a detection.
-PART_EXPONENT = 0.555
 
 
 def at_target_height(places: Array) -> Array:
@@ -168,6 +165,10 @@ class Forest:
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _find_free_shares(origins, ends, self.blockers, self.grid)
 
+    def shares_hidden(self, camera: Array, points: Array) -> Array:
+        """Share (N, T) of each line from a camera (3,) m to points (N, 3) m that each tree hides by itself."""
+        return _find_shares_hidden(camera, points, self.blockers, self.tree_of_blockers, len(self.trees))
+
 
 @compiled
 def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> Array:
@@ -182,15 +183,15 @@ def _find_free_shares(cameras: Array, points: Array, cylinders: Array, grid: Gri
 
 
 @compiled
-def detectable_share(free: float) -> float:
-    """Probability that enough of a person shows to detect them, given the free share of the line of sight."""
-    return any_of_two(power(free, PART_EXPONENT)) if 0.0 < free < 1.0 else free
-
-
-@inlined
-def any_of_two(part: float) -> float:
-    """Probability that a person shows, given that of either part: free ** `PART_EXPONENT`."""
-    return 1.0 - (1.0 - part) * (1.0 - part)
+def _find_shares_hidden(camera: Array, points: Array, cylinders: Array, tree_of: Indices, trees: int) -> Array:
+    """Shares (N, T) of segments from a camera (3,) to points (N, 3) that trees, `tree_of` cylinders (B, 6), hide."""
+    free, eye = np.ones((len(points), trees)), (camera[0], camera[1], camera[2])
+    for j in range(len(points)):
+        point = points[j, 0], points[j, 1], points[j, 2]
+        for b in range(len(cylinders)):
+            depth = optical_depth(eye, point, cylinder_of(cylinders, b), 0.0, 1.0)
+            free[j, tree_of[b]] *= 0.0 if depth == math.inf else exp(-depth)
+    return 1.0 - free
 
 
 @elementwise

@@ -69,10 +69,17 @@ class Escapes:
     def split(
         self, time: float, tracks: Sequence[Track], looks: Sequence[Look], forest: Forest, area: tuple[float, float]
     ) -> list[Track]:
-        """Tracks at a time [s], with those of lost people split into what is predicted and six directions of escape.
+        """Tracks, with those of lost people split into what is predicted and six directions of escape.
 
-        looks: frames at this time; people stay in the area, m. The parts keep the id of their track; their
-        probabilities of existence, at most one in all, are those of the person to be there.
+        The parts keep the id of their track; their probabilities of existence, at most one in all, are those of the
+        person to be there.
+
+        Args:
+            time: Of the tracks [s].
+            tracks: Tracks of one UAV.
+            looks: Frames at this time.
+            forest: The known map of trees.
+            area: Width and height of the area [m], in which people stay.
         """
         lost = [track for track in tracks if _HELD < time - track.sighting[2] < math.inf]
         self._lost = {track.id: self._follow(track, time) for track in lost}

@@ -40,13 +40,22 @@ def initiate_tracks(
     lens: Lens,
     p: TrackerParameters,
 ) -> tuple[list[Tentative], list[Tentative]]:
-    """Confirmed and remaining tentative tracks after a scan at `time` s, which is `elapsed` steps of motion later.
+    """Confirmed and remaining tentative tracks after a scan.
 
-    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; lens: the camera at its pose in the scan.
     A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
     at `confirmation_threshold`, and ends below `deletion_threshold` times its start, or after `PATIENCE` s without a
     measurement. With m of n, it needs m measurements within its first n scans. A measurement counts if it is the
     track's with a probability above one half. Source: [Musicki04], [Williams15].
+
+    Args:
+        tentative: Tentative tracks before the scan.
+        z: Measurements (N, 2) m that no track explains.
+        R: Their covariances (N, 2, 2) m².
+        time: Of the scan [s].
+        elapsed: Steps of motion since tentative tracks were last predicted.
+        forest: The known map of trees.
+        lens: The camera at its pose in the scan.
+        p: Parameters of the tracker.
     """
     if not tentative and not len(z):
         return [], []
@@ -80,23 +89,23 @@ def _begin(origin: Origin, R: Array, p: TrackerParameters) -> Tentative:
     """
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = R
-    covariance[2, 2] = covariance[3, 3] = p.max_speed * p.max_speed / 4
+    covariance[2, 2] = covariance[3, 3] = p.settings.max_speed * p.settings.max_speed / 4
     belief = Gaussian(np.array([*origin.place, 0.0, 0.0]), covariance)
-    return Tentative(belief, (origin,), 1.0 if p.management == "m_of_n" else _find_first_existence(p))
+    return Tentative(belief, (origin,), 1.0 if p.settings.management == "m_of_n" else _find_first_existence(p))
 
 
 def _decide(track: Tentative, p: TrackerParameters) -> bool | None:
     """True if the track is confirmed, False if it ends, None if it stays tentative."""
-    if p.management == "m_of_n":
-        m, n = p.confirm
+    if p.settings.management == "m_of_n":
+        m, n = p.settings.confirm
         hits = len(track.origins)
         if hits >= m:
             return True
         return False if hits + n - track.scans < m else None
-    if track.existence >= p.confirmation_threshold:
+    if track.existence >= p.settings.confirmation_threshold:
         return True
     late = track.unseen > round(PATIENCE / p.motion.dt)
-    return False if late or track.existence < p.deletion_threshold * _find_first_existence(p) else None
+    return False if late or track.existence < p.settings.deletion_threshold * _find_first_existence(p) else None
 
 
 def _predict(

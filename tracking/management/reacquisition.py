@@ -32,14 +32,20 @@ def find_lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Ind
 def turned_density(
     sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], loss: LossRule
 ) -> Array:
-    """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
+    """Density (N,) 1/m² of lost people after a turn, at measurements.
 
-    sightings (T, 3) as in `find_lost_tracks`; existence (T,); times: of the scan before and of this one [s]; loss:
-    `TrackerParameters.loss`.
     After a turn a person walks straight on from the last place, at velocities of `TURNED_SPEED`. `Escapes` has these
     people as planners need them: at up to 3 m/s, and where no frame has ruled them out.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its existence probability, and a person after a turn is taken to be detected for certain.
+
+    Args:
+        sightings: Sightings (T, 3) as in `find_lost_tracks`.
+        existence: Existence probabilities (T,).
+        z: Measurements (N, 2) m.
+        R: Their covariances (N, 2, 2) m².
+        times: Of the scan before and of this one [s].
+        loss: `TrackerParameters.loss`.
     """
     density = np.zeros(len(z))
     for t in range(len(sightings)):
@@ -66,9 +72,15 @@ def match_lost_tracks(
 ) -> list[tuple[int, int]]:
     """Pairs (n, l) of new tracks and the lost ones that they most probably continue.
 
-    new and lost: means (N or L, 4) and covariances (N or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
-    A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
-    one assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
+    A lost person can have moved from the last sighting at no more than `max_speed`. Among the pairs within reach, one
+    assignment finds the likeliest ones, even if they are unlikely, because beliefs predict no turns behind trees.
+
+    Args:
+        new: Means (N, 4) and covariances (N, 4, 4) of new tracks.
+        lost: Means (L, 4) and covariances (L, 4, 4) of lost tracks.
+        seen: Sightings (L, 3) of the lost ones.
+        now: Time [s] of the beliefs.
+        max_speed: Largest speed of people [m/s].
     """
     cost = gaussian_costs(new[0][:, None, :2] - lost[0][:, :2], new[1][:, None, :2, :2] + lost[1][:, :2, :2])
     gaps = length(seen[None, :, :2] - new[0][:, None, :2])

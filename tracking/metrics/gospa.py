@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.metrics.arguments import check_metric, check_positions
+from tracking.metrics.ospa import check_metric, check_positions
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length

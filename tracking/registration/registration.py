@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.factorisation import inverses
@@ -110,7 +111,15 @@ class Registration:
         self._time, self._believed = scan.time, place
 
     def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
-        """Note how a corrected scan was associated with tracks, whose beliefs are those before it."""
+        """Note how a corrected scan was associated with tracks.
+
+        Args:
+            ids: Ids (T,) of tracks.
+            beliefs: Their beliefs before the scan.
+            scan: The scan, corrected.
+            gates: Pairs (G, 2) of a track and a measurement in its gate.
+            weights: Probabilities (G,) that the measurement is the person's.
+        """
         slopes = self._find_slopes(scan.pose, scan.measurements)
         self._residuals = [
             _Residual(

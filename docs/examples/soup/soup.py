@@ -50,9 +50,9 @@ class SoupJPDA:
             PDAHypothesiser(
                 self.predictor,
                 kalman,
-                clutter_spatial_density=parameters.clutter_density,
-                prob_detect=parameters.detection_probability,
-                prob_gate=parameters.gate_probability,
+                clutter_spatial_density=parameters.settings.clutter_density,
+                prob_detect=parameters.settings.detection_probability,
+                prob_gate=parameters.settings.gate_probability,
             )
         )
         nearest = GNNWith2DAssignment(DistanceHypothesiser(self.predictor, kalman, Mahalanobis(), missed_distance=3))
@@ -98,7 +98,7 @@ class SoupJPDA:
         at = EPOCH + datetime.timedelta(seconds=time)
         if np.isfinite(self.time):
             self.tracks = tuple(track_of(t.id, self.predictor.predict(state(t, self.time), at)) for t in self.tracks)
-        most = self.parameters.max_variance
+        most = self.parameters.settings.max_variance
         self.tracks = tuple(t for t in self.tracks if np.trace(t.belief.covariance[:2, :2]) <= most)
         self.time, self.detected = time, {}
 

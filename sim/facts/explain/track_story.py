@@ -258,7 +258,7 @@ def _find_deletions(facts: TrackFacts) -> tuple[int, dict[str, list[int]]]:
 
 def _tell_reason(deletion: Deletion, facts: TrackFacts) -> str:
     """The reason in words; mypy finds a `DeletionReason` that has no case."""
-    p = make_tracker_parameters(facts.recording.setting)
+    p = facts.recording.setting.tracking
     match deletion.reason:
         case "merged":
             (number,) = facts.recording.numbers_of(np.array([deletion.merged_into]))

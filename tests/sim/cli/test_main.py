@@ -11,7 +11,7 @@ from helpers.flown_pages import eventful, lost_between_tenths
 from helpers.processes import python
 from helpers.recordings import record
 
-from planning.planners import PLANNERS
+from planning.catalogue import PLANNERS
 from sim.__main__ import COMMANDS
 from sim.cli.run import show_run
 from sim.mission.archive import save

@@ -27,8 +27,8 @@ from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from tracking.errors import InputError
-from tracking.fleet import step
-from tracking.geometry.camera import rotation
+from tracking.fusion.consensus import step
+from tracking.geometry.quaternions import rotation
 
 DOCS = (ROOT / "docs" / "how-to" / "tracking.md").read_text(encoding="utf-8")
 GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations

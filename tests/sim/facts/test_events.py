@@ -27,7 +27,7 @@ from sim.scenario.scenario import encode_scenario
 from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
 from tracking.parameters import Tracking
-from tracking.tracker import Track
+from tracking.track import Track
 
 SETTING = synthetic.scenario(uavs=2, people=2)
 PEOPLE = np.array([[0.0, 0.0], [20.0, 0.0]])

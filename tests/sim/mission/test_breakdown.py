@@ -12,7 +12,7 @@ from helpers.studies import task_of
 from helpers.summaries import summary
 from helpers.teams import Spy, with_little_effort
 
-from planning.planners import PLANNERS
+from planning.catalogue import PLANNERS
 from sim.facts.flight import find_scans
 from sim.mission.archive import load as load_recording
 from sim.mission.trial import Trial

@@ -97,7 +97,7 @@ def test_a_mission_compiles_nothing_in_flight_and_the_parts_nothing_that_it_does
 import gc
 from numba.core.dispatcher import Dispatcher
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.mission.compilation import PARTS
 from sim.mission.mission import Mission
 from sim.mission.warmup import warm_up

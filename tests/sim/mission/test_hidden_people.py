@@ -11,8 +11,8 @@ import pytest
 from helpers.flights import fly
 from scipy.stats import kstest, multivariate_normal
 
+from planning.catalogue import DEFAULT_PLANNER
 from planning.planner_loading import load_planner
-from planning.planners import DEFAULT_PLANNER
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load

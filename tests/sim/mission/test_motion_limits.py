@@ -12,17 +12,18 @@ from helpers.flights import mission_of, recording_of
 from msgspec.structs import replace
 from scipy.stats import poisson
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
 from sim.scenario.loading import load
 from sim.sensing.cameras import view_of
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import squared_distance
+from tracking.parameters import TrackerParameters
 from tracking.track import Track, beliefs_of
-from tracking.tracker import Tracker, TrackerParameters
+from tracking.tracker import Tracker
 
 FASTEST, MARGIN = 3.0, 1.0  # m/s and m: people come no farther from where they were last seen
 ANGLES = 2.0 * np.pi / 64 * np.arange(64)

@@ -9,7 +9,7 @@ import pytest
 from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 from helpers.studies import task_of
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.facts.metrics.machine import describe_machine
 from sim.mission.archive import compute_digest, load
 from sim.mission.trial import Trial

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 
 FLEET = (
     "uavs=[{start=[-6,-2],footprint=20},{start=[6,2],footprint=25,alpha=0.15},{start=[0,6],footprint=22,alpha=0.12}]"

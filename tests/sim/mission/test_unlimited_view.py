@@ -9,7 +9,7 @@ from helpers.flights import fly
 from helpers.nominal import team_cost, weighted_trace_penalty
 from helpers.teams import refitted, with_little_effort
 
-from planning.planners import PLANNERS
+from planning.catalogue import PLANNERS
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move

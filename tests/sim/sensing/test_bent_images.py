@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.renderer import Renderer, straighten
+from sim.sensing.renderer import Renderer
+from sim.world.lens_images import straighten
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame

@@ -14,7 +14,8 @@ from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 from sim.scenario.environment import Area, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import DEFAULT_FLEET
-from sim.sensing.renderer import LEAST_FAR_PLANE, NEAR_PLANE, Renderer, capture
+from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE
+from sim.sensing.renderer import Renderer, capture
 from sim.world.forest import grow
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose

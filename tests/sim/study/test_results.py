@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import mission_of
 from helpers.studies import task_of
 
-from planning.planners import DEFAULT_PLANNER
+from planning.catalogue import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.study.executors import Pool
 from sim.study.scheduler import fly_trials

@@ -8,9 +8,9 @@ from planning.planner import Plan
 from sim.mission.archive import compute_digest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.world.attitude import settle
 from sim.world.free_flight import _are_clear
 from sim.world.world import World
+from tracking.geometry.quaternions import settle
 from tracking.geometry.visibility import Forest, Tree
 
 IDEAL = ("sensing.mode=ideal",)

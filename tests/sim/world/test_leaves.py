@@ -13,7 +13,8 @@ from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Renderer, capture
 from sim.world.leaves import EDGE, Leaves
 from sim.world.world import World
-from tracking.geometry.camera import Camera, Pose, rotation
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.quaternions import rotation
 from tracking.geometry.visibility import Forest, Tree
 from understory import run
 

@@ -25,7 +25,8 @@ from sim.world.quadrotor import (
     rotor_thrusts,
 )
 from sim.world.world import World
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.geometry.visibility import Forest
 
 LEVEL = [0.0, 0.0, 0.0, 1.0]

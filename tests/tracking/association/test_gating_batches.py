@@ -8,7 +8,7 @@ from tracking import measurement_update as correction
 from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import gated_likelihood
 from tracking.measurement_update import ScanPrediction, update_scan
-from tracking.tracker import TrackerParameters
+from tracking.parameters import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
 LOST = np.random.default_rng(5).uniform(0.0, 2e-3, 1000)  # 1/m², at each measurement
@@ -56,7 +56,7 @@ def test_no_measurement_is_in_a_gate_of_another_batch(side):
     tracks, measurements = (np.concatenate([part[k] for part in parts]) for k in range(2))
     np.testing.assert_array_equal(np.sort(tracks), np.arange(300))
     assert len(set(measurements.tolist())) == len(measurements) < len(z)  # false alarms far from all are in none
-    gates = gated_likelihood(before.means, before.covariances, z, noise, PARAMETERS.gate_probability) > 0.0
+    gates = gated_likelihood(before.means, before.covariances, z, noise, PARAMETERS.settings.gate_probability) > 0.0
     for rows, columns in parts:
         assert np.all(np.diff(rows) > 0) and np.all(np.diff(columns) > 0)
         assert np.all(np.isin(np.flatnonzero(gates[rows].any(axis=0)), columns))

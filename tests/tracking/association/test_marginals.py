@@ -12,8 +12,8 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from tracking.association.jpda import existence_association, gated_likelihood
 from tracking.fusion.consensus import fuse
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import TrackerParameters
 
 
 def events(tracks: int, measurements: int, used: tuple[int, ...] = ()):
@@ -68,7 +68,7 @@ def test_association_matches_stone_soup(seed):
     peer, detection = StoneSoup(p, known), rng.uniform(0.0, 0.99, 4)
     z = rng.uniform(-1.5, 1.5, (5, 2))
     own = [
-        PDAHypothesiser(peer.predictor, KalmanUpdater(None), p.clutter_density, d, p.gate_probability)
+        PDAHypothesiser(peer.predictor, KalmanUpdater(None), p.settings.clutter_density, d, p.settings.gate_probability)
         for d in detection.tolist()
     ]
     peer.associator = JPDA(EachItsOwn(dict(zip(peer.tracks, own, strict=True))))
@@ -81,9 +81,9 @@ def test_association_matches_stone_soup(seed):
             expected[i, j] = float(hypothesis.probability)
     means = np.array([t.belief.mean for t in known])
     predicted = MOTION.predict_all(means, np.array([t.belief.covariance for t in known]))
-    likelihood = gated_likelihood(*predicted, z, np.tile(R, (5, 1, 1)), p.gate_probability)
-    found = np.tile(detection[:, None] * p.gate_probability, 6)
-    beta = existence_association(likelihood, found, p.clutter_density, np.ones(4))[0]
+    likelihood = gated_likelihood(*predicted, z, np.tile(R, (5, 1, 1)), p.settings.gate_probability)
+    found = np.tile(detection[:, None] * p.settings.gate_probability, 6)
+    beta = existence_association(likelihood, found, p.settings.clutter_density, np.ones(4))[0]
     np.testing.assert_allclose(beta, expected, atol=1e-6)
     np.testing.assert_array_equal(beta == 0, expected == 0)  # the same gates
     assert np.count_nonzero(beta[:, 1:]) > 4 and math.isclose(expected.sum(), 4)

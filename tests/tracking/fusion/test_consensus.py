@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from tracking.fusion.consensus import combine, fuse
-from tracking.fusion.message import Message
-from tracking.fusion.track_ids import IDS_PER_SCAN, is_new_id, new_id
+from tracking.fusion.message import IDS_PER_SCAN, Message, is_new_id, new_id
 
 
 def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[np.ndarray, np.ndarray]:

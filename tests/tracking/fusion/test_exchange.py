@@ -6,12 +6,13 @@ from helpers.kalman import update
 from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, track
 
 from tracking.filter.kalman import Gaussian
-from tracking.fusion.checked_tracker import make_tracker
 from tracking.fusion.consensus import fuse
 from tracking.fusion.exchange import TrackExchange
-from tracking.fusion.track_ids import new_id
+from tracking.fusion.member import make_tracker
+from tracking.fusion.message import new_id
+from tracking.parameters import TrackerParameters
 from tracking.track import Scan, Track
-from tracking.tracker import Tracker, TrackerParameters
+from tracking.tracker import Tracker
 
 LINKED = ~np.eye(2, dtype=bool)
 

@@ -9,7 +9,7 @@ from helpers.graphs import graph
 from helpers.scenes import ABOVE, AWAY, check, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
-from tracking.fusion.track_ids import FIRST_NEW_ID
+from tracking.fusion.message import FIRST_NEW_ID
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Tracker

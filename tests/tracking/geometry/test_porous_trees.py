@@ -9,6 +9,7 @@ from helpers.porous import make_porous, sampled_share
 from helpers.views import CAMERA
 
 from tracking.geometry.camera import Pose
+from tracking.geometry.line_of_sight import detectable_share, lower_detectable_shares
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
     SAMPLE_VARIANCE,
@@ -16,7 +17,6 @@ from tracking.geometry.visibility import (
     THRESHOLDS,
     Forest,
     Tree,
-    detectable_share,
     detectable_shares,
     visible_samples,
 )
@@ -99,6 +99,25 @@ def test_the_detectable_share_grows_from_zero_to_one():
     shares = detectable_shares(np.linspace(0, 1, 101))
     assert shares[0] == detectable_share(0.0) == 0.0 and shares[-1] == detectable_share(1.0) == 1.0
     assert np.all(np.diff(shares) > 0) and shares[30] == detectable_share(0.3)
+
+
+def test_the_law_for_cameras_side_by_side_is_that_for_one_and_trees_hide_shares_of_their_own():
+    rng, partly = np.random.default_rng(4), 0
+    for _ in range(3):
+        forest = make_porous(scene(rng, 12), rng)
+        cameras, points = segments(rng, "above")
+        cameras[:, 2] = 18.0
+        expected = forest.free_shares(cameras, points)
+        for j, point in enumerate(points):
+            found = np.ones(len(cameras))
+            hidden = lower_detectable_shares(found, cameras.T[:2].copy(), 18.0, tuple(point), forest.blockers)
+            np.testing.assert_allclose(found, detectable_shares(expected[:, j]), rtol=1e-12, atol=1e-12)
+            assert hidden == np.sum(expected[:, j] == 0.0)
+        for i, camera in enumerate(cameras):
+            each = forest.shares_hidden(camera, points)
+            np.testing.assert_allclose(np.prod(1.0 - each, axis=1), expected[i], rtol=1e-12, atol=1e-12)
+        partly += np.sum((expected > 0.02) & (expected < 0.98))
+    assert partly > 30
 
 
 def test_samples_shown_by_a_share_have_the_mean_and_the_width_of_all():

@@ -9,11 +9,11 @@ from helpers.scenes import AWAY, R, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
-from tracking.fusion.track_ids import new_id
+from tracking.fusion.message import new_id
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import find_duplicates, find_outcompeted
 from tracking.measurement_update import _compute_unresolved_probability
-from tracking.tracker import Track
+from tracking.track import Track
 
 PAIR = np.ones((2, 2), bool)
 

@@ -12,7 +12,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.filter.motion import make_motion_model
 from tracking.fusion.consensus import fuse
-from tracking.fusion.track_ids import IDS_PER_SCAN, new_id
+from tracking.fusion.message import IDS_PER_SCAN, new_id
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.initiation import initiate_tracks

@@ -7,8 +7,8 @@ import pytest
 
 from tracking.errors import one_line
 from tracking.plugins import plugin_error
-from tracking.plugins.array_checks import check_numbers
 from tracking.plugins.plugin_error import PluginError, Unusable, plugin_call
+from tracking.plugins.result_check import read_numbers
 
 
 def logged(method):
@@ -104,11 +104,11 @@ class Tensor:
 
 def test_arrays_of_another_library_are_taken_alone_and_in_lists():
     for given in (Tensor(1.0, 2.0), [Tensor(1.0, 2.0), Tensor(3.0, 4.0)], [[1.0, 2.0], Tensor(3.0, 4.0)]):
-        found = check_numbers("controls", given)
+        found = read_numbers("controls", given)
         assert found.dtype == float and found.ravel().tolist() == [1.0, 2.0, 3.0, 4.0][: found.size]
 
 
 @pytest.mark.parametrize("given", [["1", "2"], [1j], [[1, 2], [3]], {1: 2}, [10**400]])
 def test_what_is_no_number_is_refused(given):
     with pytest.raises(Unusable, match=r"^controls are not numbers$"):
-        check_numbers("controls", given)
+        read_numbers("controls", given)

@@ -5,7 +5,8 @@ import pytest
 from helpers.poses import tilted
 
 from sim.sensing.navigation import NavigationErrors
-from tracking.geometry.camera import Pose, rotate
+from tracking.geometry.camera import Pose
+from tracking.geometry.quaternions import rotate
 from tracking.navigation import NAVIGATION
 from tracking.registration.pose_errors import ERRORS, error_slopes, move_to_believed
 from tracking.registration.registration import make_registration

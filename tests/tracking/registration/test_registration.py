@@ -8,7 +8,7 @@ from helpers.scenes import CAMERA, MOTION, OPEN
 from sim.facts.metrics.score import score
 from sim.sensing.navigation import NavigationErrors
 from tracking.filter.kalman import Gaussian
-from tracking.fleet import step
+from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
 from tracking.metrics.nees import nees_interval

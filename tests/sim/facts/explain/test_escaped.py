@@ -7,10 +7,11 @@ import pytest
 from helpers.flights import fly, recording_of
 
 from planning.baselines import Greedy
-from sim.facts.explain.explanation import explain_person, format_percent
+from sim.facts.explain.explanation import explain_person
 from sim.facts.explain.observation import Observer
 from sim.facts.explain.person import find_parts, make_person_facts
 from sim.facts.flight import Flight
+from sim.facts.words import format_percent
 from tracking.management.escapes import Escapes
 
 PAIR = "uavs=[{{start=[-28,-2],footprint=20{0}}},{{start=[28,2],footprint=27,rate=0.5{0}}}]"

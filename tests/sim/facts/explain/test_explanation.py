@@ -12,7 +12,7 @@ from helpers.flights import IDEAL, recorded
 from helpers.people_facts import spell_facts, with_views
 from helpers.recordings import broken
 
-from sim.facts.explain.explanation import explain_person, find_stretches, format_percent
+from sim.facts.explain.explanation import explain_person, find_stretches
 from sim.facts.explain.observation import Observer
 from sim.facts.explain.person import make_person_facts
 from sim.facts.explain.planned_visibility import find_planned_visibility
@@ -22,6 +22,7 @@ from sim.facts.people import PeopleFacts
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import make_frame_facts
 from sim.facts.tracking_replay import replay_tracking
+from sim.facts.words import format_percent
 from sim.mission.archive import save
 from sim.views import explain_picture as picture
 from sim.views.drawing.lettering import measure_width

@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers.graphs import message
-from helpers.scenes import OPEN
+from helpers.scenes import CAMERA, MOTION, OPEN
 
 from tracking.errors import InputError
-from tracking.fusion.checked_tracker import CheckedTracker, check_message
+from tracking.fusion.member import check_message, make_tracker
 from tracking.fusion.message import Partition
 from tracking.geometry.camera import Pose
+from tracking.parameters import TrackerParameters
 from tracking.plugins.plugin_error import Unusable
 from tracking.track import Scan
 
@@ -41,8 +42,10 @@ def test_a_message_about_ten_thousand_tracks_is_taken():
 class Spoilt:
     """Leaves a wrong mean of its one track after a call."""
 
-    def __init__(self, mean):
-        self.mean, self.tracks = mean, ()
+    mean = None
+
+    def __init__(self, *given):
+        self.tracks = ()
 
     def step(self, scan):
         belief = SimpleNamespace(mean=self.mean, covariance=np.eye(4))
@@ -51,18 +54,27 @@ class Spoilt:
     def coast(self, time):
         self.step(None)
 
+    def message(self, degree):
+        """Never called."""
+
+    def accept(self, message):
+        """Never called."""
+
 
 @pytest.mark.parametrize(
-    ("mean", "complaint"),
-    [([1.0, 2.0], r"of shape \(1, 2\), not \(1, 4\)"), ([0.0, 0.0, 0.0, np.nan], "are not finite")],
+    ("method", "mean", "complaint"),
+    [
+        ("step", [1.0, 2.0], r"of shape \(1, 2\), not \(1, 4\)"),
+        ("coast", [0.0, 0.0, 0.0, np.nan], "are not finite"),
+    ],
 )
-@pytest.mark.parametrize("method", ["step", "coast"])
-def test_wrong_tracks_are_an_error_of_the_method_that_left_them(method, mean, complaint):
+def test_wrong_tracks_are_an_error_of_the_method_that_left_them(monkeypatch, method, mean, complaint):
     given = {"step": Scan(0, 0.0, Pose.level(0.0, 0.0, 25.0), np.zeros((0, 2)), np.zeros((0, 2, 2))), "coast": 0.0}
-    tracker = CheckedTracker("mine:Spoilt", Spoilt(mean), 0, 3.0, OPEN)
+    monkeypatch.setattr(Spoilt, "mean", mean)
+    tracker = make_tracker(f"{__name__}:Spoilt", 0, CAMERA, OPEN, TrackerParameters(MOTION))
     with pytest.raises(InputError) as error:
         getattr(tracker, method)(given[method])
     assert error.match(
-        rf"^tracking\.tracker: 'mine:Spoilt' cannot give its tracks after {method}: means of tracks {complaint} "
-        rf"\(.*test_checked_tracker\.py:\d+, in Spoilt\.{method}\)$"
+        rf"^tracking\.tracker: '.*:Spoilt' cannot give its tracks after {method}: means of tracks {complaint} "
+        rf"\(.*test_member\.py:\d+, in Spoilt\.{method}\)$"
     )

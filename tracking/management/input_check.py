@@ -1,17 +1,51 @@
-"""Validation of the scans that a tracker is given."""
+"""Check of what a tracker is given: scans, and tracks from outside."""
 
 import math
+from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.track import Scan
+from tracking.plugins.plugin_error import Unusable
+from tracking.plugins.result_check import COVARIANCES, WHOLE, Form, read_numbers
+from tracking.track import Scan, Track, make_tracks
 
+_PARTS = ("id", "belief", "existence")
 # Largest difference of a covariance's off-diagonal elements, by rounding, as a share of its trace.
 _ASYMMETRY = 1e-9
-QUATERNION_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
+_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
+
+
+def check_tracks(given: Collection[Any]) -> tuple[Track, ...]:
+    """Copies of tracks by ascending id; `Unusable`, a ValueError, if they are no tracks."""
+    if not isinstance(given, Collection):
+        raise Unusable(f"tracks are no sequence but {type(given).__name__}")
+    for track in given:
+        if lacking := [part for part in _PARTS if not hasattr(track, part)]:
+            needed = "a track is an object with id, belief and existence, as tracking.track.Track"
+            raise Unusable(f"among tracks is a {type(track).__name__} without {lacking[0]}; {needed}")
+    count, ids = len(given), [track.id for track in given]
+    numbers = WHOLE.check("ids of tracks", ids, count)
+    if numbers.min(initial=0) < 0:
+        raise Unusable(f"ids of tracks are below 0: {ids[:10]}")
+    if twice := sorted({id for id in ids if ids.count(id) > 1}):
+        raise Unusable(f"ids of tracks are there twice: {twice[:10]}")
+    tracks = sorted(given, key=lambda track: int(track.id))
+    means = Form((4,)).check("means of tracks", [t.belief.mean for t in tracks] or np.zeros((0, 4)), count)
+    spreads = [t.belief.covariance for t in tracks] or np.zeros((0, 4, 4))
+    covariances = COVARIANCES.check("covariances of tracks", spreads, count)
+    existence = Form().check("existence of tracks", [t.existence for t in tracks], count)
+    if not np.all((existence > 0.0) & (existence <= 1.0)):
+        raise Unusable("existence of tracks is not in (0, 1]")
+    unknown = np.full(3, np.nan)
+    seen = read_numbers("sightings of tracks", [getattr(t, "sighting", unknown) for t in tracks] or np.zeros((0, 3)))
+    if seen.shape != (count, 3):
+        raise Unusable(f"sightings of tracks of shape {seen.shape}, not ({count}, 3)")
+    seen[~np.isfinite(seen).all(axis=1)] = np.nan
+    return make_tracks(np.sort(numbers), means, covariances, existence, seen)
 
 
 def check_scan(scan: Scan) -> tuple[Array, Array]:
@@ -40,7 +74,7 @@ def _check_pose(pose: Pose) -> None:
     quaternion = _read_floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:
+    if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= _TOLERANCE:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 
