@@ -59,7 +59,8 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
     Without randomness of their own they make the recorded tracks, unless another version made the recording. Plug-ins
     are not run, because a recording is a file from anywhere.
     """
-    scenario, states = recording.setting, list[dict[int, TrackerState]]()
+    scenario = recording.setting
+    states = list[dict[int, TrackerState]]()
     for registry, name in (
         (TRACKERS, scenario.tracking.tracker),
         (MOTION_MODELS, scenario.tracking.motion),

@@ -236,8 +236,7 @@ _ENTRIES: dict[str, Metric] = {
         for name, words in SOURCES.items()
     },
     **_make_unmatched_metrics(
-        "false",
-        "tracks that stand for no person within `loss_distance`, nor within 10 m for a person without one",
+        "false", "tracks that stand for no person within `loss_distance`, nor within 10 m for a person without one"
     ),
     **_make_unmatched_metrics(
         "duplicate", "second tracks, in the median at most `loss_distance` from a person with another track"
@@ -301,10 +300,7 @@ _ENTRIES: dict[str, Metric] = {
         printed=25,
     ),
     "detection.recall": _make_share(
-        "detection recall",
-        _compute_recall,
-        "share of the people shown by a pixel that was detected",
-        printed=31,
+        "detection recall", _compute_recall, "share of the people shown by a pixel that was detected", printed=31
     ),
     "detection.precision": _make_share(
         "detection precision", _compute_precision, "share of detections that are people", printed=32

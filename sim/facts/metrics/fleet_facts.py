@@ -93,7 +93,9 @@ def find_handoffs(recording: Recording) -> list[Handoff]:
     found = []
     for person, seen in enumerate(np.moveaxis(detected, 2, 0)):
         changes = np.diff(seen, axis=0, prepend=np.zeros_like(seen[:1]))
-        since, owner, last = np.zeros(seen.shape[1], dtype=np.int64), -1, 0
+        since = np.zeros(seen.shape[1], dtype=np.int64)
+        owner = -1
+        last = 0
         for k in np.flatnonzero(changes.any(axis=1)).tolist():
             since[changes[k] & seen[k]] = k
             last = k - 1 if owner >= 0 and seen[k - 1, owner] else last
@@ -130,7 +132,8 @@ def measure_times_to_find(recording: Recording, scores: Sequence[Score]) -> Arra
     It is 0 for people found before that scan. Times of people never found end when they leave or the mission ends, so
     the mean is too small if many are missed. People that are always under canopies are left out.
     """
-    times, there = recording.times, recording.present
+    times = recording.times
+    there = recording.present
     held = np.zeros_like(there)
     for uav, score in enumerate(scores):
         held[recording.working[:, uav]] |= score.held
