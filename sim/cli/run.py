@@ -81,7 +81,7 @@ def run(
         elif is_built_in(trial) and not metric:
             summary = run_mission(trial, folder, **options)
         else:
-            with plugin_call(passing=(InputError, PlaceTaken)):  # an exception of a plug-in is told in a line
+            with plugin_call(passing=(InputError, PlaceTaken)):  # an exception of a plug-in is one line of text
                 summary = run_mission(trial, folder, **options)
     show_run(summary, folder)
 

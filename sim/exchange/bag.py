@@ -24,7 +24,7 @@ OPTICAL = np.array([1.0, 0.0, 0.0, 0.0])  # turn from the axes of `Pose` to a ca
 
 
 class BagFlight(NamedTuple):
-    """What a bag tells of a flight."""
+    """The content of a bag: a flight."""
 
     poses: dict[int, Poses]
     cameras: dict[int, CameraRow]
@@ -49,7 +49,7 @@ def read_bag(path: Path) -> BagFlight:
     """Read a bag with a namespace for each UAV, such as /uav0; InputError says what it lacks.
 
     Each has an Odometry or transforms of tf up to the frame of its camera, a CameraInfo, and a Detection3DArray in the
-    world's frame or a Detection2DArray. Times are those of headers. True odometry is left out if there is another one.
+    world's frame or a Detection2DArray. Times come from headers. True odometry is left out if there is another one.
     """
     topics = _read_topics(path)
     names = sorted({_name_uav(topic) for topic, (kind, _) in topics.items() if kind in _OF_UAVS}, key=_split_number)
@@ -99,7 +99,7 @@ def _name_uav(topic: str) -> str:
 
 
 def _split_number(name: str) -> list[tuple[int, str]]:
-    """Key by which uav2 comes before uav10."""
+    """Sort key that puts uav2 before uav10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 

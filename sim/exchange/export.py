@@ -30,7 +30,7 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows; each entry is named by its two states.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 _TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
-# Endings of columns by which `tracks.csv` names units.
+# Endings of columns of `tracks.csv`, which name their units.
 _UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
 _UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
 _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
@@ -39,7 +39,7 @@ _MEASUREMENT = ("time", "x", "y", "xx", "xy", "yy")
 def export(recording: Recording, target: str, out: Path, *, truth: bool = True) -> None:
     """Write a recording into the new folder `out`, completely or not at all; InputError if target or folder is wrong.
 
-    target: one of `TARGETS`, whose files docs/how-to/tracking.md describes. truth: False to leave out what UAVs do not
+    target: one of `TARGETS`; docs/how-to/tracking.md describes their files. truth: False to leave out what UAVs do not
     know, of a bag.
     """
     check_known("--to", target, TARGETS)

@@ -1,4 +1,4 @@
-"""The scenario of a flight from elsewhere: its own settings of trackers and network, and what its files tell."""
+"""The scenario of a flight from elsewhere: its own settings of trackers and network, and what its files contain."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from tracking.numerics.arrays import Array
 # which no UAV has two frames in a scan.
 _RATES = (1, 2, 4, 5, 8, 10, 15, 16, 20, 24, 25, 30)
 _FINE_RATES = (20, 25, 30, 40, 50, 60, 100, 120, 200, 250, 500, 1000)
-EXACT = 1e-3  # periods, by which times may differ from a multiple
+EXACT = 1e-3  # periods, largest difference of times from a multiple
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
 _MARGIN = 10.0  # m of the area beyond all places
 _SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight

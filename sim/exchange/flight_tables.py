@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.environment import Trees
 from sim.world.stem_map import read_stem_map
 from tracking.errors import InputError, spell
@@ -92,7 +92,7 @@ class CameraRow(NamedTuple):
         return self.widen(size)
 
     def widen(self, size: tuple[int, int]) -> "CameraRow":
-        """The camera of wide images whose middle square is this one."""
+        """The camera of wide images with this one as their middle square."""
         focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
         whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
         return CameraRow.calibrated(whole)._replace(clock_offset=self.clock_offset)
@@ -177,7 +177,7 @@ def read_cameras(path: Path) -> dict[int, CameraRow]:
     return cameras
 
 
-def _read_view(row: Row, path: Path) -> CameraRow:
+def _read_view(row: TableRow, path: Path) -> CameraRow:
     if name := row.values.get("camera"):
         try:
             return CameraRow.calibrated(read_camera(str(path.parent / name) if Path(name).suffix else name))
@@ -199,12 +199,12 @@ def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
     return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
 
 
-def read_uav(row: Row) -> int:
+def read_uav(row: TableRow) -> int:
     """Number of the UAV of a row, 0 in a table without this column."""
     return row.integer("uav") if "uav" in row.values else 0
 
 
-def _read_attitude(row: Row) -> list[float]:
+def _read_attitude(row: TableRow) -> list[float]:
     """Quaternion xyzw of the camera."""
     if any(name in row.values for name in _ANGLES):
         yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
@@ -220,7 +220,7 @@ def _read_attitude(row: Row) -> list[float]:
     return quaternion if abs(norm - 1) <= _ROUNDED else [part / norm for part in quaternion]
 
 
-def _read_detection(row: Row) -> Detection | None:
+def _read_detection(row: TableRow) -> Detection | None:
     """The detection of a row; None if it has none."""
     given = [names for names in (_PLACE, _COVARIANCE, _PIXEL) if any(row.values.get(name) for name in names)]
     if not given:

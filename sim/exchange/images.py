@@ -5,21 +5,21 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.exchange.flight_tables import CameraFrames, CameraRow, Detection, LoggedFrame, Poses, read_uav
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.sensing import DETECTORS, make_detectors
 from sim.scenario.text_files import read_bytes
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import UavSettings
 from sim.sensing.sensor_output_check import check_detections
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Pose
 from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
+from tracking.settings import read_settings
 
 
 def detect_in_images(
@@ -43,7 +43,7 @@ def detect_in_images(
         camera, log = cameras[uav].fit(size, row.where), poses[uav]
         ((*place, x, y, z, w),) = interpolate_poses(log.times, log.rows, np.clip([time], *log.times[[0, -1]])).tolist()
         pose = Pose(np.array(place), np.array([x, y, z, w]))
-        optics = msgspec.convert({"start": (0.0, 0.0), **camera.view}, Uav).true_camera
+        optics = read_settings({"start": (0.0, 0.0), **camera.view}, UavSettings).complete().true_camera
         frame = Frame(uav, time, optics, pose, image)
         with DETECTORS.errors(name, "detect people in an image", detectors[uav], "detect"):
             told = check_detections(detectors[uav].detect(frame))
@@ -55,7 +55,7 @@ def detect_in_images(
     return {uav: CameraFrames(frames, size=sizes[uav]) for uav, frames in found.items()}
 
 
-def _read_image(path: Path, row: Row) -> NDArray[np.uint8]:
+def _read_image(path: Path, row: TableRow) -> NDArray[np.uint8]:
     """An image (H, W, 3) RGB."""
     found = cv2.imdecode(np.frombuffer(read_bytes(path, row.where), dtype=np.uint8), cv2.IMREAD_COLOR)
     if found is None:

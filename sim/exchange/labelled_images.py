@@ -22,7 +22,7 @@ _PERSON = 1  # category in COCO
 
 
 class ShownPerson(NamedTuple):
-    """A person of whom an image shows a pixel or more."""
+    """A person who shows by a pixel or more in an image."""
 
     person: int
     mask: Flags  # (H, W)

@@ -5,9 +5,9 @@ from collections import defaultdict
 from pathlib import Path
 
 from sim.exchange.flight_tables import CameraFrames, Detection, LoggedFrame
-from sim.scenario.csv_tables import Row, read_csv
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.quantities import parse_number
-from sim.scenario.text_files import read_spreadsheet_text
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line, spell
 
 _COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
@@ -32,7 +32,7 @@ def read_sequence(folder: Path) -> CameraFrames:
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
     try:
-        parser.read_string(read_spreadsheet_text(info, "seqinfo"))
+        parser.read_string(read_text(info, "seqinfo"))
         facts = {key: parse_number(text) for key, text in parser["Sequence"].items()}
     except (configparser.Error, KeyError) as error:
         raise InputError(f"seqinfo: {info}: has no readable table [Sequence]: {one_line(error)}") from error
@@ -61,7 +61,7 @@ def _read_rows(path: Path, field: str) -> dict[int, list[Detection]]:
     """Rows of a text file by frame."""
     found: defaultdict[int, list[Detection]] = defaultdict(list)
     seen: dict[tuple[int, str], int] = {}
-    text = read_spreadsheet_text(path, field)
+    text = read_text(path, field)
     if not text.strip():
         return found
     count = text.lstrip().partition("\n")[0].count(",") + 1
@@ -80,7 +80,7 @@ def _read_rows(path: Path, field: str) -> dict[int, list[Detection]]:
     return found
 
 
-def _read_box(row: Row, person: str) -> Detection:
+def _read_box(row: TableRow, person: str) -> Detection:
     """The middle of a box in the image, whose first pixel has the coordinates 1, or a place on the ground."""
     left, top, width, height = (row.number(name) for name in _COLUMNS[2:6])
     if width > 0 and height > 0:

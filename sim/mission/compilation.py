@@ -98,7 +98,7 @@ class _Teller(event.Listener):
     """Writes the names of our functions that are compiled to standard output."""
 
     def on_start(self, _: event.Event) -> None:
-        """Nothing is told."""
+        """Nothing is shown."""
 
     def on_end(self, ended: event.Event) -> None:
         if name := name_compiled(ended):

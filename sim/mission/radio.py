@@ -30,7 +30,7 @@ class RadioLinks(NamedTuple):
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
     def find_heard(self, uav: int, *, takes_time: bool) -> Flags:
-        """UAVs (n,) whose present frames a UAV knows of at a decision: its own, and those of UAVs in contact.
+        """UAVs (n,) whose present frames a UAV knows at a decision: its own, and those of UAVs in contact.
 
         In a network that takes time, nobody knows yet what others see now. This is the home of the rule.
         """

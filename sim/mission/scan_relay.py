@@ -44,7 +44,7 @@ class ScanRelay:
         self.received: list[list[Sent]] = [[] for _ in range(uavs)]  # new to each UAV at the last scan
 
     def receive(self, uav: int, time: float) -> list[Sent]:
-        """What has arrived at a UAV by `time` s, without what it knows and what is too old."""
+        """Messages that have arrived at a UAV by `time` s, without those that it knows and those that are too old."""
         self.received[uav], known = [], self._known[uav]
         for message in self._inboxes[uav].take(time):
             for sent in message:

@@ -108,7 +108,7 @@ class Teammates:
 
 
 class _Report(NamedTuple):
-    """What a UAV tells the others at a decision."""
+    """The message of a UAV to the others at a decision."""
 
     time: float  # s
     vehicle: Vehicle
@@ -118,7 +118,7 @@ class _Report(NamedTuple):
 class LateTeammates(Teammates):
     """The same in a network that takes time.
 
-    At each decision each UAV sends one message with its position, velocity and plan, if the planner sends plans. Nobody
+    At each decision each UAV sends one message with its position, velocity and plan, if the planner sends plans. No UAV
     receives a plan of this instant. A UAV knows from each other one the latest message that has arrived. It predicts
     the sender to the present by that plan, or without one at the velocity of then for `network.hold`.
     Note: with `Exchange.centre` plans arrive at once; their bytes keep other messages waiting.

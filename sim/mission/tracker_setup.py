@@ -20,7 +20,7 @@ def make_tracker_parameters(scenario: Scenario, uav: int = 0) -> TrackerParamete
 
 
 def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
-    """Motion model of people with which planners predict over a planning step, scan by scan as the trackers do.
+    """Motion model of people for planners: it predicts over a planning step, scan by scan as the trackers do.
 
     learned: the present motion model of a UAV's tracker, if it has one.
 

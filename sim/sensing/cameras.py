@@ -10,7 +10,7 @@ from tracking.geometry.quaternions import pitch
 
 
 def true_view_of(uav: Uav, scenario: Scenario) -> Camera:
-    """The camera that sees: that of the UAV, or one with an unlimited field of view."""
+    """The camera that sees: the UAV's own, or one with an unlimited field of view."""
     return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else uav.true_camera
 
 

@@ -18,8 +18,8 @@ class NavigationErrors:
     def __init__(self, navigation: Navigation, rng: np.random.Generator) -> None:
         n = self._navigation = navigation
         self._rng = rng
-        self._biases, clock = n.biases * standard_normal(rng, 6), n.clock_deviation * standard_normal(rng, 1)[0]
-        self.clock = float(clock if n.clock_offset is None else n.clock_offset)  # s
+        self._biases = n.biases * standard_normal(rng, 6)
+        self.clock = float(n.clock_deviation * standard_normal(rng, 1)[0])  # s
         self._drift = n.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
         self._draw_noise()
 

@@ -194,7 +194,7 @@ def _make_time_metric(stage: str) -> Metric:
     )
 
 
-_NEES = "of tracks, each paired with the person whose detection, by any UAV, it took last; mean over UAVs."
+_NEES = "of tracks, each paired with the person whose detection, by any UAV, it took last; mean over UAVs"
 
 _make_nonnegative = partial(Metric, least=0.0)  # `Metric` itself for one that can be negative
 _of_flight = partial(Metric, least=0.0, judges=False)  # compares nothing with the people
@@ -263,8 +263,8 @@ _ENTRIES: dict[str, Metric] = {
         "hand-offs of people",
         lambda o: len(find_handoffs(o.recording)),
         better="neither",
-        meaning="how often a person passes to another UAV: the one that detected them no longer does, at once or later "
-        "another does",
+        meaning="how often a person passes to another UAV: one UAV detects them no longer, and another one does, at "
+        "once or later",
     ),
     "share_held": _make_share(
         "people held",

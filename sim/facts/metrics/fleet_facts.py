@@ -137,7 +137,7 @@ def measure_times_to_find(recording: Recording, scores: Sequence[Score]) -> Arra
     held = np.zeros_like(there)
     for uav, score in enumerate(scores):
         held[recording.working[:, uav]] |= score.held
-    open_to_view, found = _find_people_in_the_open(recording.people, recording.trees), []
+    open_to_view, found = find_people_in_the_open(recording.people, recording.trees), []
     for person in np.flatnonzero(open_to_view.any(axis=0)).tolist():
         appears = int(np.argmax(open_to_view[:, person]))
         scans = np.flatnonzero(held[:, person])
@@ -146,7 +146,7 @@ def measure_times_to_find(recording: Recording, scores: Sequence[Score]) -> Arra
     return np.array(found)
 
 
-def _find_people_in_the_open(people: Array, trees: Array) -> Flags:
+def find_people_in_the_open(people: Array, trees: Array) -> Flags:
     """Mask (K, M) of people (K, M, 2) m, NaN if absent, under no canopy; trees (T, 6 or 7) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)

@@ -23,7 +23,7 @@ from tracking.filter.motion import make_motion_model
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
-NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
+NEAREST = (DOCS / "examples" / "own_tracker.py").read_text("utf-8")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
 MODELS, _, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")
 SOUP = DOCS / "examples" / "soup"

@@ -196,7 +196,6 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
             'people.paths: not used, as people.walks lacks "levy"',
         ),
         (["wind.gust_time=2"], "wind.gust_time: not used, as wind.gust is 0"),
-        (["people.group=2"], 'people.group: not used, as people.walks lacks "groups"'),
         (
             ["sensing.occlusion=disc", "trees.leaf_area_density=0.3"],
             'trees.leaf_area_density: trackers and planners take crowns to be opaque with sensing.occlusion = "disc"',

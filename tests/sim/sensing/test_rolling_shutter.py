@@ -16,7 +16,7 @@ from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import Uav, UavSettings
 from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Glimpse, Sweep
 from sim.sensing.sensor_mode import Shot
@@ -126,7 +126,7 @@ def test_people_are_where_the_believed_poses_of_their_rows_put_them(errs):
     """Errors change by 2 m/s and 10 degrees a second, so that the motion itself is believed wrongly."""
     rng, rows = np.random.default_rng(3), []
     lens = CameraSettings(160, 120, focal=(140.0, 138.0), distortion=(-0.3, 0.09), readout=0.1)
-    setting = Scenario(uavs=(Uav(start=(74.0, 49.0), camera=lens),), sensing=Sensing(noise="camera"))
+    setting = Scenario(uavs=(UavSettings(start=(74.0, 49.0), camera=lens).complete(),), sensing=Sensing(noise="camera"))
     with World(setting, Forest(()), PEOPLE) as world:
         for _ in range(120):
             turn = Rotation.from_euler("ZYX", [*rng.uniform(-180, 180, 1), *rng.uniform(-10, 10, 2)], degrees=True)
