@@ -27,7 +27,6 @@ for _package in ("sim", "planning", "tracking"):
 
 from planning.composed import Composed
 from planning.coordination.decision import Coordination
-from planning.made_up_teams import make_random_team
 from planning.objective.nbo import make_objective
 from planning.objective.terms import Term
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -39,19 +38,20 @@ from planning.prediction.field_of_view import aim_point, view_quadrangle
 from planning.prediction.propagation import nominal_positions
 from planning.prediction.quadrangle import inside, shortest_move
 from planning.prediction.response import mean_velocities, response
+from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
-from sim.exchange.export import TARGETS
+from sim.exchange.export import EXPORTS, LABELS
 from sim.exchange.export import export as write_export
-from sim.exchange.flight_log import FlightOptions, read_flight
-from sim.exchange.labelled_images import LABELS, write_labelled_images
+from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight, load
 from sim.facts.metrics.metric import Metric, Outcome
 from sim.mission.mission import Mission
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial, prefix_errors
-from sim.running.mission_flight import fly_mission
-from sim.running.results import record, run_mission
+from sim.running.fly import fly_mission, record
+from sim.running.results import run_mission
 from sim.scenario.loading import place_of, resolve_scenario
 from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
@@ -220,8 +220,7 @@ def run(
         run_mission(Trial(setting, planner, *numbers, place), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
-    made = resolve_planner(planner)
-    return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
+    return Flight(fly_mission(trial, resolve_planner(planner)).recording)
 
 
 def track(
@@ -244,8 +243,9 @@ def track(
     Raises:
         InputError: If the input is wrong.
     """
-    options = FlightOptions(format_overrides(settings), origin, sigma, detector)
-    return Flight(track_flight(read_flight(folder, options), name=f"flight {Path(folder).resolve().name}").recording)
+    changes = format_overrides(settings)
+    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
+    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
 
 
 def mission(
@@ -369,7 +369,7 @@ def export(
     Raises:
         InputError: If an argument cannot be used, or a library that writes the format is not installed.
     """
-    check_known("to", to, [*TARGETS, *LABELS])
+    check_known("to", to, [*EXPORTS, *LABELS])
     given = [flights] if isinstance(flights, Flight) else list(flights)
     if to in LABELS:
         if any(flight.recording.frames is not None for flight in given):

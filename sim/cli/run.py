@@ -15,7 +15,7 @@ from sim.facts.words import name_fleet
 from sim.mission.atomic_files import PlaceTaken, claim_place
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks
-from sim.running.mission_flight import is_built_in
+from sim.running.fly import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load, place_of

@@ -81,7 +81,8 @@ class Sender:
     """A UAV's transmitter, which sends one message after the other at `network.rate`."""
 
     def __init__(self, network: Network) -> None:
-        self._rate, self._patience = network.rate, network.holds
+        self._rate = network.rate
+        self._patience = network.holds
         self._free = 0.0  # s, from when on nothing waits to be sent
 
     def send(self, time: float, size: int) -> float | None:

@@ -26,12 +26,12 @@ def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyCon
 
     Note: planners know only the built-in models; in place of any other they assume nearly constant velocity.
     """
-    rates, name = scenario.rates, scenario.tracking.motion
+    name = scenario.tracking.motion
     if isinstance(learned, NearlyConstantVelocity):
         model = learned
     else:
         model = _make_motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
-    return replace(model, dt=rates.plan_step, scans=rates.plan_scans)
+    return replace(model, dt=scenario.rates.plan_step, scans=scenario.rates.plan_scans)
 
 
 def _make_motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`

@@ -92,11 +92,14 @@ class LineOfSightMode:
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
         with self.setup.clock.measure("detection"):
-            people, pose = shot.people, shot.true
+            scenario = self.setup.scenario
+            forest = self.setup.forest
+            people = shot.people
+            pose = shot.true
             points = at_target_height(np.nan_to_num(people))
             present = ~np.isnan(people[:, 0])
-            forest, scenario = self.setup.forest, self.setup.scenario
-            camera, believed = true_view_of(scenario.uavs[shot.uav], scenario), self.setup.cameras[shot.uav]
+            camera = true_view_of(scenario.uavs[shot.uav], scenario)
+            believed = self.setup.cameras[shot.uav]
             shown = detectable_shares(forest.free_shares(pose.position, points)[0])
             least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
             seen = present & camera.sees(pose, points) & (shown > least)

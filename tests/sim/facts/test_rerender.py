@@ -14,11 +14,11 @@ from sim.facts.flight import find_scans
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import FrameFacts, make_frame_facts
 from sim.mission.archive import save
-from sim.views.drawing.map_view import outline_ellipse
 from sim.views.drawing.palette import track_colour
 from sim.views.frames import frame_panels
 from sim.views.frames.annotation import annotate
 from sim.views.frames.frame_panels import _describe_view, _draw_panel, write_frames
+from sim.views.scene import outline_ellipse
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
