@@ -1,7 +1,7 @@
 """Parts of pages that are made from the code, and of the site from pages: tables, equations, notebooks.
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
-lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->` and, of the
+lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- planners -->`, `<!-- metrics -->` and, of the
 default planner or of one that is named, `<!-- planner options -->`; those of `scores.py` with
 `<!-- gaps: METRIC -->`. MkDocs calls the functions `on_...`: `{{ commands }}` becomes the help of
 all commands, a formula between `$$` becomes MathML, and each tutorial is written as a notebook, too.
@@ -21,6 +21,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import msgspec
 
 from planning.catalogue import DEFAULT_PLANNER, PLANNERS
+from sim.facts.metrics.catalogue import METRICS
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.environment import Appearance
 from sim.scenario.scenario import ScenarioSettings
@@ -67,7 +68,7 @@ def generated(markdown: str) -> str:
     from scores import gaps_table
 
     makers = {"keys": keys_table, "planners": planners_table}
-    makers |= {"planner options": options_table, "gaps": gaps_table}
+    makers |= {"planner options": options_table, "gaps": gaps_table, "metrics": metrics_table}
 
     def made(mark: re.Match[str]) -> str:
         table = makers[mark[2]](*(mark[3] or "").split())
@@ -106,6 +107,12 @@ def planners_table() -> str:
     """The planners that come with the testbed."""
     rows = [f"| `{name}` | {spec.summary} |" for name, spec in PLANNERS.items()]
     return "\n".join(["| planner | meaning |", "|---|---|", *rows])
+
+
+def metrics_table() -> str:
+    """Every metric of the catalogue, by its key in `summary.json` and in studies."""
+    rows = [f"| `{name}` | {known.unit} | {known.meaning} |" for name, known in METRICS.items()]
+    return "\n".join(["| key | shown in | what |", "|---|---|---|", *rows])
 
 
 def options_table(planner: str = DEFAULT_PLANNER) -> str:

@@ -82,7 +82,7 @@ def make_event_columns(events: Sequence[Event]) -> Columns:
 
 
 def _list_uavs(r: Recording) -> Columns:
-    k, i = (index.ravel() for index in np.indices(r.poses.shape[:2]))
+    k, i = (index.ravel() for index in np.indices((r.scan_count, r.uav_count)))
     return {
         "time_s": r.times[k],
         "uav": i,

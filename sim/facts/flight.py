@@ -49,7 +49,8 @@ def find_scans(
     `name`: the option that error messages name. InputError if a time is not in the recording, or the UAV, if given,
     had broken down at one of the scans.
     """
-    times, last = recording.times, float(recording.times[-1])
+    times = recording.times
+    last = float(recording.times[-1])
     for time in (start, *([] if end is None else [end])):
         if not -_SLACK <= time <= last + _SLACK:
             raise InputError(f"{name}: {time:g} s is not in the recording; allowed are 0 to {last:g} s")
@@ -151,7 +152,7 @@ class Flight:
         mean, share, held = (METRICS[name].with_unit(METRICS[name](outcome)) for name in names)
         parts = [
             f"{format_planner_title(r.planner, r.sees_truth)}, {format_seed(r.seed, r.repeat)}",
-            f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{' (interrupted)' * r.interrupted}",
+            f"{r.times[-1] - r.times[0]:.1f} s, {r.scan_count} scans{' (interrupted)' * r.interrupted}",
             f"{r.uav_count} UAVs, {r.person_count if r.labelled else 'unknown'} people, {len(r.trees)} trees",
             f"OSPA mean {mean}, {share} under 1 m",
             f"people held {held}",

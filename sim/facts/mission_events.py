@@ -2,13 +2,12 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
-from sim.facts.metrics.fleet_facts import list_contacts
-from sim.facts.metrics.handoffs import find_handoffs
+from sim.facts.metrics.fleet_facts import find_handoffs, list_contacts
 from sim.facts.metrics.holding import find_episodes
 from sim.facts.metrics.unmatched import find_unmatched_tracks
 from sim.facts.people import STATES, PeopleFacts, Unheld, describe_view, group_views
@@ -54,7 +53,8 @@ def _list_breakdowns(recording: Recording) -> Iterator[Event]:
 
 def _list_faults(recording: Recording) -> Iterator[Event]:
     """Faults of planner and detectors, each kind once for all its UAVs; breakdowns are separate events."""
-    times, grouped = recording.times, defaultdict(list)
+    times = recording.times
+    grouped = defaultdict(list)
     for fault in recording.all_faults:
         k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
         if fault.uav is None or recording.working[k, fault.uav]:
@@ -79,7 +79,8 @@ def _find_link_changes(recording: Recording) -> Iterator[Event]:
     uavs = recording.uav_count
     up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
     for k, (works, now) in enumerate(zip(recording.working, find_recorded_links(recording), strict=True)):
-        quiet, both = now.up & ~now.contact, works & works[:, None]
+        quiet = now.up & ~now.contact
+        both = works & works[:, None]
         for kind, changed, words in (
             ("link lost", np.triu(up & ~now.up & both), "UAV {} and UAV {}: too far, cut or not there"),
             ("link restored", np.triu(now.up & ~up), "UAV {} and UAV {}"),
@@ -97,7 +98,7 @@ def _find_holding_changes(recording: Recording) -> Iterator[Event]:
     given = recording.setting.tracking.initial_tracks == "known"
     known: set[int] = set()
     before: list[set[int]] = [set() for _ in uavs]
-    for k in range(len(recording.times)):
+    for k in range(recording.scan_count):
         now = [set(recording.track_ids_at(k, i).tolist()) for i in uavs]
         gone = [before[i] - now[i] if recording.working[k, i] else set() for i in uavs]
         held = set().union(*now)
@@ -117,7 +118,7 @@ def _list_held_tracks(recording: Recording) -> Iterator[Event]:
     """Spans in which any UAV reports a track, in a flight whose people are unknown."""
     scans, _ = recording.cells(recording.track_offsets)
     for id_, number in recording.track_numbers.items() if not recording.labelled else ():
-        held = np.zeros(len(recording.times), dtype=np.int64)
+        held = np.zeros(recording.scan_count, dtype=np.int64)
         held[scans[recording.reported & (recording.track_ids == id_)]] = 1
         for first, last, value in find_episodes(held):
             if value:
@@ -136,17 +137,29 @@ def _group_by_track(sets: Iterable[set[int]], recording: Recording) -> list[tupl
 
 def _find_identity_changes(facts: PeopleFacts) -> Iterator[Event]:
     """Changes of a person's track and of a track's person, each with the UAVs for which it happens."""
-    recording, fleet = facts.recording, defaultdict(list)
+    recording = facts.recording
+    fleet = defaultdict(list)
     for i in range(recording.uav_count):
         for change in _find_changes(facts.tracks[:, i], recording.track_numbers):
             fleet[change].append(i)
-    for (k, kind, person, former, track, text), uavs in fleet.items():
-        text = f"{text} for {name_fleet(uavs)}"
-        yield _note_at(recording, k, kind, text, person=person, former=former, track=track, uavs=tuple(uavs))
+    for change, uavs in fleet.items():
+        concerned = {"person": change.person, "former": change.former, "track": change.track, "uavs": tuple(uavs)}
+        yield _note_at(recording, change.scan, change.kind, f"{change.text} for {name_fleet(uavs)}", **concerned)
 
 
-def _find_changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
-    """Scan, kind, person, former person, number of the track and text of each change in the tracks (K, M) of one UAV.
+class _Change(NamedTuple):
+    """A person has another track than before, or a track another person."""
+
+    scan: int
+    kind: str
+    person: int
+    former: int | None  # person for whom the track stood before
+    track: int  # number
+    text: str
+
+
+def _find_changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[_Change]:
+    """Each change in the tracks (K, M) of one UAV.
 
     Switches are those of `tracking.metrics.clearmot.count_switches`.
     """
@@ -158,19 +171,20 @@ def _find_changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[in
             id_ = int(row[m])
             before, former, now = last.get(m, id_), owner.get(id_, m), numbers[id_]
             if before == id_ and former != m:
-                yield k, "identity transfer", m, former, now, f"track {now} passed from person {former} to person {m}"
+                text = f"track {now} passed from person {former} to person {m}"
+                yield _Change(k, "identity transfer", m, former, now, text)
             elif before != id_ and former == m:
                 text = f"person {m} handed over from track {numbers[before]} to track {now}"
-                yield k, "identity switch", m, None, now, text
+                yield _Change(k, "identity switch", m, None, now, text)
             elif before != id_:
                 text = f"person {m} switched from track {numbers[before]} to track {now}, that of person {former},"
-                yield k, "identity switch", m, former, now, text
+                yield _Change(k, "identity switch", m, former, now, text)
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m
 
 
 def _list_handoffs(recording: Recording) -> Iterator[Event]:
-    """Hand-offs of people from UAV to UAV, as `sim.facts.metrics.handoffs` finds them."""
+    """Hand-offs of people from UAV to UAV, as `sim.facts.metrics.fleet_facts` finds them."""
     for k, last, person, uavs in find_handoffs(recording):
         unseen = recording.times[k] - recording.times[last + 1]
         text = f"person {person} passed from UAV {uavs[0]} to UAV {uavs[1]}"
@@ -183,9 +197,11 @@ _MOST_CAUSES = 3
 
 def _tell_unheld(facts: PeopleFacts) -> Iterator[Event]:
     """People whom no UAV holds, with their states in the cameras meanwhile, and people found."""
-    recording, times = facts.recording, facts.recording.times
+    recording = facts.recording
+    times = facts.recording.times
     for span in facts.unheld:
-        end, person = span.last + 1, span.person
+        end = span.last + 1
+        person = span.person
         why = _describe_causes(facts, span) + (_describe_track(facts, span) if span.found else "")
         text = f"{span.kind.replace('person', f'person {person}')}{_describe_gap(facts, span)}"
         concerned = {"why": why, "person": person, "uavs": (_choose_nearest(facts, span),), "scans": span.scans}
@@ -239,7 +255,8 @@ def _describe_causes(facts: PeopleFacts, span: Unheld) -> str:
 
 
 def _describe_track(facts: PeopleFacts, span: Unheld) -> str:
-    recording, k = facts.recording, span.first
+    recording = facts.recording
+    k = span.first
     column = facts.tracks[k - 1, :, span.person]
     uavs = np.argsort(column < 0, kind="stable").tolist()  # those that held the person before come first
     id_ = int(column[uavs[0]])
@@ -270,7 +287,8 @@ def _choose_nearest(facts: PeopleFacts, span: Unheld) -> int:
 def _list_unmatched(recording: Recording) -> Iterator[Event]:
     """False tracks and duplicates, as `sim.facts.metrics.unmatched` finds them."""
     for found in find_unmatched_tracks(recording):
-        number, span = recording.track_numbers[found.id], (found.first, found.last)
+        number = recording.track_numbers[found.id]
+        span = (found.first, found.last)
         uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
         near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
         near = near if found.left is None or found.duplicate else f" after its person {found.left} left"
@@ -279,5 +297,6 @@ def _list_unmatched(recording: Recording) -> Iterator[Event]:
         why = f"held by {name_fleet(uavs)}{near}{part}"
         person = found.nearest if found.duplicate else None
         stands = f"is person {found.nearest}'s second one" if found.duplicate else "stands for no person"
-        kind, text = "duplicate track" if found.duplicate else "false track", f"track {number} {stands}"
+        kind = "duplicate track" if found.duplicate else "false track"
+        text = f"track {number} {stands}"
         yield make_lasting_event(recording.times, span, kind, text, why=why, person=person, track=number, uavs=uavs)

@@ -62,7 +62,8 @@ class Rerenderer(ExitStack):
 
     def count_whole(self, k: int, uav: int, person: int) -> int:
         """Number of pixels of one person in the same image if nothing hid it."""
-        r, bare = self.recording, self._treeless
+        r = self.recording
+        bare = self._treeless
         others = np.arange(r.person_count) != person
         bare._world.place_people(np.where(others[:, None], np.nan, r.people[k]), r.headings[k])
         bare._world.place_uavs([r.poses_at(k)[uav]] * r.uav_count)  # before the near plane, where none shows

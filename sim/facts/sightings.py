@@ -134,7 +134,8 @@ def tell_fade(recording: Recording, id_: int, last: int) -> str:
     since = float(recording.track_sightings[rows[scans[rows] <= last][-1], 2])
     if math.isnan(since):
         return ""
-    parts, away = [], []
+    parts = []
+    away = []
     for i in range(recording.uav_count):
         taken = np.flatnonzero(recording.frames_taken[: last + 1, i] & (recording.times[: last + 1] > since + 1e-9))
         states = Counter(_name_state(recording, k, i, held) for k in taken.tolist() if k in held)

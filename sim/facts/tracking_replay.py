@@ -59,7 +59,8 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
     Without randomness of their own they make the recorded tracks, unless another version made the recording. Plug-ins
     are not run, because a recording is a file from anywhere.
     """
-    scenario, states = recording.setting, list[dict[int, TrackerState]]()
+    scenario = recording.setting
+    states = list[dict[int, TrackerState]]()
     for registry, name in (
         (TRACKERS, scenario.tracking.tracker),
         (MOTION_MODELS, scenario.tracking.motion),
@@ -74,8 +75,8 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}
             trackers.step(time, scans, links, working)
-            for i in working:  # as plans that are sent keep scans waiting
-                trackers.relay.senders[i].send(time, int(recording.plan_bytes[k, i]))
+            for i in working:
+                trackers.relay.send_plan(i, time, int(recording.plan_bytes[k, i]))
             if any(_read_bits(trackers[i].tracks) != _read_bits(recording.tracks_at(k, i)) for i in working):
                 other = "this version's trackers make other tracks than the recorded ones"
                 return TrackingReplay(states, f"from {time:.1f} s on {other}: {_UNKNOWN}")

@@ -55,7 +55,8 @@ def _pack(recording: Recording, compression: int) -> bytes:
             np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
             # All other parts of an entry follow from its content.
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
-            info.create_system, info.compress_type = 3, compression
+            info.create_system = 3
+            info.compress_type = compression
             archive.writestr(info, member.getvalue())
     return file.getvalue()
 

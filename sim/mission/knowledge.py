@@ -54,7 +54,7 @@ class Knowledge:
             UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
             for _ in self._cameras
         ]
-        self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay.senders)
+        self.teammates = make_teammates(scenario.network, exchange, rng, self.trackers.relay)
         self._looks = dict[int, Look]()  # of the frames of the last scan, by UAV
         # Views of frames at decisions, received later, that the intensity of undetected people does not yet contain.
         self._late_views: list[list[Look]] = [[] for _ in self._cameras]

@@ -26,8 +26,10 @@ def measure_ages(recording: Recording) -> Array:
     NaN of UAVs that do not work, of each UAV's own scans, before a first one arrives, and all in a network without
     delays, in which consensus has no single scans.
     """
-    network, uavs = recording.setting.network, recording.working.shape[1]
-    newest, ages = np.full((uavs, uavs), np.nan), np.full((len(recording.times), uavs, uavs), np.nan)
+    network = recording.setting.network
+    uavs = recording.uav_count
+    newest = np.full((uavs, uavs), np.nan)
+    ages = np.full((recording.scan_count, uavs, uavs), np.nan)
     relay = ScanRelay(network, uavs)
     for k, links in enumerate(find_recorded_links(recording) if network.takes_time else ()):
         time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
@@ -37,7 +39,7 @@ def measure_ages(recording: Recording) -> Array:
         for i in working:
             own = [Sent(k, i, recording.scan_at(k, i))] if recording.frames_taken[k, i] else []
             relay.send(i, time, own, links, working, size=int(recording.bytes_sent[k, i]))
-            relay.senders[i].send(time, int(recording.plan_bytes[k, i]))  # plans keep scans waiting
+            relay.send_plan(i, time, int(recording.plan_bytes[k, i]))
         both = np.ix_(working, working)
         ages[k][both] = time - newest[both]
     return ages

@@ -137,14 +137,14 @@ class Recording:
         """Mask (K, n) of the scans at which the camera of a working UAV took a frame."""
         if self.frames is not None:
             return self.working & self.frames
-        scans, uavs = self.working.shape
-        due = [[self.setting.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
+        due = [[self.setting.has_frame(i, k) for i in range(self.uav_count)] for k in range(self.scan_count)]
         return np.logical_and(self.working, due)
 
     @cached_property
     def hiding_forest(self) -> Forest:
         """The map of trees with the true occlusion: exact or, in ideal sensing, that of `sensing.occlusion`."""
-        sensing, exact = self.setting.sensing, self.forest
+        sensing = self.setting.sensing
+        exact = self.forest
         return Forest(exact.trees, sensing.occlusion) if sensing.mode == "ideal" else exact
 
     @cached_property
@@ -158,7 +158,7 @@ class Recording:
 
     def cells(self, offsets: Indices) -> tuple[Indices, Indices]:
         """Scan and UAV of each row of the table with these offsets."""
-        scans, uavs = self.poses.shape[:2]
+        scans, uavs = self.scan_count, self.uav_count
         k, uav = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(offsets)), uavs)
         return k, uav
 
@@ -287,8 +287,10 @@ OPTIONAL = ("frames", "believed")  # fields that are not written if they are Non
 
 def _check_setting(recording: Recording, scenario: Scenario) -> None:
     """InputError if a recording contradicts its scenario."""
-    times, people = recording.times, recording.person_count
-    uavs, rate = recording.uav_count, scenario.rates.sensing
+    times = recording.times
+    people = recording.person_count
+    uavs = recording.uav_count
+    rate = scenario.rates.sensing
     planned = scenario.duration * rate + 1
     if len(scenario.uavs) != uavs:
         raise InputError(f"recording: {uavs} UAVs flew, but its scenario has {len(scenario.uavs)}")

@@ -50,7 +50,8 @@ def _check_texts(r: Recording) -> Iterator[Finding]:
     yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
     yield "scenario", _fails(msgspec.json.Decoder(dict).decode, r.scenario), "is no JSON object"
     yield "faults", _fails(decode_faults, r.faults), "is no list of faults, each with time, uav and message"
-    faults, n = r.all_faults, r.uav_count
+    faults = r.all_faults
+    n = r.uav_count
     yield "faults", len(faults) > MOST, f"are more than {MOST}"
     wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
     yield "faults", wrong, f"have a message that is not one line of at most {LONGEST} characters"

@@ -9,7 +9,8 @@ import numpy as np
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
 from planning.prediction.response import vehicle_after
-from sim.mission.radio import Inbox, RadioLinks, Sender, draw_jitter
+from sim.mission.radio import Inbox, RadioLinks, draw_jitter
+from sim.mission.scan_relay import ScanRelay
 from sim.scenario.uavs import Network
 from tracking.numerics.arrays import Flags, Indices
 
@@ -129,13 +130,11 @@ class LateTeammates(Teammates):
     Note: with `Exchange.centre` plans arrive at once; their bytes keep other messages waiting.
     """
 
-    def __init__(
-        self, network: Network, exchange: Exchange, rng: np.random.Generator, senders: Sequence[Sender]
-    ) -> None:
+    def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator, relay: ScanRelay) -> None:
         super().__init__(network, exchange, rng)
         self._network = network
-        self._senders = senders
-        self._inboxes = [Inbox[_Report]() for _ in senders]
+        self._relay = relay
+        self._inboxes = [Inbox[_Report]() for _ in relay.senders]
         self._heard: dict[tuple[int, int], _Report] = {}  # latest message, by receiver and sender
         self._time = 0.0  # s
 
@@ -178,7 +177,7 @@ class LateTeammates(Teammates):
                 self._known[i, j] = self._known[i, j]._replace(plan=Plan(plan.others[j]))
             report = _Report(self._time, self._fleet[i], _NO_PLAN if silent else Plan(plan.controls))
             sent[i] += report.plan.size * bool(self._up[:, i].any())
-            done = self._senders[i].send(self._time, int(sent[i]))
+            done = self._relay.send_plan(i, self._time, int(sent[i]))
             if done is None:
                 sent[i] = 0
                 continue
@@ -188,8 +187,6 @@ class LateTeammates(Teammates):
         return sent
 
 
-def make_teammates(
-    network: Network, exchange: Exchange, rng: np.random.Generator, senders: Sequence[Sender]
-) -> Teammates:
-    """What UAVs know about their teammates in a network; `senders` are the UAVs' transmitters."""
-    return LateTeammates(network, exchange, rng, senders) if network.takes_time else Teammates(network, exchange, rng)
+def make_teammates(network: Network, exchange: Exchange, rng: np.random.Generator, relay: ScanRelay) -> Teammates:
+    """What UAVs know about their teammates in a network; plans are sent by the transmitters of the scans' `relay`."""
+    return LateTeammates(network, exchange, rng, relay) if network.takes_time else Teammates(network, exchange, rng)

@@ -10,7 +10,7 @@ from helpers.pages import DOCS, text_of
 from helpers.studies import invented
 from msgspec.structs import replace
 
-from sim.facts.metrics.searching import _find_people_in_the_open
+from sim.facts.metrics.fleet_facts import find_people_in_the_open
 from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.loading import load
 from sim.study.store import Store, read_rows
@@ -93,7 +93,7 @@ def people_of(scenario, seed):
     forest, people = make_forest_and_people(scenario, seed)
     times = np.arange(round(scenario.duration * scenario.rates.sensing) + 1) / scenario.rates.sensing
     places = np.array([people.at(time)[0] for time in times])
-    free = _find_people_in_the_open(places, np.array([[tree.x, tree.y, tree.canopy_radius] for tree in forest.trees]))
+    free = find_people_in_the_open(places, np.array([[tree.x, tree.y, tree.canopy_radius] for tree in forest.trees]))
     there, seen = ~np.isnan(places[..., 0]), np.flatnonzero(free.any(axis=0))
     ends = np.array([np.flatnonzero(there[:, person])[-1] for person in seen])
     moves = np.diff(places, axis=0) * scenario.rates.sensing

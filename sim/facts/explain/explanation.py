@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,7 +143,8 @@ def _tell_gates(measurement: int, a: Association, numbers: Sequence[int]) -> lis
 
 def _tell_association(w: PersonObservation, a: Association, numbers: Sequence[int], facts: PersonFacts) -> list[str]:
     """The scan that the person's track predicted, and other measurements that may be associated with the track."""
-    lines, holder = [], facts.track_of(w.uav)
+    lines = []
+    holder = facts.track_of(w.uav)
     if holder is None:
         other = facts.holders[0]
         return [f"holds person {other.elsewhere[w.uav]} as track {other.number}"]
@@ -164,7 +166,8 @@ def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
         return [f"{role}; began at {holder.since:.1f} s; no UAV has it any more"]
-    off, speed = holder.belief.mean[:2] - facts.place, math.hypot(*holder.belief.mean[2:])
+    off = holder.belief.mean[:2] - facts.place
+    speed = math.hypot(*holder.belief.mean[2:])
     covariance = holder.belief.covariance[:2, :2]
     square, (minor, major) = float(squared_distance(off, covariance)), np.sqrt(np.linalg.eigvalsh(covariance))
     lines.append(f"believed at {format_place(holder.belief.mean[:2])}, {speed:.1f} m/s")
@@ -196,7 +199,8 @@ def _tell_turns(parts: Sequence[Track]) -> list[str]:
 
 def _find_events(facts: PersonFacts) -> list[Event]:
     """Events at the scan that concern the person, tracks of no person, or links."""
-    events, k = facts.flight.events, facts.k
+    events = facts.flight.events
+    k = facts.k
     now = [event for event in events if event.first <= k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
     now += list_outages_at(events, facts.flight.recording.times, k)
@@ -228,11 +232,17 @@ def _tell_ahead(planned: PlannedVisibility, states: Indices) -> str:
     return "not known, as the mission ends" if (states < 0).all() else "out of view"
 
 
-def find_stretches(facts: PeopleFacts, person: int) -> list[tuple[float, float, str, str]]:
-    """Periods of equal description of a person: beginning and end [s], state to tracks, and state in cameras.
+class Stretch(NamedTuple):
+    """A period in which a person is described alike."""
 
-    The end of the last period is infinite.
-    """
+    begin: float  # s
+    end: float  # s; infinite for the last one
+    held: str  # state to the tracks, one of `HOLDS`
+    seen: str  # state in the cameras
+
+
+def find_stretches(facts: PeopleFacts, person: int) -> list[Stretch]:
+    """Periods in which a person is described alike, in order of time."""
     times, holds, views = facts.recording.times, facts.hold_states[:, person].tolist(), facts.view_texts(person)
     runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
-    return [(*find_lasting_ends(times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
+    return [Stretch(*find_lasting_ends(times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]

@@ -50,7 +50,8 @@ class Observer(ExitStack):
 
     def __init__(self, flight: Flight) -> None:
         super().__init__()
-        self.flight, self.recording = flight, flight.recording
+        self.flight = flight
+        self.recording = flight.recording
         self.replay = replay_tracking(self.recording)
         # Called with a scan k and a UAV; cached, because track stories ask for the same scans again.
         self.owners = lru_cache(1024)(self._owners)
@@ -62,7 +63,8 @@ class Observer(ExitStack):
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
-        recording, setting = self.recording, self.recording.setting
+        recording = self.recording
+        setting = self.recording.setting
         sighting = find_sightings(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
         owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
         return PersonObservation(
@@ -85,7 +87,8 @@ class Observer(ExitStack):
 
         With rendered frames, pixels of detections decide as in flight; in ideal sensing, it is the nearest person.
         """
-        recording, z = self.recording, self.recording.scan_at(k, uav).measurements
+        recording = self.recording
+        z = self.recording.scan_at(k, uav).measurements
         seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)
         if len(seen) and self._renders(k, uav):
             mask = self.again.rendered(k, uav).people

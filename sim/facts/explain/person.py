@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class PersonFacts:
             return None
         id_ = list(self.flight.recording.track_numbers)[holder.number]
         found = find_track_at(self.flight.recording, self.k, [uav], id_)
-        return found[1] if found else holder.belief
+        return found.belief if found else holder.belief
 
 
 def make_person_facts(observer: Observer, k: int, person: int) -> PersonFacts:
@@ -101,7 +102,8 @@ def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ..
 
 def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> HoldingTrack:
     """Facts at scan k about the track that stood for the person at scan `last`."""
-    recording, standing = flight.recording, flight.people.tracks[k] == id_
+    recording = flight.recording
+    standing = flight.people.tracks[k] == id_
     holds = np.flatnonzero(standing[:, person]).tolist()
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
     found = find_track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
@@ -110,19 +112,27 @@ def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> Ho
         holds=tuple(holds),
         elsewhere={uav: other for uav, other in np.argwhere(standing).tolist() if other != person},
         since=float(recording.times[first // recording.uav_count]),
-        belief=found[1] if found else None,
-        parts=find_parts(recording, k, found[0], id_) if found else [],
-        existence=found[2] if found else math.nan,
+        belief=found.belief if found else None,
+        parts=find_parts(recording, k, found.uav, id_) if found else [],
+        existence=found.existence if found else math.nan,
         until=float(recording.times[last]),
     )
 
 
-def find_track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> tuple[int, Gaussian, float] | None:
-    """The first of the UAVs that has a track after scan k, its belief and existence (NaN if the tracker has none)."""
+class TrackAt(NamedTuple):
+    """A track as one UAV has it after a scan."""
+
+    uav: int
+    belief: Gaussian
+    existence: float  # NaN if the tracker estimates none
+
+
+def find_track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> TrackAt | None:
+    """A track after scan k, of the first of the UAVs that has it."""
     for i in uavs:
         for track, existence in zip(recording.tracks_at(k, i), recording.existence_at(k, i).tolist(), strict=True):
             if track.id == id_:
-                return i, track.belief, existence
+                return TrackAt(i, track.belief, existence)
     return None
 
 

@@ -37,7 +37,8 @@ def find_planned_visibility(
 
     None if there is no plan or nothing of it is left.
     """
-    scenario, now = recording.setting, float(recording.times[k])
+    scenario = recording.setting
+    now = float(recording.times[k])
     rate = scenario.rates.sensing
     plan = int(recording.flown_decisions[k])
     if plan < 0 or not recording.working[k, uav]:
@@ -65,7 +66,8 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
     The path begins at the UAV's position when the plan was due. UAV and camera move as planners assume.
     """
     setting = recording.setting
-    step, begun = setting.rates.plan_step, setting.plan_start(float(recording.plan_times[plan]))
+    step = setting.rates.plan_step
+    begun = setting.plan_start(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
     vehicle = make_vehicles(recording, int(np.argmin(np.abs(recording.times - begun))))[uav]
@@ -77,7 +79,8 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
 
 def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
-    setting, trees = recording.setting, recording.known_forest
+    setting = recording.setting
+    trees = recording.known_forest
     camera = view_of(setting.uavs[uav], setting)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):

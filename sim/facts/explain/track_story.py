@@ -11,14 +11,13 @@ import numpy as np
 
 from sim.facts.event import UNMATCHED, Event, find_ends, format_times
 from sim.facts.explain.observation import Observer
-from sim.facts.explain.person import find_track_at
+from sim.facts.explain.person import TrackAt, find_track_at
 from sim.facts.metrics.holding import FAR
 from sim.facts.sightings import tell_fade
 from sim.facts.words import TextGroup, format_percent, format_place, name_fleet, name_source
 from sim.mission.tracker_setup import make_tracker_parameters
 from tracking.account import Deletion, Origin
 from tracking.errors import spell
-from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.parameters import EXPECTED, SEEN
 
@@ -48,7 +47,9 @@ class TrackFacts:
 
     def __init__(self, observer: Observer, number: int) -> None:
         """Facts about the track with this number; the observer has to stay open."""
-        self.observer, self.recording, self.number = observer, observer.recording, number
+        self.observer = observer
+        self.recording = observer.recording
+        self.number = number
         recording = observer.recording
         self.id = list(recording.track_numbers)[number]
         scans, _ = recording.cells(recording.track_offsets)
@@ -61,8 +62,8 @@ class TrackFacts:
         uavs = range(self.recording.uav_count)
         return tuple(i for i in uavs if self.id in self.recording.track_ids_at(k, i))
 
-    def held_at(self, k: int) -> tuple[int, Gaussian, float]:
-        """The first UAV that has the track after scan k, its belief, and its existence (NaN if not estimated)."""
+    def held_at(self, k: int) -> TrackAt:
+        """The track after scan k, of the first UAV that has it."""
         found = find_track_at(self.recording, k, range(self.recording.uav_count), self.id)
         assert found is not None
         return found
@@ -188,7 +189,7 @@ def _tell_kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         missed = sum(o.visible >= EXPECTED and o.weight < SEEN for o in observations)
         frames = _format_frames(len(observations))
         counts = f"detected in {detected} of {frames}, missed in {missed} that should have shown it"
-        first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
+        first, last = (facts.held_at(k).existence for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"
         yield f"{event.when}: {counts}{known}"
     yield from _tell_reacquired(facts)
@@ -216,11 +217,14 @@ def _tell_reacquired(facts: TrackFacts) -> Iterator[str]:
 
 
 def _tell_deletion(facts: TrackFacts) -> Iterator[str]:
-    recording, replay, last = facts.recording, facts.observer.replay, facts.last
-    if last == len(recording.times) - 1:
+    recording = facts.recording
+    replay = facts.observer.replay
+    last = facts.last
+    if last == recording.scan_count - 1:
         yield "not before the end of the mission"
         return
-    time, holders = f"{recording.times[last + 1]:.1f} s", facts.holders(last)
+    time = f"{recording.times[last + 1]:.1f} s"
+    holders = facts.holders(last)
     if not recording.working[last + 1, holders].any():
         yield f"at {time}, as {name_fleet(holders)} broke down"
         return

@@ -12,13 +12,18 @@ from typing import Any, get_args
 
 import numpy as np
 
-from sim.facts.metrics.error_sources import SOURCES
-from sim.facts.metrics.fleet_facts import count_bytes_sent, count_plan_bytes, list_contacts, measure_disagreement
-from sim.facts.metrics.handoffs import find_handoffs
+from sim.facts.metrics.fleet_facts import (
+    SOURCES,
+    count_bytes_sent,
+    count_plan_bytes,
+    find_handoffs,
+    list_contacts,
+    measure_disagreement,
+    measure_times_to_find,
+)
 from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
 from sim.facts.metrics.score import Score
-from sim.facts.metrics.searching import measure_times_to_find
 from sim.facts.metrics.unmatched import Unmatched
 from sim.mission.recorded_links import measure_ages
 from sim.mission.recording import Recording
@@ -30,7 +35,6 @@ from tracking.plugins.plugin_error import PluginError, plugin_call
 from tracking.plugins.registry import import_plugin
 
 _OLD = 1.0 + 1e-9  # s; the excess is more than the rounding of times
-_make_nonnegative = partial(Metric, least=0.0)  # `Metric` itself for one that can be negative
 
 
 def _reduce_ospa(reduced: Callable[[Array], np.floating[Any]]) -> Computation:
@@ -55,10 +59,10 @@ def _average_gospa(column: int, *, counted: bool = False) -> Computation:
 
 def _average_source(name: str) -> Computation:
     """Mean of a source of squared GOSPA over all scans and working UAVs, in m²."""
-    return lambda outcome: mean(outcome.error_sources[:, SOURCES.index(name)])
+    return lambda outcome: mean(outcome.error_sources[:, list(SOURCES).index(name)])
 
 
-def _make_unmatched_metrics(what: str) -> dict[str, Metric]:
+def _make_unmatched_metrics(what: str, meaning: str) -> dict[str, Metric]:
     """Number of "false" or "duplicate" tracks, and shares of pairs of scan and working UAV that have one.
 
     The second share counts only scans at which the track is older than 1 s.
@@ -75,9 +79,15 @@ def _make_unmatched_metrics(what: str) -> dict[str, Metric]:
             found[span] |= track.alone & (times[span] - times[track.since] >= least_age)[:, None]
         return mean(found[on])
 
-    count = _make_nonnegative(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
-    shown = _make_nonnegative(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
-    old = replace(shown, label=f"{shown.label} older than 1 s", compute=lambda o: share(o, _OLD), digits=3)
+    count = Metric(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0, least=0.0, meaning=meaning)
+    shown = _make_share(f"scans with a {what} track", share, "share of scans with such a track", better="lower")
+    old = replace(
+        shown,
+        label=f"{shown.label} older than 1 s",
+        compute=lambda outcome: share(outcome, _OLD),
+        digits=3,
+        meaning="the same of scans more than a second after the first track of this id began",
+    )
     return {f"tracks.{what}": count, f"tracks.{what}_share": shown, f"tracks.{what}_old_share": old}
 
 
@@ -86,13 +96,13 @@ def _average_over_uavs(value: Callable[[Score], float]) -> Computation:
     return lambda outcome: mean([value(score) for score in outcome.flown])
 
 
-def _make_nees(label: str, errors: Callable[[Score], Array]) -> Metric:
+def _make_nees(label: str, errors: Callable[[Score], Array], meaning: str, printed: int = 0) -> Metric:
     """Mean over the UAVs of each UAV's mean NEES."""
 
     def of(outcome: Outcome) -> float | None:
         return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
 
-    return _make_nonnegative(label, of, better="neither")
+    return Metric(label, of, better="neither", least=0.0, meaning=meaning, printed=printed)
 
 
 def _share_left_out(outcome: Outcome) -> float | None:
@@ -124,7 +134,11 @@ def _average_disagreement(outcome: Outcome) -> float | None:
 
 
 def _make_sent(
-    label: str, sent: Callable[[Recording], Indices | None], reduced: Callable[[Indices], np.generic], unit: str
+    label: str,
+    sent: Callable[[Recording], Indices | None],
+    reduced: Callable[[Indices], np.generic],
+    unit: str,
+    meaning: str,
 ) -> Metric:
     """Metric of the bytes that UAVs sent; None if no UAV could send."""
 
@@ -132,7 +146,8 @@ def _make_sent(
         found = sent(outcome.recording)
         return None if found is None else reduced(found).item()
 
-    return _make_nonnegative(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit])
+    scale = {"kB": 1e-3, "MB": 1e-6}[unit]
+    return Metric(label, of, unit, scale=scale, least=0.0, judges=False, meaning=meaning)
 
 
 def _average_age(outcome: Outcome) -> float | None:
@@ -144,14 +159,15 @@ def _count_plan_rounds(outcome: Outcome) -> float | None:
     return None if count_plan_bytes(outcome.recording) is None else int(outcome.recording.plan_rounds.max())
 
 
-def _make_planning(clock: str, spent: Callable[[Outcome], float]) -> Metric:
+def _make_planning(clock: str, spent: Callable[[Outcome], float], meaning: str) -> Metric:
     """Mean time of a decision of the whole fleet, by a clock."""
 
     def of(outcome: Outcome) -> float | None:
         decisions = len(outcome.recording.plan_times)
         return spent(outcome) / decisions if decisions else None
 
-    return _make_nonnegative(f"planning per decision, {clock} time", of, "ms", scale=1000.0, digits=1, in_summary=False)
+    display: dict[str, Any] = {"unit": "ms", "scale": 1000.0, "digits": 1, "in_summary": False, "judges": False}
+    return Metric(f"planning per decision, {clock} time", of, meaning=meaning, least=0.0, **display)
 
 
 def _compute_real_time_factor(outcome: Outcome) -> float | None:
@@ -161,76 +177,196 @@ def _compute_real_time_factor(outcome: Outcome) -> float | None:
     return float(times[-1] - times[0]) / flown if flown > 0 else None
 
 
-def _make_share(label: str, compute: Computation) -> Metric:
-    return _make_nonnegative(label, compute, "%", "higher", 100.0, digits=1, most=1.0)
+def _make_share(label: str, compute: Computation, meaning: str, **display: Any) -> Metric:  # noqa: ANN401 - fields of Metric
+    shown = {"unit": "%", "better": "higher", "scale": 100.0, "digits": 1, **display}
+    return Metric(label, compute, meaning=meaning, least=0.0, most=1.0, **shown)
 
 
 def _make_time_metric(stage: str) -> Metric:
-    return _make_nonnegative(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", in_summary=False)
+    return Metric(
+        f"time for {stage}",
+        lambda outcome: float(outcome.seconds.get(stage, 0.0)),
+        "s",
+        least=0.0,
+        judges=False,
+        in_summary=False,
+        meaning=f"wall time of {stage}",
+    )
 
 
-# First parts of the names of metrics that compare nothing with the people.
-_OF_FLEET = {"network", "faults", "contacts", "planning_s_per_decision", "planning_cpu_s_per_decision"}
-_OF_FLEET |= {"real_time_factor", "wall_s", "seconds"}
+_NEES = "of tracks, each paired with the person whose detection, by any UAV, it took last; mean over UAVs"
 
+_make_nonnegative = partial(Metric, least=0.0)  # `Metric` itself for one that can be negative
+_of_flight = partial(Metric, least=0.0, judges=False)  # compares nothing with the people
 
-def _name_metrics(metrics: dict[str, Metric]) -> dict[str, Metric]:
-    """The metrics with their names, and whether they compare with the people."""
-    return {n: replace(known, name=n, judges=n.split(".")[0] not in _OF_FLEET) for n, known in metrics.items()}
-
-
-METRICS = _name_metrics(
-    {
-        "ospa.share_under_1m": _make_share("scans with OSPA under 1 m", _reduce_ospa(lambda d: np.mean(d < 1.0))),
-        "ospa.mean_m": _make_nonnegative("OSPA mean", _reduce_ospa(np.mean), "m"),
-        "ospa.median_m": _make_nonnegative("OSPA median", _reduce_ospa(np.median), "m"),
-        "gospa.mean_m": _make_nonnegative("GOSPA mean", _average_gospa(0), "m"),
-        "gospa.localisation_m": _make_nonnegative("GOSPA, localisation", _average_gospa(1), "m"),
-        "gospa.missed": _make_nonnegative("people missed per scan", _average_gospa(2, counted=True)),
-        "gospa.false": _make_nonnegative("false tracks per scan", _average_gospa(3, counted=True)),
-        **{
-            f"gospa.squared_m2.{name}": _make_nonnegative(
-                f"GOSPA squared, {name.replace('_', ' ')}", _average_source(name), "m²"
-            )
-            for name in SOURCES
-        },
-        **_make_unmatched_metrics("false"),
-        **_make_unmatched_metrics("duplicate"),
-        "ospa2_m": _make_nonnegative("OSPA(2)", _average_over_uavs(lambda s: s.ospa2), "m"),
-        "identity.switches": _make_nonnegative("identity switches", _average_over_uavs(lambda s: s.switches)),
-        "identity.fragmentations": _make_nonnegative("fragmentations", _average_over_uavs(lambda s: s.fragmentations)),
-        "handoffs": _make_nonnegative(
-            "hand-offs of people", lambda o: len(find_handoffs(o.recording)), better="neither"
-        ),
-        "share_held": _make_share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
-        "time_to_find_s": _make_nonnegative(
-            "time to find a person", lambda o: mean(measure_times_to_find(o.recording, o.scores)), "s"
-        ),
-        "nees.position.mean": _make_nees("NEES of positions (consistent: 2)", lambda s: s.position_nees),
-        "nees.state.mean": _make_nees("NEES of states (consistent: 4)", lambda s: s.state_nees),
-        "nees.left_out_share": _make_nonnegative(
-            "tracks left out of NEES", _share_left_out, "%", scale=100.0, digits=1, most=1.0
-        ),
-        "detection.recall": _make_share("detection recall", _compute_recall),
-        "detection.precision": _make_share("detection precision", _compute_precision),
-        "network.disagreement_m": _make_nonnegative("disagreement of UAVs", _average_disagreement, "m", digits=4),
-        "network.age_s": _make_nonnegative("age of what UAVs know from others", _average_age, "s"),
-        "network.bytes_per_scan_mean": _make_sent("sent by a UAV per scan", count_bytes_sent, np.mean, "kB"),
-        "network.bytes_per_scan_max": _make_sent("sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB"),
-        "network.bytes_total": _make_sent("sent by all UAVs", count_bytes_sent, np.sum, "MB"),
-        "network.plans.bytes_total": _make_sent("plans sent by all UAVs", count_plan_bytes, np.sum, "kB"),
-        "network.plans.rounds": _make_nonnegative("rounds of plans", _count_plan_rounds, digits=0),
-        "faults": _make_nonnegative(
-            "faults of plug-ins", lambda o: sum(f.message != BREAKDOWN for f in o.faults), in_summary=False
-        ),
-        "contacts": _make_nonnegative("contacts", lambda o: len(list_contacts(o.recording)), in_summary=False),
-        "planning_cpu_s_per_decision": _make_planning("processor", lambda o: o.planning_cpu_s),
-        "planning_s_per_decision": _make_planning("wall", lambda o: o.seconds.get("planning", 0.0)),
-        "real_time_factor": _make_nonnegative("real-time factor", _compute_real_time_factor, "", "higher", digits=1),
-        "wall_s": _make_nonnegative("wall time per mission", lambda o: o.wall_s, "s"),
-        **{f"seconds.{stage}": _make_time_metric(stage) for stage in STAGES},
-    }
-)
+# The home of each metric: all that summary.json, the tables of `run` and `compare`, and the reference have of it.
+_ENTRIES: dict[str, Metric] = {
+    "ospa.share_under_1m": _make_share(
+        "scans with OSPA under 1 m",
+        _reduce_ospa(lambda d: np.mean(d < 1.0)),
+        "share of scans with an OSPA, p = 2, c = 50 m, under 1 m",
+        printed=13,
+        compared=True,
+    ),
+    "ospa.mean_m": _make_nonnegative(
+        "OSPA mean", _reduce_ospa(np.mean), "m", meaning="mean OSPA, p = 2, c = 50 m", printed=11, compared=True
+    ),
+    "ospa.median_m": _make_nonnegative(
+        "OSPA median", _reduce_ospa(np.median), "m", meaning="median OSPA", printed=12, compared=True
+    ),
+    "gospa.mean_m": _make_nonnegative(
+        "GOSPA mean", _average_gospa(0), "m", meaning="mean GOSPA, p = 2, α = 2, c = 10 m", printed=21
+    ),
+    "gospa.localisation_m": _make_nonnegative(
+        "GOSPA, localisation", _average_gospa(1), "m", meaning="its part of the errors of paired tracks"
+    ),
+    "gospa.missed": _make_nonnegative(
+        "people missed per scan", _average_gospa(2, counted=True), meaning="mean number of missed people in a scan"
+    ),
+    "gospa.false": _make_nonnegative(
+        "false tracks per scan", _average_gospa(3, counted=True), meaning="mean number of false tracks in a scan"
+    ),
+    **{
+        f"gospa.squared_m2.{name}": _make_nonnegative(
+            f"GOSPA squared, {name.replace('_', ' ')}",
+            _average_source(name),
+            "m²",
+            meaning=f"part of the mean squared GOSPA: {words}",
+        )
+        for name, words in SOURCES.items()
+    },
+    **_make_unmatched_metrics(
+        "false", "tracks that stand for no person within `loss_distance`, nor within 10 m for a person without one"
+    ),
+    **_make_unmatched_metrics(
+        "duplicate", "second tracks, in the median at most `loss_distance` from a person with another track"
+    ),
+    "ospa2_m": _make_nonnegative(
+        "OSPA(2)",
+        _average_over_uavs(lambda s: s.ospa2),
+        "m",
+        meaning="OSPA(2): one pairing for the whole mission, so a change of person is penalised; mean over UAVs",
+    ),
+    "identity.switches": _make_nonnegative(
+        "identity switches",
+        _average_over_uavs(lambda s: s.switches),
+        meaning="how often a person is held by another id than before. A person keeps a track while it is within "
+        "`loss_distance` (CLEAR MOT), also after a gap, which TrackEval does not allow; mean over UAVs",
+        printed=23,
+    ),
+    "identity.fragmentations": _make_nonnegative(
+        "fragmentations",
+        _average_over_uavs(lambda s: s.fragmentations),
+        meaning="how often a person is held, then not held, then held again; mean over UAVs",
+    ),
+    "handoffs": _make_nonnegative(
+        "hand-offs of people",
+        lambda o: len(find_handoffs(o.recording)),
+        better="neither",
+        meaning="how often a person passes to another UAV: one UAV detects them no longer, and another one does, at "
+        "once or later",
+    ),
+    "share_held": _make_share(
+        "people held",
+        lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores])),
+        "share of pairs of a scan and a person who is there in which the UAV holds the person",
+        printed=22,
+    ),
+    "time_to_find_s": _make_nonnegative(
+        "time to find a person",
+        lambda o: mean(measure_times_to_find(o.recording, o.scores)),
+        "s",
+        meaning="mean time from the first scan at which a person is present and not under a canopy until a UAV holds "
+        "them; 0 for people found before. For people never found it ends when they leave or the mission ends; people "
+        "always under canopies are left out",
+    ),
+    "nees.position.mean": _make_nees(
+        "NEES of positions (consistent: 2)", lambda s: s.position_nees, f"mean NEES of the positions {_NEES}", 24
+    ),
+    "nees.state.mean": _make_nees(
+        "NEES of states (consistent: 4)",
+        lambda s: s.state_nees,
+        "the same of positions and velocities; true velocities are central differences",
+    ),
+    "nees.left_out_share": _make_nonnegative(
+        "tracks left out of NEES",
+        _share_left_out,
+        "%",
+        scale=100.0,
+        digits=1,
+        most=1.0,
+        meaning="share of tracks that NEES leaves out, as they took no detection, their person has left, or another "
+        "track took a later detection of that person",
+        printed=25,
+    ),
+    "detection.recall": _make_share(
+        "detection recall", _compute_recall, "share of the people shown by a pixel that was detected", printed=31
+    ),
+    "detection.precision": _make_share(
+        "detection precision", _compute_precision, "share of detections that are people", printed=32
+    ),
+    "network.disagreement_m": _of_flight(
+        "disagreement of UAVs",
+        _average_disagreement,
+        "m",
+        digits=4,
+        meaning="mean OSPA between the tracks of pairs of UAVs",
+    ),
+    "network.age_s": _of_flight(
+        "age of what UAVs know from others",
+        _average_age,
+        "s",
+        meaning="mean age of the newest scan that a UAV has of another, in a network that takes time",
+    ),
+    "network.bytes_per_scan_mean": _make_sent(
+        "sent by a UAV per scan", count_bytes_sent, np.mean, "kB", "bytes that a UAV sends to agree on tracks in a scan"
+    ),
+    "network.bytes_per_scan_max": _make_sent(
+        "sent by a UAV in one scan at most", count_bytes_sent, np.max, "kB", "the most of these bytes in one scan"
+    ),
+    "network.bytes_total": _make_sent(
+        "sent by all UAVs", count_bytes_sent, np.sum, "MB", "these bytes of all UAVs and scans"
+    ),
+    "network.plans.bytes_total": _make_sent(
+        "plans sent by all UAVs", count_plan_bytes, np.sum, "kB", "bytes of plans that all UAVs send"
+    ),
+    "network.plans.rounds": _of_flight(
+        "rounds of plans", _count_plan_rounds, digits=0, meaning="rounds in which plans are sent at a decision"
+    ),
+    "faults": _of_flight(
+        "faults of plug-ins",
+        lambda o: sum(f.message != BREAKDOWN for f in o.faults),
+        in_summary=False,
+        meaning="in studies: number of faults of planner, detectors and other plug-ins",
+    ),
+    "contacts": _of_flight(
+        "contacts",
+        lambda o: len(list_contacts(o.recording)),
+        in_summary=False,
+        meaning="in studies: number of contacts of UAVs with anything",
+    ),
+    "planning_cpu_s_per_decision": _make_planning(
+        "processor",
+        lambda o: o.planning_cpu_s,
+        "in studies: processor time of a decision of the whole fleet, of all threads of the process that flies",
+    ),
+    "planning_s_per_decision": _make_planning(
+        "wall", lambda o: o.seconds.get("planning", 0.0), "in studies: wall time of such a decision"
+    ),
+    "real_time_factor": _of_flight(
+        "real-time factor",
+        _compute_real_time_factor,
+        "",
+        "higher",
+        digits=1,
+        meaning="duration over wall time without start-up, film and page",
+    ),
+    "wall_s": _of_flight(
+        "wall time per mission", lambda o: o.wall_s, "s", meaning="wall time of the run with all its files"
+    ),
+    **{f"seconds.{stage}": _make_time_metric(stage) for stage in STAGES},
+}
+METRICS = {name: replace(known, name=name) for name, known in _ENTRIES.items()}
 
 
 def find_metric(name: str) -> Metric:

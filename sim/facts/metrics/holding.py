@@ -87,7 +87,8 @@ class Holding:
             ids[at] = own.ids
             tracks[i] = ids[self._matchers[i].step(places, people)]
             free.append(~np.isin(own.ids, tracks[i]))
-        held, present = np.count_nonzero(tracks >= 0, axis=0), ~np.isnan(people[:, 0])
+        held = np.count_nonzero(tracks >= 0, axis=0)
+        present = ~np.isnan(people[:, 0])
         unheld, gaps = present & (held == 0), np.full(len(people), NO_TRACK)
         if unheld.any():
             means, covariances = (
@@ -125,7 +126,8 @@ def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
 
     people (M, 2) m; means (A, 4) and covariances (A, 4, 4) of all UAVs' reported tracks that hold nobody.
     """
-    errors, found = means[:, None, :2] - people, np.full(len(people), NO_TRACK)
+    errors = means[:, None, :2] - people
+    found = np.full(len(people), NO_TRACK)
     near = length(errors) < FAR
     found[near.any(axis=0)] = OUTSIDE
     inside = squared_distance(errors, covariances[:, None, :2, :2]) <= ELLIPSE**2

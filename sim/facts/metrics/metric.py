@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.facts.metrics.error_sources import find_error_sources
+from sim.facts.metrics.fleet_facts import find_error_sources
 from sim.facts.metrics.score import Score, score
 from sim.facts.metrics.unmatched import Unmatched, find_unmatched_tracks
 from sim.mission.recording import Recording
@@ -68,6 +68,9 @@ class Metric:
     digits: int = 2
     least: float = -math.inf  # bounds of the value before scaling, at which intervals are cut off
     most: float = math.inf
+    meaning: str = ""  # what is counted, in the reference
+    printed: int = 0  # place in the table that `run` prints, with a section for each ten; 0 if it is not there
+    compared: bool = False  # `compare` shows it unless asked for others
     name: str = ""  # column in studies and dotted key in summary.json; the import string of a plug-in metric
     judges: bool = True  # compares with the people; False if it has a value also where they are unknown
     in_summary: bool = True  # False if another entry of summary.json tells it, such as the list of faults

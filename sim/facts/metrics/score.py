@@ -48,7 +48,8 @@ class Score:
 def find_reported_tracks(recording: Recording, uav: int) -> ReportedTracks:
     """The tracks that one UAV reports, scan by scan."""
     k, owner = recording.cells(recording.track_offsets)
-    rows, scans = (owner == uav) & recording.reported, len(recording.times)
+    rows = (owner == uav) & recording.reported
+    scans = recording.scan_count
     ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
     means = np.full((scans, len(ids), 4), np.nan)
     found = np.full((scans, len(ids)), -1)
@@ -59,7 +60,8 @@ def find_reported_tracks(recording: Recording, uav: int) -> ReportedTracks:
 
 def estimate_velocities(recording: Recording) -> Array:
     """True velocities (K, M, 2) m/s: central differences of positions, one-sided when a person comes or goes."""
-    positions, times = recording.people, recording.times
+    positions = recording.people
+    times = recording.times
     steps = np.full((len(times) + 1, *positions.shape[1:]), np.nan)
     steps[1:-1] = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
     before, after = steps[:-1], steps[1:]
@@ -109,11 +111,12 @@ def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -
     taken_at = true if estimates else recording.measurements
     ends = recording.measurement_offsets[::uavs].tolist()
     matcher, holder = Matcher(people, 1.0), np.full(people, -1)
-    found = np.empty(recording.people.shape[:2], dtype=np.int64)
+    found = np.empty(recording.present.shape, dtype=np.int64)
     for k, places in enumerate(tracks):
         rows = np.arange(*ends[k : k + 2])
         rows = rows[owners[rows] >= 0]
-        gaps, covariances = places[:, None] - taken_at[rows], recording.measurement_covariances[rows]
+        gaps = places[:, None] - taken_at[rows]
+        covariances = recording.measurement_covariances[rows]
         if estimates:
             covariances = covariances + recording.track_covariances[believed.rows[k], None, :2, :2]
         squares = np.full((len(places), people), np.nan)
@@ -141,7 +144,8 @@ def score(recording: Recording, uav: int) -> Score:
     believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
     near = find_holding(recording).tracks[on, uav]
-    present, reported = recording.present[on], ~np.isnan(tracks[..., 0])
+    present = recording.present[on]
+    reported = ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, estimate_velocities(recording)[on]], axis=2)
     holders = _find_tracks_by_detections(recording, believed)[on]

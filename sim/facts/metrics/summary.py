@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,6 @@ from sim.scenario.random_streams import format_seed
 from sim.world.contacts import describe_body
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
-
-_TABLE_METRICS = (
-    ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),
-    ("gospa.mean_m", "share_held", "identity.switches", "nees.position.mean", "nees.left_out_share"),
-    ("detection.recall", "detection.precision"),
-)
 
 
 def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
@@ -146,8 +141,9 @@ def make_results_table(summary: Mapping[str, Any]) -> Table:
     table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
-    for names in _TABLE_METRICS:
-        for known in map(METRICS.__getitem__, names):
+    printed = sorted((known for known in METRICS.values() if known.printed), key=lambda known: known.printed)
+    for _, section in groupby(printed, key=lambda known: known.printed // 10):
+        for known in section:
             table.add_row(known.label, known.with_unit(_read_value(summary, known)))
         table.add_section()
     for name, own in summary.get("metrics", {}).items():

@@ -36,7 +36,9 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     """
     if not recording.labelled:
         return
-    people, working, standing = recording.people, recording.working, find_holding(recording).tracks
+    people = recording.people
+    working = recording.working
+    standing = find_holding(recording).tracks
     rows = recording.cells(recording.track_offsets)[0]  # scan of each row, in ascending order
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))

@@ -7,7 +7,7 @@ from sim.facts.metrics.metric import Metric
 from sim.study.trials import TrialRow
 from tracking.errors import check_known
 
-DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
+DEFAULT = tuple(name for name, known in METRICS.items() if known.compared)
 RUNTIME = ("planning_cpu_s_per_decision", "planning_s_per_decision", "wall_s", "real_time_factor")
 
 

@@ -10,7 +10,7 @@ import pytest
 from helpers import synthetic
 from helpers.recordings import broken, record
 
-from sim.facts import mission_events as events
+from sim.facts import mission_events
 from sim.facts.event import Event, list_outages_at, summarise_outages
 from sim.facts.flight import Flight
 from sim.mission.archive import save
@@ -38,7 +38,7 @@ def test_outages_are_the_scans_at_which_uavs_that_work_have_no_link(seed, monkey
     recording = broken(record(scans, setting=synthetic.scenario(uavs=4, people=1), trees=0), 2, 7)
     works, times = recording.working, recording.times
     up &= works[:, None] & works[:, :, None]
-    monkeypatch.setattr(events, "find_recorded_links", lambda _: [RadioLinks(links, None) for links in up])
+    monkeypatch.setattr(mission_events, "find_recorded_links", lambda _: [RadioLinks(links, None) for links in up])
     flight = Flight(recording)
     down = {(i, j): works[:, i] & works[:, j] & ~up[:, i, j] for i, j in PAIRS}
     for k in range(scans):
@@ -85,7 +85,7 @@ def test_explain_and_the_page_tell_of_links_that_were_lost(tmp_path, call, monke
     recording = record(6, setting=setting, trees=0, change=lambda now: replace(now, contacts=()))
     up = np.repeat(~np.eye(3, dtype=np.bool_)[None], 6, axis=0)
     up[2:4, 0, 2] = up[2:4, 2, 0] = False
-    monkeypatch.setattr(events, "find_recorded_links", lambda _: [RadioLinks(links, None) for links in up])
+    monkeypatch.setattr(mission_events, "find_recorded_links", lambda _: [RadioLinks(links, None) for links in up])
     save(recording, tmp_path / "mission.npz")
     line = f"0.4 to 0.8 s: no link between UAVs 0 and 2: {CAUSES}"
     assert f"  {line}\n" in call("explain", "mission.npz")[1]

@@ -12,12 +12,9 @@ from helpers.recordings import record
 
 from sim.facts.flight import find_scans
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import FrameFacts, Sighting, make_frame_facts
+from sim.facts.sightings import FrameFacts, make_frame_facts
 from sim.mission.archive import save
-from sim.mission.recording import Recording
-from sim.views.drawing.labels import Labels
-from sim.views.drawing.lettering import TextStyle
-from sim.views.drawing.palette import INK, PANEL, track_colour
+from sim.views.drawing.palette import track_colour
 from sim.views.frames import frame_panels
 from sim.views.frames.annotation import annotate
 from sim.views.frames.frame_panels import _describe_view, _draw_panel, write_frames
@@ -51,14 +48,6 @@ def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
     with Rerenderer(recording) as again:
         flown = [(k, i) for k, row in enumerate(images) for i in range(len(row))]
         assert any(again.image(k, i).tobytes() != images[k][i].tobytes() for k, i in flown)
-
-
-def test_an_image_needs_neither_the_tracks_nor_the_measurements_of_its_scan(mission, monkeypatch):
-    recording, images = mission
-    monkeypatch.delattr(Recording, "tracks_at")
-    monkeypatch.delattr(Recording, "scan_at")
-    with Rerenderer(recording) as again:
-        assert again.image(3, 1).tobytes() == images[3][1].tobytes()
 
 
 def northwards(degrees):
@@ -114,30 +103,6 @@ def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     assert np.mean(right) > 0.8 and np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
 
 
-def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
-    """Its first place would be to the right of the track's mark, where the person is."""
-    person, beside = np.array([1.2, 0.0]), Gaussian(np.zeros(4), np.diag([0.01, 0.01, 1.0, 1.0]))
-    seen = bare(scene(people=[person]))
-    seen = dataclasses.replace(seen, people=(Sighting(0, person, True, {}, 10, True),))
-    named = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, tracks=[(Track(2, beside),)]))
-    without, view = (annotate(np.full((128, 128, 3), 90, np.uint8), each, 1024)[0] for each in (seen, named))
-    x, y = np.round(8 * seen.camera.project(seen.pose, np.array([[*person, TARGET_HEIGHT]]))[0][0]).astype(int)
-    around = slice(y - 12, y + 12), slice(x - 12, x + 12)
-    np.testing.assert_array_equal(view[around], without[around])
-    assert np.any(view != without)
-
-
-def test_neither_names_nor_marks_hide_north_and_the_scale():
-    blank = np.full((128, 128, 3), 90, np.uint8)
-    without, _ = annotate(blank, bare(scene()), 512)
-    rows, columns = np.nonzero((without == INK).all(axis=2) | (without == PANEL).all(axis=2))
-    assert columns.min() < 100 and columns.max() > 400 and len(rows) > 300
-    for x, y in np.stack(np.meshgrid(np.arange(-9.5, 10, 2), np.arange(-9.5, -4, 0.5)), axis=-1).reshape(-1, 2):
-        track = Track(2, Gaussian(np.array([x, y, 0.0, 0.0]), np.diag([0.01, 0.01, 1.0, 1.0])))
-        view, _ = annotate(blank, bare(scene(tracks=(track,), trees=[Tree(x, y, 1.0)])), 512)
-        np.testing.assert_array_equal(view[rows, columns], without[rows, columns])
-
-
 def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
     tree = Tree(2.0, 1.0, 3.0)
     frame = np.full((128, 128, 3), 90, np.uint8)
@@ -170,21 +135,6 @@ def test_numbers_of_the_view_are_those_of_the_geometry():
     assert _describe_view(camera, northwards(90))[-1] == "reaches the horizon"
 
 
-@pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
-def test_names_keep_clear_of_one_another_and_of_marks_inside_the_image(anchor, count):
-    image, changed = np.full((300, 300, 3), 128, np.uint8), []
-    labels = Labels(image)
-    labels.reserve(np.array(anchor), 8.0)
-    for k in range(count):
-        before = image.copy()
-        labels.put(f"track {k}", np.array(anchor), TextStyle(13, INK, True, PANEL))
-        changed.append(np.any(image != before, axis=2))
-    assert np.sum(changed, axis=0).max() == 1
-    assert max(map(np.sum, changed)) < 1.1 * min(map(np.sum, changed))  # none is cut off
-    x, y = map(int, anchor)
-    assert not np.any(np.array(changed)[:, max(y - 8, 0) : y + 8, x - 8 : x + 8])
-
-
 def test_views_of_anything_can_be_drawn():
     for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
         recording = record(3, seed=0, **options)
@@ -194,35 +144,6 @@ def test_views_of_anything_can_be_drawn():
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     view, shown = annotate(np.zeros((128, 128, 3), np.uint8), seen, 256)
     assert view.shape == (256, 256, 3) and _draw_panel(seen, [], {}, shown, height=100).shape[0] > 200
-
-
-def test_a_legend_lists_the_marks_that_are_in_the_picture_and_no_others(monkeypatch):
-    blank, place = np.full((128, 128, 3), 90, np.uint8), np.array([2.0, 1.0])
-    found, truth = {"detection", "measurement, 95 % ellipse"}, {"truth: person"}
-    plain, hiding = {"rim of what trees hide"}, {"tree that hides a person"}
-    seen = scene(people=[place])
-    scan = dataclasses.replace(seen.snapshot.scans[0], measurements=place[None], covariances=0.1 * np.eye(2)[None])
-    pixels = seen.camera.project(seen.pose, np.array([[*place, TARGET_HEIGHT]]))[0]
-    seen = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, scans=[scan], pixels=[pixels]))
-    in_view = dataclasses.replace(seen, people=(Sighting(0, place, True, {}, 10, True),))
-    tree = scene(people=[place], trees=[Tree(*place, 3.0)])
-    hidden = dataclasses.replace(bare(tree), people=(Sighting(0, place, True, {0: 1.0}, 0, False),))
-    two = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(-6.0, 6.0, 2.0))))
-    beside = dataclasses.replace(hidden, forest=Forest((Tree(*place, 3.0), Tree(10.0, 10.0, 2.0))))
-    away = Track(0, Gaussian(np.array([30.0, 0.0, 0.0, 0.0]), np.eye(4)))
-    for sight, expected in (
-        (bare(scene()), set()),
-        (bare(scene(tracks=(away,))), set()),
-        (in_view, found | truth),
-        (hidden, truth | hiding),
-        (two, truth | hiding | plain),
-        (beside, truth | hiding),
-    ):
-        assert annotate(blank, sight, 512)[1] == expected
-    listed = []
-    monkeypatch.setattr(frame_panels, "write", lambda image, text, at, style, align=0.0: listed.append(text))
-    frame_panels._draw_panel(in_view, [], {}, found | truth, height=100)
-    assert set(listed) & (found | truth | plain | hiding) == found | truth
 
 
 def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp_path, monkeypatch):

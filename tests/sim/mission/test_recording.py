@@ -80,7 +80,7 @@ def test_snapshots_and_accessors_give_back_what_was_recorded():
 
 
 def test_a_mission_yields_the_rows_that_its_recording_gives():
-    mission, snapshots = fly("network.plan_delay=1.4", "uavs.1.fails_at=1.5", seed=1, duration=3, planner="sma-nbo")
+    mission, snapshots = fly("network.plan_delay=1.4", "uavs.1.fails_at=1.5", seed=1, duration=3, planner="greedy")
     recording = recording_of(mission, snapshots, seed=1)
     assert [row.flown.made if row.flown else None for row in snapshots[::4]] == [None, None, 0.0, 1.0]
     for k, row in enumerate(snapshots):

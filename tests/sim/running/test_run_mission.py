@@ -10,7 +10,7 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from sim.facts import mission_events as events
+from sim.facts import mission_events
 from sim.mission.archive import load as load_recording
 from sim.mission.atomic_files import PlaceTaken, make_new_folder
 from sim.mission.trial import ScanProgress, Trial
@@ -79,8 +79,10 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
 
 
 def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch, without_pictures):
-    made, find = [], events.find_unmatched_tracks
-    monkeypatch.setattr(events, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    made, find = [], mission_events.find_unmatched_tracks
+    monkeypatch.setattr(
+        mission_events, "find_unmatched_tracks", lambda recording: made.append(recording) or find(recording)
+    )
     run_mission(trial(duration=0.2), tmp_path / "out")
     assert len(made) == 1
 

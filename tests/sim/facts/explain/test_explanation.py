@@ -3,7 +3,7 @@
 import math
 import re
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -24,10 +24,8 @@ from sim.facts.sightings import make_frame_facts
 from sim.facts.tracking_replay import replay_tracking
 from sim.facts.words import format_percent
 from sim.mission.archive import save
-from sim.views import explain_picture as picture
-from sim.views.drawing.lettering import measure_width
 from sim.views.explain_picture import draw_explanation
-from sim.views.frames.annotation import TRACK, annotate
+from sim.views.frames.annotation import annotate
 
 
 @pytest.fixture(scope="module")
@@ -271,39 +269,6 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
     assert cv2.matchTemplate(np.ascontiguousarray(words), part, cv2.TM_SQDIFF).min() < 1.0
-
-
-def test_the_legend_of_the_page_lists_the_marks_of_map_and_frames(mission, all_facts, monkeypatch):
-    recording = mission[0]
-    written = []
-    monkeypatch.setattr(picture, "write", lambda image, text, at, style, align=0.0: written.append(text))
-    monkeypatch.setattr(picture, "annotate", lambda image, sight, size: (image, {f"mark {sight.uav}"}))
-    monkeypatch.setattr(picture, "find_marks", lambda names: [(name, lambda image, at: None) for name in sorted(names)])
-    gone = replace(recording, track_means=recording.track_means + 1000.0)
-    for flown, tracks in ((recording, {TRACK}), (gone, set())):  # which the map may have, though no frame has
-        written.clear()
-        with Observer(Flight(flown)) as observer:
-            draw_explanation(replace(all_facts[0], observer=observer), ())
-        assert {text for text in written if "mark" in text or text == TRACK} == {f"mark {i}" for i in range(3)} | tracks
-
-
-def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
-    near = "t,id,x,y\n0,0,-28,0\n2,0,-27,0\n0,1,-25,0\n2,1,-24,0\n"  # person 1 stands where a name of person 0 would
-    (tmp_path / "people.csv").write_text(near, encoding="utf-8")
-    recording = recorded(*IDEAL, f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1)
-    boxes = {}
-
-    def written(image, text, at, style, align=0.0):
-        if len(image) > 512:  # no frame
-            reach = np.array([0.0, style.size / 2])
-            boxes[text] = (at - reach, at + reach + (measure_width(text, style), 0.0))
-
-    monkeypatch.setattr("sim.views.drawing.labels.write", written)
-    with Observer(Flight(recording)) as observer:
-        draw_explanation(make_person_facts(observer, 2, 0), ())
-    assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
-    for (low, high), (left, right) in combinations(boxes.values(), 2):
-        assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):

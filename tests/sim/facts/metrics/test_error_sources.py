@@ -5,7 +5,7 @@ import pytest
 from helpers.recordings import bare, broken, record
 from helpers.summaries import summary
 
-from sim.facts.metrics.error_sources import SOURCES, find_error_sources
+from sim.facts.metrics.fleet_facts import SOURCES, find_error_sources
 from sim.facts.metrics.metric import Outcome
 from tracking.metrics.gospa import gospa
 
@@ -35,17 +35,17 @@ def only(**parts):
         ([[{0: NEAR}]], (), {"localisation": 0.25}),
         ([[{0: NEAR}, {}]], (), {"localisation": 0.125, "known_to_others": MISS / 2}),
         ([[{0: NEAR, 1: GHOST}]], (), {"localisation": 0.25, "false": MISS}),
-        ([[{0: NEAR}], [{}]], (), {"localisation": 0.125, "lost": MISS / 2}),
-        ([[{0: NEAR}], [{0: GHOST}]], (), {"localisation": 0.125, "lost": MISS / 2, "false": MISS / 2}),
+        ([[{0: NEAR}], [{}]], (), {"localisation": 0.125, "unknown_to_others": MISS / 2}),
+        ([[{0: NEAR}], [{0: GHOST}]], (), {"localisation": 0.125, "unknown_to_others": MISS / 2, "false": MISS / 2}),
         (
             [[{0: NEAR}], [{}]],
             [(1, 0)],
-            {"localisation": 0.125, "lost": MISS / 2},
+            {"localisation": 0.125, "unknown_to_others": MISS / 2},
         ),  # it sees the person, without a track
         (
             [[{0: NEAR}, {}], [{}, {}]],
             [(1, 1)],
-            {"localisation": 0.0625, "known_to_others": MISS / 2, "lost": MISS / 4},
+            {"localisation": 0.0625, "known_to_others": MISS / 2, "unknown_to_others": MISS / 4},
         ),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 from helpers.recordings import bare, broken
 
 from sim.facts.flight import Flight
-from sim.facts.metrics.handoffs import find_handoffs
+from sim.facts.metrics.fleet_facts import find_handoffs
 
 LEVEL = np.tile([0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 1.0], (6, 2, 1))  # poses of two UAVs at six scans
 

@@ -14,8 +14,8 @@ from helpers.summaries import hand_made, shown, summary
 from helpers.trials import row
 from rich.console import Console
 
-from sim.facts.metrics.catalogue import METRICS, _name_metrics, evaluate, find_metric
-from sim.facts.metrics.metric import Metric, Outcome
+from sim.facts.metrics.catalogue import METRICS, evaluate, find_metric
+from sim.facts.metrics.metric import Outcome
 from sim.study.report.comparison import About
 from sim.study.report.terminal import show
 from sim.study.store import read_rows
@@ -132,11 +132,6 @@ def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
 )
 def test_what_is_no_metric_is_refused_in_one_line(refused, command, name, words, monkeypatch):
     assert words in refused(command, "--metric", name)
-
-
-def test_a_signed_metric_of_the_catalogue_keeps_its_bounds():
-    signed = _name_metrics({"bias": Metric("bias"), "gain": Metric("gain", least=-2.0)})
-    assert [(m.name, m.least) for m in signed.values()] == [("bias", -math.inf), ("gain", -2.0)]
 
 
 def test_intervals_of_the_metrics_of_the_catalogue_end_at_zero():

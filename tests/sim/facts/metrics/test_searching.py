@@ -7,8 +7,8 @@ import pytest
 from helpers.recordings import bare
 from helpers.summaries import hand_made, summary
 
+from sim.facts.metrics.fleet_facts import measure_times_to_find
 from sim.facts.metrics.score import score
-from sim.facts.metrics.searching import measure_times_to_find
 
 
 def test_times_to_find_match_the_hand_count():
