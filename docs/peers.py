@@ -42,7 +42,9 @@ from tracking.geometry.visibility import Forest
 from tracking.metrics.clearmot import count_switches, find_correspondence
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 EPOCH = datetime(2000, 1, 1)
 SCANS, DT, SIDE = 80, 0.5, 120.0  # number, s, and edge of the area [m]

@@ -17,8 +17,7 @@ from msgspec.structs import replace
 
 from sim.facts.metrics.metric import Metric
 from sim.mission.atomic_files import write_whole
-from sim.study.analysis.answers import Answer, holm, map_means
-from sim.study.analysis.differences import Difference, differences, pair_differences
+from sim.study.analysis.answers import Answer, Difference, differences, holm, map_means, pair_differences
 from sim.study.analysis.groups import Group, Run, group_rows
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import Scored, score_planners

@@ -12,7 +12,7 @@ from planning.planner_loading import TruePositions
 from planning.prediction.predicted_belief import PredictedBelief, predict_belief
 from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length

@@ -53,7 +53,7 @@ PLANNING = {
     "sim/mission/warmup.py",
     "sim/running/mission_flight.py",
     "sim/running/results.py",
-    "sim/study/analysis/planner_labels.py",
+    "sim/study/analysis/labels.py",
     "sim/study/analysis/normalised_score.py",
     "sim/study/cells.py",
     "sim/cli/run.py",
@@ -153,7 +153,7 @@ def test_engine_and_planners_are_known_only_where_they_must_be():
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the
 # C library's functions) may differ in the last bit. None of it computes on a mission's path.
 EXACT = {"inf", "nan", "pi", "tau", "sqrt", "floor", "ceil", "isnan", "isfinite", "isclose", "radians", "prod"}
-EXACT |= {"frexp", "factorial", "ldexp", "fsum"}
+EXACT |= {"copysign", "frexp", "factorial", "ldexp", "fsum"}
 DISPATCHED = {"linalg", "dot", "vdot", "matmul", "einsum", "inner", "tensordot", "convolve", "correlate", "cov"}
 DISPATCHED |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "cos", "tan", "arcsin", "arccos"}
 DISPATCHED |= {"arctan", "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "deg2rad"}

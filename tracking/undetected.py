@@ -8,7 +8,8 @@ import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera, Look, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, visible_samples
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length

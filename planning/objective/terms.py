@@ -14,7 +14,7 @@ from planning.prediction.quadrangle import inside, radius_in_view
 from planning.prediction.response import camera_paths
 from planning.prediction.surroundings import LEAST_RADIUS, find_near_uavs
 from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length

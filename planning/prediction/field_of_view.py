@@ -8,8 +8,8 @@ import numpy as np
 
 from planning.planner import Vehicle
 from tracking.geometry.camera import ALL_ROUND, Camera
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
-from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.matrices import apply

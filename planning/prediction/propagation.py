@@ -9,7 +9,7 @@ import numpy as np
 from planning.planner import Situation
 from planning.prediction.predicted_belief import PredictedBelief, predict_belief
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import eigensystems
 from tracking.numerics.matrices import apply

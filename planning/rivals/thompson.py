@@ -13,7 +13,7 @@ from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_q
 from planning.prediction.propagation import draw_deviations
 from planning.prediction.quadrangle import inside
 from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.poisson import draw_poisson

@@ -8,20 +8,26 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.cli.recordings import check_new, find_folder
-from sim.facts.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, format_times, sort_by_severity
+from sim.facts.event import (
+    IDENTITIES,
+    INCIDENTS,
+    UNHELD,
+    UNMATCHED,
+    Event,
+    format_times,
+    sort_by_severity,
+    summarise_outages,
+)
 from sim.facts.explain.explanation import explain_person, find_stretches
 from sim.facts.explain.observation import Observer
-from sim.facts.explain.person import PersonFacts
+from sim.facts.explain.person import make_person_facts
 from sim.facts.explain.track_story import TrackFacts, tell_track_story
-from sim.facts.flight import Flight, load
-from sim.facts.link_outages import summarise_outages
-from sim.facts.scan_choice import find_scans
-from sim.facts.text import TextGroup
+from sim.facts.flight import Flight, find_scans, load
+from sim.facts.words import TextGroup
 from sim.mission.atomic_files import claim_place, write_whole
 from sim.scenario.quantities import parse_integer, parse_interval
 from sim.scenario.remarks import find_small_people
-from sim.terminal.commands import Recorded
+from sim.terminal.commands import Recorded, check_new, find_folder
 from sim.terminal.console import console, print_remarks, show_place
 from sim.views.drawing.plots import save
 from sim.views.explain_picture import draw_explanation
@@ -91,7 +97,7 @@ def _read_index(text: str, option: str, count: int, lacking: str) -> int:
 
 def _explain_moment(flight: Flight, scan: int, person: int, path: Path) -> None:
     with Observer(flight) as observer:
-        facts = PersonFacts.of(observer, scan, person)
+        facts = make_person_facts(observer, scan, person)
         groups = explain_person(facts)
         page = draw_explanation(facts, groups)
     with write_whole(path) as part:
@@ -163,7 +169,7 @@ def _find_other_events(flight: Flight) -> list[Event]:
 def _print_stretches(flight: Flight, person: int) -> None:
     console.print(f"[bold]person {person}[/bold]")
     table = Table.grid(padding=(0, 2))
-    for begin, end, held, seen in find_stretches(flight.history, person):
+    for begin, end, held, seen in find_stretches(flight.people, person):
         style = _STYLES.get(held, "")
         table.add_row(f"  {format_times(begin, end)}", f"[{style}]{held}[/]" if style else held, seen)
     console.print(table)

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from sim.cli.recordings import find_folder
 from sim.exchange.export import TARGETS
 from sim.exchange.export import export as write_export
 from sim.exchange.labelled_images import LABELS, write_labelled_images
@@ -20,7 +19,7 @@ from sim.mission.warmup import announce_compilation
 from sim.running.mission_flight import fly_mission
 from sim.scenario.loading import SCENARIOS, load, place_of
 from sim.scenario.quantities import parse_duration, parse_integers
-from sim.terminal.commands import Duration, Overrides, merge_overrides
+from sim.terminal.commands import Duration, Overrides, find_folder, merge_overrides
 from sim.terminal.console import say, show_files
 from sim.terminal.progress import Show, show_compilation, show_progress
 from tracking.errors import InputError, check_known, one_line

@@ -10,8 +10,8 @@ import typer
 from rich.markup import escape
 
 from planning.catalogue import DEFAULT_PLANNER
-from sim.facts.history import name_fleet
 from sim.facts.metrics.summary import make_results_table
+from sim.facts.words import name_fleet
 from sim.mission.atomic_files import PlaceTaken, claim_place
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planning.planner import Situation
 from sim.facts.flight import Flight
-from sim.facts.metrics.score import FAR
+from sim.facts.metrics.holding import FAR
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from sim.running.results import record

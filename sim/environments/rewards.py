@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from planning.planner import Situation
-from sim.facts.metrics.score import FAR
+from sim.facts.metrics.holding import FAR
 from sim.mission.snapshot import find_reported_positions
 from tracking.errors import check_known
 from tracking.metrics.gospa import gospa

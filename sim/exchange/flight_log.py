@@ -21,8 +21,9 @@ from sim.world.trajectories import Trajectories
 from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import interpolate_poses
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
 

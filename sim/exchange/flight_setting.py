@@ -12,7 +12,7 @@ from sim.exchange.flight_tables import Fleet
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, spell
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 # Hz, rates of scans: the first of which the times of all frames are multiples, or else the first of the finer ones at

@@ -13,15 +13,13 @@ from sim.exchange.ros_bag import Message, RosBag
 from sim.exchange.ros_scene import LEVEL, UavScene, draw_forest, draw_people, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
-from sim.facts.metrics.holding import HOLDS
-from sim.facts.metrics.score import FAR
-from sim.facts.numbering import number_snapshot
+from sim.facts.metrics.holding import FAR, HOLDS
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import PERSON_RADIUS
+from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array, Image
 
@@ -29,8 +27,7 @@ _MARKERS, _IMAGE = "visualization_msgs/msg/MarkerArray", "sensor_msgs/msg/Compre
 _COMMAND, _NUMBER, _LOG = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64", "rcl_interfaces/msg/Log"
 _QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _INFO = 20  # level of messages of a log
-_SIZE = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)  # m, of a person
-_BODY = _SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
+_BODY = PERSON_SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
 
 
 def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
@@ -57,7 +54,7 @@ def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
                 _write_tracks(bag, snapshot, i)
                 bag.write(f"/uav{i}/markers", _MARKERS, time, markers)
             if truth and recording.labelled:
-                holds = [HOLDS[hold] for hold in flight.history.hold_states[k]]
+                holds = [HOLDS[hold] for hold in flight.people.hold_states[k]]
                 bag.write("/people", _MARKERS, time, draw_people(snapshot, holds))
                 _write_errors(bag, snapshot)
         for event in events:
@@ -177,7 +174,7 @@ def _place(time: float, mean: Array, covariance: Array, *, score: float = 1.0, n
     return {
         "header": head(time),
         "results": [(("person", score), (pose, entries.ravel()))],
-        "bbox": (pose, _SIZE),
+        "bbox": (pose, PERSON_SIZE),
         "id": name,
     }
 

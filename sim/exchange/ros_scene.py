@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.exchange.ros_bag import Message
-from sim.facts.numbering import name_track
-from sim.facts.sightings import PERSON_RADIUS
+from sim.facts.words import name_track
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.views.drawing import palette
@@ -16,7 +15,7 @@ from sim.views.drawing.intents import Intents
 from sim.views.drawing.map_view import find_half_axes
 from sim.views.drawing.palette import Colour, lighten, track_colour, uav_colour
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import PERSON_HEIGHT, PERSON_SIZE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 
@@ -68,11 +67,10 @@ def draw_people(snapshot: Snapshot, holds: Sequence[str]) -> Message:
     for m in np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist():
         x, y = snapshot.people[m].tolist()
         ink = _Ink("people", m, palette.UNHELD_COLOURS.get(holds[m], palette.PANEL))
-        size = (2 * PERSON_RADIUS, 2 * PERSON_RADIUS, 2 * TARGET_HEIGHT)
-        found.append(_draw_cylinder(snapshot.time, ink, (x, y, TARGET_HEIGHT), size))
+        found.append(_draw_cylinder(snapshot.time, ink, (x, y, TARGET_HEIGHT), PERSON_SIZE))
         if holds[m] in palette.UNHELD_COLOURS:
             name = ink._replace(namespace="names", colour=lighten(ink.colour))
-            found.append(_write(snapshot.time, name, (x, y, 2 * TARGET_HEIGHT + _LETTERS), f"person {m} {holds[m]}"))
+            found.append(_write(snapshot.time, name, (x, y, PERSON_HEIGHT + _LETTERS), f"person {m} {holds[m]}"))
     return {"markers": found}
 
 
@@ -121,7 +119,7 @@ def _draw_track(time: float, track: Track) -> Iterator[Message]:
     """A track's number and ellipse."""
     ink, belief = _Ink("tracks", track.id, lighten(track_colour(track.id)), 0.6), track.belief
     yield _draw_ellipse(time, ink, belief.mean[:2], belief.covariance[:2, :2])
-    above = (*belief.mean[:2].tolist(), 2 * TARGET_HEIGHT)
+    above = (*belief.mean[:2].tolist(), PERSON_HEIGHT)
     yield _write(time, ink._replace(namespace="numbers", opacity=1.0), above, name_track(track))
 
 

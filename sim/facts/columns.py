@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.facts.event import Event, find_ends
-from sim.facts.history import STATES, History
 from sim.facts.metrics.score import estimate_velocities
+from sim.facts.people import STATES, PeopleFacts
 from sim.mission.recording import Recording
 
 Column = NDArray[Any]
@@ -16,16 +16,17 @@ Columns = dict[str, Column]
 TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "losses", "events")
 
 
-def make_columns(name: str, recording: Recording, history: History) -> Columns:
+def make_columns(name: str, facts: PeopleFacts) -> Columns:
     """The columns of any table of `TABLES` but `events`, for which see `make_event_columns`."""
     of_people = {"people": _list_people, "sightings": _list_sightings, "losses": _list_losses}
     plain = {"uavs": _list_uavs, "measurements": _list_measurements, "tracks": _list_tracks}
     plain |= {"ospa": _list_ospa, "plans": _list_plans, "trees": _list_trees}
-    return of_people[name](recording, history) if name in of_people else plain[name](recording)
+    return of_people[name](facts) if name in of_people else plain[name](facts.recording)
 
 
-def _list_people(r: Recording, history: History) -> Columns:
-    k, m = np.nonzero(history.present)
+def _list_people(facts: PeopleFacts) -> Columns:
+    r = facts.recording
+    k, m = np.nonzero(r.present)
     v = estimate_velocities(r)[k, m]
     return {
         "time_s": r.times[k],
@@ -33,36 +34,38 @@ def _list_people(r: Recording, history: History) -> Columns:
         **_split_xy("", "m", r.people[k, m]),
         **_split_xy("v", "m_per_s", v),
         "heading_rad": r.headings[k, m],
-        "state": _make_text_column([STATES[state] for state in history.states[k, m]]),
-        "held_by_uavs": history.held[k, m],
+        "state": _make_text_column([STATES[state] for state in facts.states[k, m]]),
+        "held_by_uavs": facts.held[k, m],
     }
 
 
-def _list_sightings(r: Recording, history: History) -> Columns:
+def _list_sightings(facts: PeopleFacts) -> Columns:
     """A row for each person inside a frame, or with a track."""
-    k, i, m = np.nonzero(history.inside | history.shown | (history.tracks >= 0))
+    r = facts.recording
+    k, i, m = np.nonzero(facts.views.inside | facts.shown | (facts.tracks >= 0))
     return {
         "time_s": r.times[k],
         "uav": i,
         "person": m,
-        "inside": history.inside[k, i, m],
-        "hidden_by_tree": history.hidden_by[k, i, m],
+        "inside": facts.views.inside[k, i, m],
+        "hidden_by_tree": facts.views.hidden_by[k, i, m],
         "visible_px": r.visible[k, i, m],
-        "detected": history.detected[k, i, m],
-        "held_by_track": r.numbers_of(history.tracks[k, i, m]),
+        "detected": facts.detected[k, i, m],
+        "held_by_track": r.numbers_of(facts.tracks[k, i, m]),
     }
 
 
-def _list_losses(r: Recording, history: History) -> Columns:
-    lost = history.losses
-    begin, end = np.array([find_ends(r.times, loss.first, loss.last) for loss in lost]).reshape(-1, 2).T
+def _list_losses(facts: PeopleFacts) -> Columns:
+    """A row for each span in which no UAV held a person who was there: lost, off, or not found yet."""
+    spans = facts.unheld
+    begin, end = np.array([find_ends(facts.recording.times, span.first, span.last) for span in spans]).reshape(-1, 2).T
     return {
-        "person": np.array([loss.person for loss in lost], dtype=np.int64),
+        "person": np.array([span.person for span in spans], dtype=np.int64),
         "from_s": begin,
         "until_s": end,
-        "held_before": np.array([loss.found for loss in lost], dtype=np.bool_),
+        "held_before": np.array([span.found for span in spans], dtype=np.bool_),
         **{
-            f"scans_{where}": np.array([loss.scans[n] for loss in lost], dtype=np.int64)
+            f"scans_{where}": np.array([span.scans[n] for span in spans], dtype=np.int64)
             for n, where in enumerate(("without_track", "outside_ellipse", "inside_ellipse"))
         },
     }

@@ -6,7 +6,8 @@ Timeline, page, `understory explain`, tables, Rerun and film all follow this rul
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,10 +36,15 @@ KINDS = (
     "false track",
     "duplicate track",
 )
-UNHELD = ("person lost", "person not found yet", "person off")  # people, the worst first
+UNHELD = ("person lost", "person not found yet", "person off")  # states of `HOLDS` in which no UAV holds people
 UNMATCHED = ("false track", "duplicate track")  # tracks
 IDENTITIES = ("identity switch", "identity transfer")
 INCIDENTS = ("breakdown", "fault", "contact")
+_CAUSES = "too far, cut or not there"
+_MOST_OUTAGES = 10  # lines about links that are lost
+_MOST_PAIRS = 6  # pairs of UAVs named in one line
+_Pair = tuple[int, int]
+_Span = tuple[int, int]  # first and last scan
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Event:
     former: int | None = None  # person for whom the track stood before
     track: int | None = None  # number
     uavs: tuple[int, ...] = ()  # the one with the most informative frames comes first
-    scans: tuple[int, ...] = ()  # of `UNHELD` kinds, as `history.Loss` has them
+    scans: tuple[int, ...] = ()  # of `UNHELD` kinds, as `people.Unheld` has them
 
     @property
     def sentence(self) -> str:
@@ -118,3 +124,64 @@ def assign_lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
         ends[lane : lane + 1] = [event.last]
         found.append((event, lane))
     return found
+
+
+def summarise_outages(events: Sequence[Event], times: Array, also: Collection[str] = ()) -> list[Event]:
+    """Events, sorted by time, that tell all times without a link; pairs of UAVs with the same times share one.
+
+    Of more than ten such events the nine with the longest times are kept, and one is about all other pairs. events:
+    those of a mission, of which the kinds `also` are added; times (K,) s.
+    """
+    alike = defaultdict(list)
+    for pair, outages in _find_outages(events, times).items():
+        alike[tuple(outages)].append(pair)
+    longest = sorted(alike, key=lambda outages: sum(last + 1 - first for first, last in outages), reverse=True)
+    named = len(longest) if len(longest) <= _MOST_OUTAGES else _MOST_OUTAGES - 1
+    found = [event for event in events if event.kind in also]
+    for own in longest[:named]:
+        text = f"no link between {_name_pairs(alike[own])}"
+        if len(own) > 1:
+            seconds = sum(end - begin for begin, end in (find_ends(times, *outage) for outage in own))
+            text += f", {len(own)} times, {seconds:.1f} s in all"
+        found.append(_make_outage(times, (own[0][0], own[-1][1]), text))
+    if rest := longest[named:]:
+        pairs = sum(len(alike[own]) for own in rest)
+        span = min(own[0][0] for own in rest), max(own[-1][1] for own in rest)
+        found.append(_make_outage(times, span, f"no link at times between {pairs} more pairs of UAVs"))
+    return sorted(found, key=lambda event: event.time)
+
+
+def list_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event]:
+    """Events that tell which UAVs have no link at scan k, and from when to when, the longest first."""
+    now = defaultdict(list)
+    for pair, outages in _find_outages(events, times).items():
+        for first, last in outages:
+            if first <= k <= last:
+                now[first, last].append(pair)
+    most = sorted(now, key=lambda span: (span[0], -span[1]))
+    return [_make_outage(times, span, f"no link between {_name_pairs(now[span])}") for span in most]
+
+
+def _find_outages(events: Iterable[Event], times: Array) -> dict[_Pair, list[_Span]]:
+    """The outages of each pair of UAVs that has any; that of a UAV which breaks down ends with it."""
+    begun: dict[_Pair, int] = {}
+    found = defaultdict(list)
+    for event in sorted(events, key=lambda event: event.first):
+        if event.kind == "link lost":
+            begun[min(event.uavs), max(event.uavs)] = event.first
+        elif event.kind in ("link restored", "breakdown"):
+            for pair in [pair for pair in begun if set(event.uavs) <= set(pair)]:
+                found[pair].append((begun.pop(pair), event.first - 1))
+    for pair, first in begun.items():
+        found[pair].append((first, len(times) - 1))
+    return found
+
+
+def _make_outage(times: Array, span: _Span, text: str) -> Event:
+    return make_lasting_event(times, span, "link lost", text, why=_CAUSES)
+
+
+def _name_pairs(pairs: Sequence[_Pair]) -> str:
+    named = [f"{i} and {j}" for i, j in sorted(pairs)[:_MOST_PAIRS]]
+    more = len(pairs) - len(named)
+    return f"UAVs {', '.join(named)}" + (f", and {more} more pair{'s' * (more > 1)}" if more else "")

@@ -1,4 +1,4 @@
-"""A recorded mission with its history, events, tables with units, and figures.
+"""A recorded mission with its people, events, tables with units, and figures.
 
 The figures are views, which stand above facts: they are imported when a figure is asked for.
 """
@@ -8,16 +8,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from sim.facts.columns import TABLES, make_columns, make_event_columns
 from sim.facts.event import Event, find_ends
-from sim.facts.events import find_events
-from sim.facts.history import History
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.summary import format_planner_title
-from sim.facts.scan_choice import find_scans
+from sim.facts.mission_events import find_events
+from sim.facts.people import PeopleFacts
 from sim.mission.archive import find_recording, save
 from sim.mission.dataframes import make_dataframe
 from sim.mission.recording import Recording
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_SLACK = 1e-6  # s, tolerance for typed times
+
+
 def load(run: str | Path) -> "Flight":
     """Load the mission in a run's folder or a file `mission.npz`; InputError if none can be read."""
     if "IPython" in sys.modules:
@@ -36,6 +39,32 @@ def load(run: str | Path) -> "Flight":
 
         show_figures()
     return Flight(find_recording(Path(run)))
+
+
+def find_scans(
+    recording: Recording, start: float, end: float | None, uav: int | None = None, *, name: str = "--time"
+) -> list[int]:
+    """Scans from `start` to `end` s, or only the one nearest to `start`.
+
+    `name`: the option that error messages name. InputError if a time is not in the recording, or the UAV, if given,
+    had broken down at one of the scans.
+    """
+    times, last = recording.times, float(recording.times[-1])
+    for time in (start, *([] if end is None else [end])):
+        if not -_SLACK <= time <= last + _SLACK:
+            raise InputError(f"{name}: {time:g} s is not in the recording; allowed are 0 to {last:g} s")
+    found = [int(np.argmin(np.abs(times - start)))]
+    if end is not None:
+        found = np.flatnonzero((times >= start - _SLACK) & (times <= end + _SLACK)).tolist()
+    if not found:
+        near = ", ".join(f"{times[k]:g}" for k in sorted(np.argsort(np.abs(times - start))[:2].tolist()))
+        raise InputError(f"{name}: no scan lies between {start:g} and {end:g} s; the nearest are at {near} s")
+    works = recording.working[:, uav] if uav is not None else np.ones(len(times), dtype=np.bool_)
+    if not works[found].all():
+        until = f"its last scan is that at {times[works][-1]:g} s" if np.any(works) else "it never worked"
+        time = float(times[next(k for k in found if not works[k])])
+        raise InputError(f"{name}: at {time:g} s UAV {uav} had broken down; {until}")
+    return found
 
 
 class Flight:
@@ -46,14 +75,14 @@ class Flight:
         self.scenario: Scenario = recording.setting
 
     @cached_property
-    def history(self) -> History:
-        """The history of each person, scan by scan."""
-        return History.of(self.recording)
+    def people(self) -> PeopleFacts:
+        """The state of each person, scan by scan."""
+        return PeopleFacts(self.recording)
 
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """The events of the mission, in order of time."""
-        return find_events(self.recording, self.history)
+        return find_events(self.people)
 
     def save(self, path: str | Path) -> None:
         """Write the recording to a file, such as episode.npz, which `load` and the commands read; else InputError."""
@@ -67,7 +96,7 @@ class Flight:
         check_known("table", table, TABLES)
         if table == "events":
             return make_event_columns(self.events)
-        return make_columns(table, self.recording, self.history)
+        return make_columns(table, self.people)
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - a data frame of pandas or polars, both of which are optional
         """A table, one of `TABLES`, as a pandas data frame, or a polars one if pandas is not installed."""
@@ -85,7 +114,7 @@ class Flight:
         from sim.views.timeline import draw_timeline
 
         self._check_labels("timeline")
-        return draw_timeline(self.history, self.recording.ospa, self.events)
+        return draw_timeline(self.people, self.recording.ospa, self.events)
 
     def _check_labels(self, what: str) -> None:
         if not self.recording.labelled:
@@ -96,7 +125,7 @@ class Flight:
         from sim.views.notebook import make_map_figure
 
         (k,) = find_scans(self.recording, time, None, name="time")
-        return make_map_figure(self.recording, k, self.history.hold_states[k])
+        return make_map_figure(self.recording, k, self.people.hold_states[k])
 
     def frame_figure(self, time: float, uav: int) -> "Figure":
         """The annotated image of a UAV's camera at the scan nearest to `time` s, rendered again."""
@@ -111,8 +140,8 @@ class Flight:
     def __repr__(self) -> str:
         """The results of the mission in one line."""
         r = self.recording
-        kinds = [loss.kind for loss in self.history.losses]
-        lost = [loss for loss in self.history.losses if loss.kind == "person lost"]
+        kinds = [loss.kind for loss in self.people.unheld]
+        lost = [loss for loss in self.people.unheld if loss.kind == "person lost"]
         spans = [find_ends(r.times, loss.first, loss.last) for loss in lost]
         longest = max((end - begin for begin, end in spans), default=0.0)
         losses = f"{len(lost)}, the longest {longest:.1f} s" if lost else "none"

@@ -1,22 +1,27 @@
 """The view of one camera at one scan: people shown, trees that hide people, and outlines of hidden ground."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from sim.facts.numbering import number_snapshot
+from sim.facts.words import number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
+from sim.sensing.cameras import view_of
 from sim.sensing.culling import NEAR_PLANE
 from tracking.errors import list_numbers
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags
 
 NO_TREE = "though no tree is in the way"  # the person is too small, or another person or a UAV covers them
-PERSON_RADIUS = 0.25  # m, radius of the cylinder that represents a person
+_OUT = "out of view"  # the place of a track in a frame
+_IN_VIEW = "in view but not detected"
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
 
 
@@ -51,32 +56,9 @@ class Sighting:
             return f"{part}hidden by {list_numbers('tree', list(self.hidden_by))}"
         return "in view" if self.pixels else f"not shown, {NO_TREE}"
 
-    @staticmethod
-    def all_of(recording: Recording, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
-        """All people in a camera at the pose of a UAV's camera at scan k."""
-        pose = recording.camera_at(k, uav)
-        people = recording.people[k]
-        looked = bool(recording.frames_taken[k, uav])
-        inside, hiding = find_inside_and_hiding(camera, pose, people, recording.hiding_forest)
-        # Without a frame, geometry decides who would rather have been shown than not.
-        free = detectable_shares(np.prod(1.0 - hiding, axis=1))
-        pixels = recording.visible[k, uav] if looked else inside & (free >= 0.5)
-        return tuple(
-            Sighting(
-                person=m,
-                place=(float(people[m, 0]), float(people[m, 1])),
-                inside=bool(inside[m]),
-                hidden_by={tree: float(hiding[m, tree]) for tree in np.flatnonzero(hiding[m]).tolist()},
-                pixels=int(pixels[m]),
-                detected=bool(recording.matched[k, uav, m]),
-                looked=looked,
-            )
-            for m in range(len(people))
-        )
-
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class FrameFacts:
     """Facts about one camera's view with ground truth; tracks are numbered as in the film."""
 
     camera: Camera
@@ -95,14 +77,37 @@ class Sight:
         """The camera's pose as the UAV believes it, from which measurements and tracks are seen."""
         return (self.snapshot.believed or self.snapshot.cameras)[self.uav]
 
-    @staticmethod
-    def of(recording: Recording, k: int, uav: int) -> "Sight":
-        """The view of one UAV at scan k."""
-        camera = recording.setting.uavs[uav].true_camera
-        people = Sighting.all_of(recording, k, uav, camera)
-        if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
-            people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(camera, recording.hiding_forest, number_snapshot(recording, k), uav, people)
+
+def find_sightings(recording: Recording, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
+    """All people in a camera at the pose of a UAV's camera at scan k."""
+    pose = recording.camera_at(k, uav)
+    people = recording.people[k]
+    looked = bool(recording.frames_taken[k, uav])
+    inside, hiding = find_inside_and_hiding(camera, pose, people, recording.hiding_forest)
+    # Without a frame, geometry decides who would rather have been shown than not.
+    free = detectable_shares(np.prod(1.0 - hiding, axis=1))
+    pixels = recording.visible[k, uav] if looked else inside & (free >= 0.5)
+    return tuple(
+        Sighting(
+            person=m,
+            place=(float(people[m, 0]), float(people[m, 1])),
+            inside=bool(inside[m]),
+            hidden_by={tree: float(hiding[m, tree]) for tree in np.flatnonzero(hiding[m]).tolist()},
+            pixels=int(pixels[m]),
+            detected=bool(recording.matched[k, uav, m]),
+            looked=looked,
+        )
+        for m in range(len(people))
+    )
+
+
+def make_frame_facts(recording: Recording, k: int, uav: int) -> FrameFacts:
+    """The view of one UAV at scan k."""
+    camera = recording.setting.uavs[uav].true_camera
+    people = find_sightings(recording, k, uav, camera)
+    if recording.setting.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
+        people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
+    return FrameFacts(camera, recording.hiding_forest, number_snapshot(recording, k), uav, people)
 
 
 def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
@@ -110,9 +115,45 @@ def tell_pose_error(recording: Recording, k: int, uav: int) -> list[str]:
     true, believed = recording.camera_at(k, uav), recording.believed_camera_at(k, uav)
     if recording.believed is None or np.array_equal(recording.believed[k, uav], recording.cameras[k, uav]):
         return []
-    away, turned = believed.position - true.position, believed.rotation @ true.rotation.T
-    angle = math.degrees(math.acos(min(max((np.trace(turned) - 1.0) / 2.0, -1.0), 1.0)))
+    away = believed.position - true.position
+    turned = Rotation.from_quat(believed.quaternion) * Rotation.from_quat(true.quaternion).inv()
+    angle = math.degrees(turned.magnitude())
     return [f"believed pose {math.hypot(*away[:2]):.2f} m off, {away[2]:+.2f} m in height, turned by {angle:.1f}°"]
+
+
+def tell_fade(recording: Recording, id_: int, last: int) -> str:
+    """The frames since a track's last detection, until its last scan, in words; empty if that detected it, or unknown.
+
+    The place of the track's mean decides what a frame could show.
+    """
+    rows = np.flatnonzero(recording.track_ids == id_)
+    scans, _ = recording.cells(recording.track_offsets)
+    _, first = np.unique(scans[rows], return_index=True)
+    rows = rows[first]  # that of the first UAV at each scan
+    held = dict(zip(scans[rows].tolist(), recording.track_means[rows, :2], strict=True))
+    since = float(recording.track_sightings[rows[scans[rows] <= last][-1], 2])
+    if math.isnan(since):
+        return ""
+    parts, away = [], []
+    for i in range(recording.uav_count):
+        taken = np.flatnonzero(recording.frames_taken[: last + 1, i] & (recording.times[: last + 1] > since + 1e-9))
+        states = Counter(_name_state(recording, k, i, held) for k in taken.tolist() if k in held)
+        frames = sum(states.values())
+        if frames and states.pop(_OUT, 0) == frames:
+            away.append(i)
+        for n, (state, count) in enumerate(states.most_common()):
+            parts.append(f"{state} in {count}" if n else f"for UAV {i} {state} in {count} of {frames} frames")
+    if away:
+        parts.append(f"out of view of {list_numbers('UAV', away)}")
+    return f"no sure detection since {since:.1f} s, " + ", ".join(parts) if parts else ""
+
+
+def _name_state(recording: Recording, k: int, uav: int, held: dict[int, Array]) -> str:
+    camera, pose = view_of(recording.setting.uavs[uav], recording.setting), recording.believed_camera_at(k, uav)
+    (inside,), (hiding,) = find_inside_and_hiding(camera, pose, held[k][None], recording.hiding_forest)
+    if not inside:
+        return _OUT
+    return f"hidden by tree {hiding.argmax()}" if hiding.any() and hiding.max() >= 0.5 else _IN_VIEW
 
 
 def find_inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Array]:

@@ -5,7 +5,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from sim.facts.recorded_fleet import make_known_forest
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.recording import Recording
 from sim.mission.tracker_fleet import TrackerFleet
@@ -70,7 +69,7 @@ def replay_tracking(recording: Recording) -> TrackingReplay:
             return TrackingReplay(states, f"{name} is a plug-in, which is not run again: {_UNKNOWN}")
     here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
     try:
-        trackers = TrackerFleet(scenario, make_known_forest(recording), make_initial_tracks(scenario, here, there))
+        trackers = TrackerFleet(scenario, recording.known_forest, make_initial_tracks(scenario, here, there))
         for k, links in enumerate(find_recorded_links(recording)):
             time, working = float(recording.times[k]), np.flatnonzero(recording.working[k]).tolist()
             scans = {i: recording.scan_at(k, i) for i in working if recording.frames_taken[k, i]}

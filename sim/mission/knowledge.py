@@ -80,15 +80,13 @@ class Knowledge:
         time = k / self._scenario.rates.sensing
         fleet = [vehicle_of(i, body.pose, body.velocity, self._scenario) for i, body in enumerate(bodies)]
         self.teammates.update(time, fleet, links, working, self._scenario.rates.plan_step)
-        # In a network that takes time, nobody knows yet what others see now.
-        contact = links.contact & (not self._scenario.network.takes_time)
-        looks = {i: [look for j, look in self._looks.items() if j == i or contact[i, j]] for i in working}
+        takes_time = self._scenario.network.takes_time
+        heard = {i: links.find_heard(i, takes_time=takes_time) for i in working}
+        looks = {i: [look for j, look in self._looks.items() if heard[i][j]] for i in working}
         for i in working:
             # The search map takes cameras to hang as planned, although fixed ones lean and poses err.
             level = [
-                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude))
-                for j in self._looks
-                if j == i or contact[i, j]
+                Look(self._cameras[j], Pose(fleet[j].position, fleet[j].attitude)) for j in self._looks if heard[i][j]
             ]
             known, self._late_views[i] = level + self._late_views[i], []
             self._undetected[i].step(time, known, self.trackers[i].tracks, self._forest)

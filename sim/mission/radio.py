@@ -29,6 +29,15 @@ class RadioLinks(NamedTuple):
             return self.up
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
+    def find_heard(self, uav: int, *, takes_time: bool) -> Flags:
+        """UAVs (n,) whose present frames a UAV knows of at a decision: its own, and those of UAVs in contact.
+
+        In a network that takes time, nobody knows yet what others see now. This is the home of the rule.
+        """
+        heard = np.zeros(len(self.up), dtype=np.bool_) if takes_time else self.contact[uav].copy()
+        heard[uav] = True
+        return heard
+
     def among(self, uavs: Sequence[int]) -> "RadioLinks":
         """Links between some of the UAVs."""
         lost = None if self.lost is None else self.lost[:, uavs][:, :, uavs]

@@ -78,6 +78,11 @@ class Recording:
     believed: Annotated[Array | None, "<f8", "K n 7"] = None
 
     @property
+    def scan_count(self) -> int:
+        """Number K of scans."""
+        return len(self.times)
+
+    @property
     def uav_count(self) -> int:
         """Number n of UAVs."""
         return int(self.poses.shape[1])
@@ -107,6 +112,16 @@ class Recording:
     def working(self) -> Flags:
         """Mask (K, n) of the UAVs that had not broken down at each scan."""
         return ~np.isnan(self.ospa[:, :, 0])
+
+    @property
+    def present(self) -> Flags:
+        """Mask (K, M) of the people who are in the area at each scan."""
+        return ~np.isnan(self.people[..., 0])
+
+    @cached_property
+    def known_forest(self) -> Forest:
+        """The map of trees with the occlusion that trackers and planners assumed."""
+        return Forest(self.forest.trees, self.setting.sensing.occlusion)
 
     @property
     def labelled(self) -> bool:

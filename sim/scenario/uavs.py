@@ -11,13 +11,13 @@ from sim.scenario.camera_settings import CameraSettings, make_camera, read_camer
 from sim.scenario.quantities import Point, simplify_number
 from tracking.errors import check_known, spell
 from tracking.geometry.camera import Camera
+from tracking.geometry.person import AREA_FROM_ABOVE
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.numerics.trigonometry import arctan2, cos, sin
 from tracking.settings import DAY, Probability, Speed, Time
 
 _WIDEST = 10_000  # m
 _PIXELS = 128
-_FROM_ABOVE = 0.27  # m², area of a walking person seen from straight above: `tracking.detection.silhouette`
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
@@ -140,7 +140,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     def person_pixels(self) -> float:
         """Mean number of pixels that show a person straight below the camera."""
         edge = self.footprint / self.pixels
-        return _FROM_ABOVE / (edge * edge)
+        return AREA_FROM_ABOVE / (edge * edge)
 
 
 def _compute_half_tangent(angle_deg: float) -> float:

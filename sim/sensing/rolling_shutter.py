@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import mean_spin, rotate
-from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 _STRIP = 1.0  # pixel, by which the image moves in one strip of equally old rows

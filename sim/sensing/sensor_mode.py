@@ -13,7 +13,8 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Indices
 from tracking.registration.pose_errors import move_to_believed
 

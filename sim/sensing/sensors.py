@@ -17,7 +17,8 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detection_errors import whole_covariances
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.matrices import apply
 from tracking.numerics.normal import standard_normal

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from sim.mission.atomic_files import PlaceTaken
+from sim.mission.atomic_files import PlaceTaken, make_part_path
 from sim.scenario.quantities import parse_duration
 from sim.terminal.console import fail
 from tracking.errors import InputError, check_known
@@ -113,6 +113,27 @@ def merge_overrides(overrides: list[str] | None, duration: str | None) -> list[s
     if "duration" in keys:
         raise InputError("--duration: not allowed together with --set duration")
     return [*(overrides or ()), f"duration={parse_duration(duration, '--duration', DAY)}"]
+
+
+def find_folder(recorded: Path) -> Path:
+    """The folder of a recording, given by its folder or its file."""
+    return recorded if recorded.is_dir() else recorded.parent
+
+
+def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
+    """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
+    if path.suffix != suffix:
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    part = make_part_path(path)
+    try:
+        if path.exists():
+            raise InputError(f"{option}: {path} exists; name a new file")
+        if not path.parent.is_dir():
+            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
 
 
 def _make_app(function: Callable[..., None]) -> typer.Typer:

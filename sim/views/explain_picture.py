@@ -8,8 +8,8 @@ import numpy as np
 
 from sim.facts.explain.person import PersonFacts
 from sim.facts.metrics.holding import HOLDS
-from sim.facts.sightings import Sight
-from sim.facts.text import TextGroup
+from sim.facts.sightings import make_frame_facts
+from sim.facts.words import TextGroup
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, lay_out_groups, write
 from sim.views.drawing.map_view import MapView, measure_map
@@ -38,7 +38,7 @@ def draw_explanation(facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
     tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
     working = [w for w in facts.observations if w.works]
     for w in sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]:
-        sight = Sight.of(observer.recording, facts.k, w.uav)
+        sight = make_frame_facts(observer.recording, facts.k, w.uav)
         image = observer.again.image(facts.k, w.uav)
         frame, marks = annotate(image, sight, _TILE)
         shown |= marks
@@ -99,7 +99,7 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
-    holds = facts.flight.history.hold_states[facts.k].copy()
+    holds = facts.flight.people.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image, labels = view.draw_recorded(recording, facts.k, holds)
     if not np.isnan(facts.place[0]):

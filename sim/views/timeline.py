@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sim.facts.event import IDENTITIES, Event, assign_lanes, find_ends
-from sim.facts.history import BROKEN, STATES, History
 from sim.facts.metrics.holding import HOLDS, find_episodes
+from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.views.drawing import palette
 from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.views.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
@@ -58,45 +58,45 @@ class Bar(NamedTuple):
     shade: Shade
 
 
-def choose_rows(history: History) -> tuple[list[Row], list[int]]:
+def choose_rows(facts: PeopleFacts) -> tuple[list[Row], list[int]]:
     """The rows of people, and the people without one because there are too many.
 
     If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
     those that had the person in a frame have a lane.
     """
-    _, uavs, people = history.tracks.shape
-    had = (history.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
+    _, uavs, people = facts.tracks.shape
+    had = (facts.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
     rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
     if sum(row.height for row in rows) <= _MOST_LANES:
         return rows, []
-    lost = np.isin(history.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
+    lost = np.isin(facts.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
     rows = [rows[m] for m in np.argsort(-lost, kind="stable").tolist()]
     fit = int(np.searchsorted(np.cumsum([row.height for row in rows]), _MOST_LANES - _FOLDED - _GAP, side="right"))
     return rows[: max(fit, 1)], sorted(row.person for row in rows[max(fit, 1) :])
 
 
-def draw_timeline(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
+def draw_timeline(facts: PeopleFacts, ospa: Array, events: Sequence[Event]) -> Figure:
     """The timeline: a lane per UAV and a bar for the fleet's tracks for each person, and below them mean OSPA.
 
     ospa (K, n, 3) m, as recorded. Lanes show the state in each camera, and bars the state to the tracks. People without
     a row of their own have one together, with shares of their states to the tracks. The last row shows the tracks that
     stand for no person, if there are any; simultaneous ones are below one another.
     """
-    uavs = history.tracks.shape[1]
-    places = _Places(history, events)
+    uavs = facts.tracks.shape[1]
+    places = _Places(facts, events)
     widest = max((len(row.uavs) for row in places.rows), default=uavs)
     lane = float(np.clip(0.5 / (widest + 1), 0.06, 0.12)) * (1.0 if len(places.rows) <= 8 else 0.75)  # inches
     height = places.bottom * lane
     with open_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
-        shades = _draw_people(above, history, events, places)
-        _name_rows(above, history, places)
+        shades = _draw_people(above, facts, events, places)
+        _name_rows(above, facts, places)
         above.set_ylim(places.bottom - _GAP / 2, -_GAP / 2)
-        above.set_title(_write_title(history), loc="left", fontsize=12, fontweight="bold")
-        draw_mean(below, history.times, ospa)
-        below.set_xlim(*find_ends(history.times, 0, len(history.times) - 1))
+        above.set_title(_write_title(facts), loc="left", fontsize=12, fontweight="bold")
+        draw_mean(below, facts.recording.times, ospa)
+        below.set_xlim(*find_ends(facts.recording.times, 0, len(facts.recording.times) - 1))
         for axes in (above, below):
-            _mark_breakdowns(axes, history, events, named=axes is below)
+            _mark_breakdowns(axes, facts, events, named=axes is below)
         handles = _make_legend(uavs, shades, switched=any(event.kind in IDENTITIES for event in events))
         columns = 6 if uavs <= len(UAV_COLOURS) else 4
         ordered = order_by_rows(handles, columns)
@@ -107,8 +107,8 @@ def draw_timeline(history: History, ospa: Array, events: Sequence[Event]) -> Fig
 class _Places:
     """The rows from the top down, with their places [lanes]."""
 
-    def __init__(self, history: History, events: Sequence[Event]) -> None:
-        self.rows, self.folded = choose_rows(history)
+    def __init__(self, facts: PeopleFacts, events: Sequence[Event]) -> None:
+        self.rows, self.folded = choose_rows(facts)
         self.unmatched = assign_lanes(events)
         edges = np.cumsum([0.0, *(row.height for row in self.rows)]).tolist()
         self.tops = dict(zip((row.person for row in self.rows), edges, strict=False))
@@ -127,9 +127,9 @@ class _Places:
         return self.fold_top + _FOLDED / 2
 
 
-def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: _Places) -> set[Shade]:
+def _draw_people(axes: Axes, facts: PeopleFacts, events: Sequence[Event], places: _Places) -> set[Shade]:
     """Draw the rows and return the colours in them."""
-    times = history.times
+    times = facts.recording.times
     bars = []
     for event, lane in places.unmatched:
         top = places.unmatched_top + (lane + 0.2) * places.thin
@@ -139,11 +139,11 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
     for m, uavs in places.rows:
-        bars += _make_hold_bars(times, history.hold_states[:, m], places.tops[m], len(uavs))
+        bars += _make_hold_bars(times, facts.hold_states[:, m], places.tops[m], len(uavs))
         for lane, i in enumerate(uavs):
-            bars += _make_lane_bars(times, history.camera_states[:, i, m], places.tops[m] + lane, i)
+            bars += _make_lane_bars(times, facts.camera_states[:, i, m], places.tops[m] + lane, i)
     if places.folded:
-        bars += _make_share_bars(times, history.hold_states[:, places.folded], places.fold_top)
+        bars += _make_share_bars(times, facts.hold_states[:, places.folded], places.fold_top)
     corners = [
         [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
         for bar in bars
@@ -152,15 +152,15 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], places: 
     return {bar.shade for bar in bars}
 
 
-def _name_rows(axes: Axes, history: History, places: _Places) -> None:
-    named = history.tracks.shape[1] > len(UAV_COLOURS)
+def _name_rows(axes: Axes, facts: PeopleFacts, places: _Places) -> None:
+    named = facts.tracks.shape[1] > len(UAV_COLOURS)
     middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
     names = [f"person {row.person}{_list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
-    shares = [_format_share(history, row.person) for row in places.rows]
+    shares = [_format_share(facts, row.person) for row in places.rows]
     if places.folded:
         middles.append(places.fold_top + _FOLDED / 2)
         names.append(f"{len(places.folded)} others")
-        shares.append(f"held {100 * _compute_held_share(history, places.folded):.1f} %")
+        shares.append(f"held {100 * _compute_held_share(facts, places.folded):.1f} %")
     if count := len(places.unmatched):
         middles.append((places.unmatched_top + places.bottom - _GAP) / 2)
         names.append("no person")
@@ -220,9 +220,9 @@ def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> lis
     return bars
 
 
-def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
+def _mark_breakdowns(axes: Axes, facts: PeopleFacts, events: Sequence[Event], *, named: bool) -> None:
     for n, event in enumerate(event for event in events if event.kind == "breakdown"):
-        start = float(history.times[event.first])
+        start = float(facts.recording.times[event.first])
         axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
             late = start > sum(axes.get_xlim()) / 2
@@ -252,27 +252,27 @@ def _make_legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch
     return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
 
 
-def _write_title(history: History) -> str:
-    if not history.present.any():
+def _write_title(facts: PeopleFacts) -> str:
+    if not facts.recording.present.any():
         return "No people"
-    share = _compute_held_share(history, slice(None))
-    lost = [loss for loss in history.losses if loss.kind == "person lost"]
+    share = _compute_held_share(facts, slice(None))
+    lost = [loss for loss in facts.unheld if loss.kind == "person lost"]
     times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
     text = f"People held {100 * share:.1f} % of the time, {times}"
     if lost:
         worst = max(lost, key=lambda loss: loss.scans)
-        start, end = find_ends(history.times, worst.first, worst.last)
-        text += f", at worst person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
+        start, end = find_ends(facts.recording.times, worst.first, worst.last)
+        text += f", at worst person {worst.person} for {end - start:.1f} s from {start:.1f} s"
     return text
 
 
-def _format_share(history: History, person: int) -> str:
-    here = history.present[:, person].any()
-    return f"held {100 * _compute_held_share(history, [person]):.1f} %" if here else "absent"
+def _format_share(facts: PeopleFacts, person: int) -> str:
+    here = facts.recording.present[:, person].any()
+    return f"held {100 * _compute_held_share(facts, [person]):.1f} %" if here else "absent"
 
 
-def _compute_held_share(history: History, people: slice | Sequence[int]) -> float:
+def _compute_held_share(facts: PeopleFacts, people: slice | Sequence[int]) -> float:
     """Share of scans and working UAVs at which present people are held, as in the summary."""
-    working = np.count_nonzero(history.working, axis=1)[:, None]
-    pairs = (working * history.present[:, people]).sum()
-    return float(history.held[:, people].sum() / max(pairs, 1))
+    working = np.count_nonzero(facts.recording.working, axis=1)[:, None]
+    pairs = (working * facts.recording.present[:, people]).sum()
+    return float(facts.held[:, people].sum() / max(pairs, 1))

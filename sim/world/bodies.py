@@ -15,12 +15,12 @@ from sim.world.appearance import AppearanceSample
 from sim.world.engine import Engine, pybullet
 from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
-from tracking.geometry.visibility import TARGET_HEIGHT, Tree
+from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
+from tracking.geometry.visibility import Tree
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import hypot
 
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
-_PERSON_RADIUS = 0.25  # m, of the solid body
 _WHITE = (1.0, 1.0, 1.0)
 _MESHES = {"uav": "quadrotor"}  # where a mesh has another name than its kind
 _FOLIAGE = np.array([70.0, 96.0, 46.0]) / 255  # mean colour of the texture of closed crowns
@@ -156,7 +156,7 @@ class Bodies:
             self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         else:
             if look.shape not in self._shapes:
-                size = (_PERSON_RADIUS, 2 * TARGET_HEIGHT) if look.kind == "person" else look.scale[1:]
+                size = (PERSON_RADIUS, PERSON_HEIGHT) if look.kind == "person" else look.scale[1:]
                 mesh = add_mesh(self.engine, look) if self._drawn or look.leaves is None else -1
                 self._shapes[look.shape] = self._make_cylinder(*size), mesh
             id_ = int(self.engine.createMultiBody(0.0, *self._shapes[look.shape], look.place))

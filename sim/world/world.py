@@ -21,8 +21,9 @@ from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinem
 from sim.world.lens_images import straighten
 from sim.world.shown_bodies import ShownBodies
 from tracking.geometry.camera import Pose
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import rotate, settle
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.trigonometry import cos, sin
 

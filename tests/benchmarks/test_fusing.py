@@ -12,7 +12,9 @@ from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 pytestmark = pytest.mark.benchmark(group="consensus of 50 tracks, 5 rounds")
 PLACES = np.array([[2.5 * (k % 8) - 9.0, 2.5 * (k // 8) - 9.0] for k in range(50)])

@@ -16,7 +16,9 @@ from stonesoup.dataassociator.probability import JPDA, JPDAwithEHM2
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 PARAMETERS = TrackerParameters(MOTION, management="m_of_n")
 

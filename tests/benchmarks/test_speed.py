@@ -27,7 +27,9 @@ from tracking.detection.detector import Frame
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 pytestmark = pytest.mark.benchmark(warmup=True, warmup_iterations=2, min_rounds=20)
 # Seventy-five trees, five by fifteen, and people between them.

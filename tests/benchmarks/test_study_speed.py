@@ -14,11 +14,11 @@ from helpers.studies import Serial, invented, short
 from helpers.trials import row
 
 from sim.study.analysis.answers import find_answers
-from sim.study.analysis.distributions import compute_ecdf
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.metric_choice import choose_metrics, list_available
 from sim.study.definition import Study
 from sim.study.executors import Pool
+from sim.study.report.figures.charts import compute_ecdf
 from sim.study.scheduler import complete
 from sim.study.store import Store, read_dataframe
 from sim.study.trials import list_trials

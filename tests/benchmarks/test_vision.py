@@ -25,7 +25,8 @@ from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 
 SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
 least = partial(timing.least, clock=time.perf_counter)

@@ -11,7 +11,7 @@ from helpers.studies import invented
 from msgspec.structs import replace
 
 from planning.catalogue import PLANNERS
-from sim.study.analysis.differences import differences
+from sim.study.analysis.answers import differences
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
 from sim.study.definition import adapt_study

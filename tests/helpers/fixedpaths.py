@@ -14,9 +14,12 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.distances import squared_distance
-from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan, Track
+from tracking.tracker import Tracker
 
 SCANS = 101  # 20 s
 START = 0.25 * np.eye(4)  # covariance of the tracks that are known at the start

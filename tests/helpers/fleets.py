@@ -5,7 +5,8 @@ import numpy as np
 from helpers.scenes import ABOVE, AWAY, CAMERA, R, scan, tracker
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.tracker import Tracker
 
 HALVES = np.kron(np.eye(2), np.ones((2, 2))).astype(bool)  # UAVs 0 and 1, and 2 and 3

@@ -13,7 +13,7 @@ from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.assignment import pairs_within
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole

@@ -8,7 +8,7 @@ from helpers import synthetic
 from helpers.recordings import bare, record
 from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
-from tracking.tracker import Track
+from tracking.track import Track
 
 SCANS = 31
 PEOPLE = np.array([[0.0, 0.0], [20.0, 0.0]])  # who stand still

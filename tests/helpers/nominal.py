@@ -15,7 +15,7 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.quadrangle import inside, shortest_move
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 GAINS = Measure(gains=True, cutoff=np.inf)
 

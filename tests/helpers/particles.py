@@ -6,7 +6,8 @@ import numpy as np
 
 from helpers.scenes import CAMERA, MOTION
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 
 COUNT = 20_000
 

@@ -17,7 +17,8 @@ from sim.world.world import World
 from tracking.detection.blob_detector import find_blobs
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 ALTITUDES = tuple(uav.altitude for uav in DEFAULT_FLEET)

@@ -8,7 +8,9 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
-from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan, Track
+from tracking.tracker import Tracker
 
 CAMERA = Camera(math.radians(60), 128)
 MOTION = NearlyConstantVelocity(0.2, 0.5)

@@ -15,8 +15,9 @@ from sim.scenario.uavs import Uav
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.tracker import Scan, Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Scan, Track
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):

@@ -23,14 +23,14 @@ from sim.mission.trial import Trial
 from sim.running import results as flights
 from sim.running.results import run_mission
 from sim.scenario.loading import load
-from sim.study.analysis.planner_labels import find_baseline
+from sim.study.analysis.labels import find_baseline
 from sim.study.report.comparison import About
 from sim.study.report.terminal import show
 from sim.study.trial_flight import fly_trial
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.tracker import Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.track import Track
 
 SHORT = ("duration=1", "sensing.mode=ideal", "dynamics=kinematic")
 MARK = "sees the truth"

@@ -26,7 +26,7 @@ from planning.rivals.dec_mcts import DecMCTS
 from planning.rivals.thompson import Thompson
 from tracking.errors import InputError
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 
 def test_options_choose_the_pieces_of_ours_and_of_anyones_class():

@@ -16,10 +16,12 @@ from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.metrics.ospa import ospa
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.track import Scan, Track
+from tracking.tracker import Tracker
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 SCANS = 41  # 8 s; the people are closest at 4 s

@@ -13,8 +13,9 @@ from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.geometry.visibility import Forest
 from tracking.management.initiation import Tentative, initiate_tracks
 from tracking.measurement_update import associate, predict_scan
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import Scan, Track, TrackerParameters
+from tracking.track import Scan, Track
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
 FILTER = {

@@ -14,7 +14,9 @@ from tracking.filter.motion import count_steps, predict_steps
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import ALL_ROUND, Camera
 from tracking.metrics.nees import nees_interval
-from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan, Track
+from tracking.tracker import Tracker
 from tracking.undetected import UndetectedIntensity
 
 DT, SIGMA, NOISE = 0.2, 0.75, 0.02 * np.eye(2)

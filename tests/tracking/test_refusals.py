@@ -8,7 +8,9 @@ from helpers.scenes import CAMERA, MOTION, OPEN
 
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.tracker import Track, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Track
+from tracking.tracker import Tracker
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, R, play, scan, tra
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
-from tracking.tracker import Track, Tracker
+from tracking.track import Track
+from tracking.tracker import Tracker
 
 
 def test_initial_tracks_are_predicted_and_coast_while_hidden():

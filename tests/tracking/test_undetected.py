@@ -7,8 +7,9 @@ import pytest
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.tracker import Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
 AREA, OPEN = (150.0, 100.0), Forest(())

@@ -14,7 +14,8 @@ from tracking.detection.leaf_cover import are_behind_leaves, leaf_covariances
 from tracking.detection.partial_visibility import find_places
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens, ground_point, image_point
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length

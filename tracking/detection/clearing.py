@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.geometry.lens import Lens, ground_point, linear_pixel
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import products, transpose

@@ -11,16 +11,14 @@ from tracking.detection.detection_errors import SPLIT, covariances_along, sight_
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import OUTLINE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import length
 from tracking.numerics.matrices import product
 from tracking.numerics.trigonometry import cos, sin
 
-# A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
-_CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
 _ANGLES = (np.arange(12) * (math.pi / 6)).tolist()
-_OUTLINE = np.array([(r * cos(angle), r * sin(angle), height) for height, r in _CIRCLES for angle in _ANGLES])
+_OUTLINE = np.array([(r * cos(angle), r * sin(angle), height) for height, r in OUTLINE for angle in _ANGLES])
 
 
 @np.errstate(divide="ignore", invalid="ignore")

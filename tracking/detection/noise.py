@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.detection.detection_errors import WHOLE
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 Quadratic = tuple[float, float, float]

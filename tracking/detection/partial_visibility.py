@@ -12,7 +12,8 @@ from tracking.detection.person_size import sizes_at
 from tracking.detection.shadows import add_shadows, is_open
 from tracking.detection.silhouette import TALLEST, Silhouette, compute_visible_moments, make_silhouette
 from tracking.geometry.lens import Lens, ground_point
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, log

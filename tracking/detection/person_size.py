@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.geometry.lens import Lens, focal_length, ground_point, image_point, magnification, plane_point
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 

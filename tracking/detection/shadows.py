@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.detection.clearing import Clearing, Pair, to_clearing_axes
 from tracking.geometry.line_of_sight import Vector
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import hypot

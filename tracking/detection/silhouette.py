@@ -7,24 +7,12 @@ import numpy as np
 
 from tracking.detection.clearing import Clearing
 from tracking.detection.shadows import find_openings, intersect_row
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import SILHOUETTE, TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import hypot
 
-# A walking person over all headings, as horizontal circles: height above ground [m], radius [m], and the share of
-# headings at which the body between the circle below and this one hides the background; it is small for thin legs.
-_LEVELS = (
-    (0.00, 0.36, 0.00),
-    (0.30, 0.34, 0.22),
-    (0.60, 0.31, 0.35),
-    (0.85, 0.29, 0.50),
-    (1.10, 0.29, 0.65),
-    (1.42, 0.28, 0.82),
-    (1.55, 0.11, 0.85),
-    (1.70, 0.09, 0.90),
-)
-TALLEST = _LEVELS[-1][0]  # m
+TALLEST = SILHOUETTE[-1][0]  # m
 _ROWS = 6  # rows on either side of the middle
 _BINS = 48
 
@@ -46,8 +34,8 @@ class Silhouette(NamedTuple):
 @compiled
 def make_silhouette(distance: float, altitude: float) -> Silhouette:
     """Silhouette of a person `distance` m away, horizontally, from a camera `altitude` m above ground."""
-    circles, low, high, half = np.empty((len(_LEVELS), 3)), math.inf, -math.inf, 0.0
-    for k, (h, radius, share) in enumerate(_LEVELS):
+    circles, low, high, half = np.empty((len(SILHOUETTE), 3)), math.inf, -math.inf, 0.0
+    for k, (h, radius, share) in enumerate(SILHOUETTE):
         growth = (altitude - TARGET_HEIGHT) / (altitude - h)
         u, r = distance * (growth - 1.0), radius * growth
         low, high, half = min(low, u - r), max(high, u + r), max(half, r)

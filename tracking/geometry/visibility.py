@@ -8,22 +8,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import (
-    Grid,
-    cylinder_of,
-    detectable_share,
-    free_share,
-    make_grid,
-    optical_depth,
-)
+from tracking.geometry.line_of_sight import Grid, cylinder_of, detectable_share, free_share, make_grid, optical_depth
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp, exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors, elementwise
 
-# m, height of the one point that stands for a person: half of a walking person's 1.7 m.
-TARGET_HEIGHT = 0.85
 # Area that leaves in random directions show along a line, as a share of their own. Source: [Monsi53].
 EXTINCTION = 0.5
 

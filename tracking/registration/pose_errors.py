@@ -3,7 +3,8 @@
 import numpy as np
 
 from tracking.geometry.camera import Pose, meet_plane
-from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 from tracking.numerics.matrices import apply, product
 

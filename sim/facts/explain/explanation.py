@@ -6,15 +6,14 @@ from itertools import groupby
 
 import numpy as np
 
-from sim.facts.event import UNHELD, UNMATCHED, Event, find_lasting_ends
+from sim.facts.event import UNHELD, UNMATCHED, Event, find_lasting_ends, list_outages_at
 from sim.facts.explain.observation import PersonMeasurement, PersonObservation
 from sim.facts.explain.person import HoldingTrack, PersonFacts
 from sim.facts.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
-from sim.facts.history import History, name_fleet
-from sim.facts.link_outages import list_outages_at
 from sim.facts.metrics.holding import HOLDS, find_episodes
 from sim.facts.metrics.score import estimate_velocities
-from sim.facts.text import TextGroup
+from sim.facts.people import PeopleFacts
+from sim.facts.words import TextGroup, format_percent, format_place, name_fleet, name_source
 from sim.mission.recording import Recording
 from sim.scenario.remarks import describe_small_people
 from tracking.account import Association
@@ -56,7 +55,8 @@ def _name_direction(east: float, north: float) -> str:
 
 def _tell_holding(facts: PersonFacts) -> list[str]:
     """UAVs that hold the person or, if none does, the beginning and end of the loss."""
-    history, times = facts.flight.history, facts.flight.history.times
+    recording = facts.flight.recording
+    times = recording.times
     held = [f"held by {name_fleet(holder.holds)} as track {holder.number}" for holder in facts.holders if holder.holds]
     if held:
         return held
@@ -67,7 +67,7 @@ def _tell_holding(facts: PersonFacts) -> list[str]:
     if end == len(times):
         later = "not held again by the end of the mission"
     else:
-        later = f"{'held from' if history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
+        later = f"{'held from' if facts.flight.people.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
     if not facts.holders:
         return [f"not found yet: no track has been {within} so far", later]
     what = "lost" if loss.kind == "person lost" else "off the track"
@@ -77,7 +77,8 @@ def _tell_holding(facts: PersonFacts) -> list[str]:
 
 
 def _tell_detections(facts: PersonFacts) -> str:
-    times, seen = facts.flight.history.times, facts.flight.history.detected[: facts.k + 1, :, facts.person]
+    times = facts.flight.recording.times
+    seen = facts.flight.people.detected[: facts.k + 1, :, facts.person]
     scans = np.flatnonzero(seen.any(axis=1))
     if len(scans) == 0:
         return "not detected so far"
@@ -158,7 +159,7 @@ def _tell_association(w: PersonObservation, a: Association, numbers: Sequence[in
 
 
 def _tell_track(holder: HoldingTrack, facts: PersonFacts) -> list[str]:
-    now = float(facts.flight.history.times[facts.k])
+    now = float(facts.flight.recording.times[facts.k])
     role = f"stands for the person for {name_fleet(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
@@ -198,7 +199,7 @@ def _find_events(facts: PersonFacts) -> list[Event]:
     events, k = facts.flight.events, facts.k
     now = [event for event in events if event.first <= k <= event.last]
     now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
-    now += list_outages_at(events, facts.flight.history.times, k)
+    now += list_outages_at(events, facts.flight.recording.times, k)
     return sorted(now, key=lambda event: event.time)
 
 
@@ -227,30 +228,11 @@ def _tell_ahead(planned: PlannedVisibility, states: Indices) -> str:
     return "not known, as the mission ends" if (states < 0).all() else "out of view"
 
 
-def find_stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
+def find_stretches(facts: PeopleFacts, person: int) -> list[tuple[float, float, str, str]]:
     """Periods of equal description of a person: beginning and end [s], state to tracks, and state in cameras.
 
     The end of the last period is infinite.
     """
-    holds, views = history.hold_states[:, person].tolist(), history.view_texts(person)
+    times, holds, views = facts.recording.times, facts.hold_states[:, person].tolist(), facts.view_texts(person)
     runs = [[*run] for _, run in groupby(range(len(holds)), key=lambda k: (holds[k], views[k]))]
-    return [(*find_lasting_ends(history.times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]
-
-
-def name_source(person: int) -> str:
-    """The source of a measurement, a person or -1, in words."""
-    return f"of person {person}" if person >= 0 else "of a false alarm"
-
-
-def format_place(place: Array) -> str:
-    """A position (2,) m in words."""
-    return f"({place[0]:.1f}, {place[1]:.1f}) m"
-
-
-def format_percent(probability: float) -> str:
-    """A probability in per cent, never rounded to certainty."""
-    if 0.0 < probability < 0.001:
-        return "under 0.1 %"
-    if 0.999 < probability < 1.0:
-        return "over 99.9 %"
-    return f"{100 * probability:.{0 if 0.1 <= probability <= 0.9 or probability in (0.0, 1.0) else 1}f} %"
+    return [(*find_lasting_ends(times, run[0], run[-1]), HOLDS[holds[run[0]]], views[run[0]]) for run in runs]

@@ -9,7 +9,7 @@ import numpy as np
 from sim.facts.flight import Flight
 from sim.facts.metrics.score import owners_of
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import Sighting, tell_pose_error
+from sim.facts.sightings import Sighting, find_sightings, tell_pose_error
 from sim.facts.tracking_replay import replay_tracking
 from sim.sensing.cameras import true_view_of
 from sim.sensing.detection_truth import match_detections
@@ -63,7 +63,7 @@ class Observer(ExitStack):
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
         recording, setting = self.recording, self.recording.setting
-        sighting = Sighting.all_of(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
+        sighting = find_sightings(recording, k, uav, true_view_of(setting.uavs[uav], setting))[person]
         owners, shown = self.owners(k, uav), self._renders(k, uav) and sighting.in_image
         return PersonObservation(
             uav=uav,

@@ -7,14 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.facts.explain.escaped import find_parts
 from sim.facts.explain.observation import Observer, PersonObservation
 from sim.facts.explain.planned_visibility import PlannedVisibility, find_planned_visibility
 from sim.facts.flight import Flight
+from sim.mission.recorded_links import find_recorded_links
 from sim.mission.recording import Recording
+from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Look
+from tracking.management.escapes import Escapes
 from tracking.numerics.arrays import Array
-from tracking.track import Track
+from tracking.track import SIGHTED_AT, Track
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +43,6 @@ class PersonFacts:
     person: int
     # The tracks that stand for the person, that of most UAVs first. If none does, the last that did, if there is one.
     holders: tuple[HoldingTrack, ...]
-
-    @staticmethod
-    def of(observer: Observer, k: int, person: int) -> "PersonFacts":
-        """The facts about a person at scan k."""
-        return PersonFacts(observer, k, person, _find_holders(observer.flight, k, person))
 
     @property
     def flight(self) -> Flight:
@@ -84,9 +82,14 @@ class PersonFacts:
         return found[1] if found else holder.belief
 
 
+def make_person_facts(observer: Observer, k: int, person: int) -> PersonFacts:
+    """The facts about a person at scan k."""
+    return PersonFacts(observer, k, person, _find_holders(observer.flight, k, person))
+
+
 def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
     """The tracks by which UAVs hold the person, that of most UAVs first; if none does, the last that held them."""
-    held = flight.history.tracks[: k + 1, :, person]
+    held = flight.people.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:
         return ()
@@ -98,7 +101,7 @@ def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ..
 
 def _make_holder(flight: Flight, k: int, person: int, id_: int, last: int) -> HoldingTrack:
     """Facts at scan k about the track that stood for the person at scan `last`."""
-    recording, standing = flight.recording, flight.history.tracks[k] == id_
+    recording, standing = flight.recording, flight.people.tracks[k] == id_
     holds = np.flatnonzero(standing[:, person]).tolist()
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
     found = find_track_at(recording, k, [*holds, *np.flatnonzero(recording.working[k]).tolist()], id_)
@@ -121,3 +124,26 @@ def find_track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -
             if track.id == id_:
                 return i, track.belief, existence
     return None
+
+
+def find_parts(recording: Recording, k: int, uav: int, id_: int) -> list[Track]:
+    """Where the person of a UAV's track may be after scan k: the track, split by `Escapes` if they are out of sight."""
+    setting = recording.setting
+    escapes, parts = Escapes(), list[Track]()
+    area, cameras = (setting.area.width, setting.area.height), [view_of(one, setting) for one in setting.uavs]
+    last = _find_track(recording, k, uav, id_)
+    since = last[0].sighting[SIGHTED_AT] if last else np.nan
+    links = find_recorded_links(recording)
+    for j in range(int(np.searchsorted(recording.times, since)), k + 1):
+        if not (setting.decides(j) or j == k):
+            continue
+        heard = links[j].find_heard(uav, takes_time=setting.network.takes_time)
+        taken = np.flatnonzero(heard & recording.frames_taken[j]).tolist()
+        looks = [Look(cameras[i], recording.believed_camera_at(j, i)) for i in taken] if setting.decides(j) else []
+        tracks = _find_track(recording, j, uav, id_)
+        parts = escapes.split(float(recording.times[j]), tracks, looks, recording.known_forest, area)
+    return parts or last
+
+
+def _find_track(recording: Recording, k: int, uav: int, id_: int) -> list[Track]:
+    return [track for track in recording.tracks_at(k, uav) if track.id == id_]

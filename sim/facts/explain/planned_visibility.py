@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planning.planner import Vehicle
 from planning.prediction.response import mean_velocities, response
-from sim.facts.recorded_fleet import make_known_forest, make_vehicles
 from sim.facts.tracking_replay import replay_tracking
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_planned_motion
 from sim.sensing.cameras import view_of
+from sim.sensing.vehicles import vehicle_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height
@@ -77,7 +78,7 @@ def _plan_flight(recording: Recording, plan: int, uav: int) -> tuple[Array, Arra
 
 def _find_view_states(recording: Recording, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m in the camera at S or more poses; `OUT_OF_VIEW` for NaN."""
-    setting, trees = recording.setting, make_known_forest(recording)
+    setting, trees = recording.setting, recording.known_forest
     camera = view_of(setting.uavs[uav], setting)
     found = np.full(len(places), OUT_OF_VIEW)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):
@@ -85,3 +86,16 @@ def _find_view_states(recording: Recording, uav: int, views: list[Pose], places:
         if np.isfinite(place).all() and camera.sees(pose, point)[0]:
             found[s] = IN_VIEW if trees.visible(pose.position, point)[0, 0] else HIDDEN
     return found
+
+
+def make_vehicles(recording: Recording, k: int) -> list[Vehicle]:
+    """All UAVs at scan k, by id, where they believe they are.
+
+    Note: velocities are means since the previous scan, because recordings have none; at the first scan they are zero.
+    """
+    setting = recording.setting
+    moved = recording.poses[k, :, :2] - recording.poses[max(k - 1, 0), :, :2]
+    places = recording.believed_cameras[k, :, :3]  # a camera is where its UAV is
+    known = [Pose(place, pose.quaternion) for place, pose in zip(places, recording.poses_at(k), strict=True)]
+    bodies = zip(known, moved * setting.rates.sensing, strict=True)
+    return [vehicle_of(i, body, velocity, setting) for i, (body, velocity) in enumerate(bodies)]

@@ -10,13 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.facts.event import UNMATCHED, Event, find_ends, format_times
-from sim.facts.explain.explanation import format_percent, format_place, name_source
 from sim.facts.explain.observation import Observer
 from sim.facts.explain.person import find_track_at
-from sim.facts.fades import tell_fade
-from sim.facts.history import name_fleet
-from sim.facts.metrics.score import FAR
-from sim.facts.text import TextGroup
+from sim.facts.metrics.holding import FAR
+from sim.facts.sightings import tell_fade
+from sim.facts.words import TextGroup, format_percent, format_place, name_fleet, name_source
 from sim.mission.tracker_setup import make_tracker_parameters
 from tracking.account import Deletion, Origin
 from tracking.errors import spell

@@ -15,8 +15,9 @@ import numpy as np
 from sim.facts.metrics.error_sources import SOURCES
 from sim.facts.metrics.fleet_facts import count_bytes_sent, count_plan_bytes, list_contacts, measure_disagreement
 from sim.facts.metrics.handoffs import find_handoffs
+from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.metric import Better, Computation, Metric, Outcome, mean
-from sim.facts.metrics.score import FAR, Score
+from sim.facts.metrics.score import Score
 from sim.facts.metrics.searching import measure_times_to_find
 from sim.facts.metrics.unmatched import Unmatched
 from sim.mission.recorded_links import measure_ages

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.facts.metrics.score import FAR, Score
+from sim.facts.metrics.holding import FAR
+from sim.facts.metrics.score import Score
 from sim.mission.recording import Recording, find_last_frames
 from tracking.numerics.arrays import Array
 

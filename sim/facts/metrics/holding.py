@@ -1,15 +1,37 @@
-"""States of people at each scan, given the tracks of a fleet (held, off, lost, not found yet), and spans of a state."""
+"""Who holds whom: the home of this law, of its states, and of the words for them.
 
+A UAV holds a person by a track that it reports within `Scenario.loss_distance` of them, as CLEAR MOT pairs tracks and
+people from scan to scan. `Holding` says so scan by scan; `find_holding` lets it go through a recording.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from sim.facts.metrics.score import ELLIPSE, FAR
-from sim.mission.snapshot import Snapshot
+from sim.mission.recording import Recording
 from tracking.metrics.clearmot import Matcher
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import length, squared_distance
-from tracking.track import beliefs_of
+from tracking.track import Track, beliefs_of
+
+FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
+ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
+
+# The state of a person to the tracks of a fleet at a scan, with what it means. Everything that tells people's states in
+# words takes them from here; tracks are those that are reported.
+HOLD_MEANINGS = {
+    "absent": "is not in the area",
+    "not found yet": "no UAV has held them so far",
+    "lost": "held before; no UAV holds them, and no track within 10 m that holds nobody has them in its 95 % ellipse",
+    "off": "held before; no UAV holds them, but such a track has them in its ellipse",
+    "held by some": "some of the working UAVs hold them",
+    "held": "all working UAVs hold them",
+}
+HOLDS = tuple(HOLD_MEANINGS)
+INSIDE, OUTSIDE, NO_TRACK = range(3)  # gaps of a person whom no UAV holds to the tracks that hold nobody
 
 
 class Episode(NamedTuple):
@@ -27,35 +49,75 @@ def find_episodes(values: Indices) -> list[Episode]:
     return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
 
 
-HOLDS = ("absent", "not found yet", "lost", "off", "held by some", "held")
-INSIDE, OUTSIDE, NO_TRACK = range(3)  # gaps of a person whom no UAV holds to the tracks that hold nobody
+class Reports(NamedTuple):
+    """The tracks that one UAV reports at one scan."""
+
+    ids: Indices  # (A,)
+    means: Array  # (A, 4) m, m/s
+    covariances: Array  # (A, 4, 4)
+
+
+class Held(NamedTuple):
+    """Who holds whom at one scan; of a recording each table has one row more in front, for each of K scans."""
+
+    tracks: Indices  # (n, M), id of the track by which each UAV holds each person; -1 for none
+    gaps: Indices  # (M,), as from `find_gaps`, of the people whom no UAV holds
+    states: Indices  # (M,), indices into `HOLDS`
 
 
 class Holding:
-    """The states of M people during a mission; a reported track `within` m of a person holds that person."""
+    """The law, scan by scan, for M people and n UAVs."""
 
     def __init__(self, people: int, uavs: int, within: float) -> None:
-        self._fleet = [(Matcher(people, within), dict[int, int]()) for _ in range(uavs)]  # with columns by track id
+        """Begin before the first scan; `within` m of a person a track can hold them."""
+        self._matchers = [Matcher(people, within) for _ in range(uavs)]
+        self._columns: list[dict[int, int]] = [{} for _ in range(uavs)]  # of the matchers, by the tracks' ids
         self._found = np.zeros(people, dtype=np.bool_)
 
-    def step(self, snapshot: Snapshot) -> Indices:
-        """States (M,) at the next scan, as indices into `HOLDS`."""
-        count, held = np.zeros(len(snapshot.people), dtype=np.int64), []
-        for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
-            reported = [track for track in known if track.reported]
-            own = [columns.setdefault(track.id, len(columns)) for track in reported]
+    def step(self, people: Array, fleet: Sequence[Reports], working: int) -> Held:
+        """Who holds whom at the next scan; people (M, 2) m, NaN where absent; `working`: number of UAVs that work."""
+        tracks = np.full((len(fleet), len(people)), -1)
+        free = []
+        for i, own in enumerate(fleet):
+            columns = self._columns[i]
+            at = [columns.setdefault(id_, len(columns)) for id_ in own.ids.tolist()]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = np.array([track.belief.mean[:2] for track in reported]).reshape(-1, 2)
-            matched = matcher.step(places, snapshot.people)
-            count += matched >= 0
-            held.append((reported, own, set(matched.tolist())))
-        unheld, gaps = self._found & (count == 0), np.full(len(count), NO_TRACK)
+            places[at] = own.means[:, :2]
+            ids = np.full(len(columns) + 1, -1)  # the last one is for nobody
+            ids[at] = own.ids
+            tracks[i] = ids[self._matchers[i].step(places, people)]
+            free.append(~np.isin(own.ids, tracks[i]))
+        held, present = np.count_nonzero(tracks >= 0, axis=0), ~np.isnan(people[:, 0])
+        unheld, gaps = present & (held == 0), np.full(len(people), NO_TRACK)
         if unheld.any():
-            free = [t for tracks, own, holding in held for t, at in zip(tracks, own, strict=True) if at not in holding]
-            beliefs = beliefs_of(free)
-            gaps[unheld] = find_gaps(snapshot.people[unheld], beliefs.means, beliefs.covariances)
-        self._found |= count > 0
-        return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]), gaps)
+            means, covariances = (
+                np.concatenate([table[each] for table, each in zip(tables, free, strict=True)])
+                for tables in ([own.means for own in fleet], [own.covariances for own in fleet])
+            )
+            gaps[unheld] = find_gaps(people[unheld], means, covariances)
+        self._found |= held > 0
+        return Held(tracks, gaps, _name_states(held, self._found, working, present, gaps))
+
+
+def list_reports(fleet: Sequence[Sequence[Track]]) -> list[Reports]:
+    """What each UAV reports of its tracks."""
+    reported = [[track for track in own if track.reported] for own in fleet]
+    return [Reports(np.array([track.id for track in own], dtype=np.int64), *beliefs_of(own)) for own in reported]
+
+
+@lru_cache(maxsize=1)  # because scores, events, tables and pictures of one mission ask for it
+def find_holding(recording: Recording) -> Held:
+    """Who holds whom at each of the K scans of a recording."""
+    rows = np.flatnonzero(recording.reported)
+    ends = np.searchsorted(rows, recording.track_offsets)
+    holding = Holding(recording.person_count, recording.uav_count, recording.setting.loss_distance)
+    found = []
+    for k, people in enumerate(recording.people):
+        cells = range(k * recording.uav_count, (k + 1) * recording.uav_count)
+        own = [rows[ends[cell] : ends[cell + 1]] for cell in cells]
+        fleet = [Reports(recording.track_ids[n], recording.track_means[n], recording.track_covariances[n]) for n in own]
+        found.append(holding.step(people, fleet, int(recording.working[k].sum())))
+    return Held(*(np.stack(table) for table in zip(*found, strict=True)))
 
 
 def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
@@ -71,14 +133,10 @@ def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
     return found
 
 
-def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags, gaps: Indices) -> Indices:
-    """States of people, as indices into `HOLDS`.
-
-    held: number of UAVs that hold each person; found: True if held so far; fleet: number of working UAVs; gaps: as
-    from `find_gaps`.
-    """
+def _name_states(held: Indices, found: Flags, working: int, present: Flags, gaps: Indices) -> Indices:
+    """States (M,), as indices into `HOLDS`, of people whom so many UAVs hold and any has `found` so far."""
     states = np.where(gaps == INSIDE, HOLDS.index("off"), HOLDS.index("lost"))
     states[~found] = HOLDS.index("not found yet")
     states[held > 0] = HOLDS.index("held by some")
-    states[(held > 0) & (held == fleet)] = HOLDS.index("held")
+    states[(held > 0) & (held == working)] = HOLDS.index("held")
     return np.where(present, states, HOLDS.index("absent"))

@@ -1,14 +1,14 @@
 """Score of each UAV: its tracks compared with the people of a recording, scan by scan."""
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
 import numpy as np
 
+from sim.facts.metrics.holding import FAR, find_holding
 from sim.mission.recording import Recording
-from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switches, find_correspondence
+from tracking.metrics.clearmot import Matcher, count_fragmentations, count_switches
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -16,13 +16,11 @@ from tracking.numerics.assignment import most_pairs, pairs_within
 from tracking.numerics.distances import length, squared_distance
 from tracking.registration.pose_errors import move_to_believed
 
-FAR = 10.0  # m, distance beyond which a track belongs to no person: cut-off of GOSPA
-ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that contain 95 % of a planar Gaussian
 _TAKEN = 9.21  # largest squared distance of a track from a detection that it took: 99 % of chi-square, in its noise
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class ReportedTracks:
     """Tracks that one UAV reports at K scans, with a column for each of A track ids."""
 
     ids: Indices  # (A,) ascending
@@ -42,12 +40,12 @@ class Score:
     present: Flags  # (K, M)
     switches: int
     fragmentations: int
-    position_nees: Array  # (E,), one for each pair of a track and the person it is of, see `_find_holders`
+    position_nees: Array  # (E,), one for each pair of a track and the person it is of, see `_find_tracks_by_detections`
     state_nees: Array  # (E',), only pairs with a known velocity of the person
     left_out: int  # pairs of a scan and a reported track that NEES does not count
 
 
-def find_reported_tracks(recording: Recording, uav: int) -> Held:
+def find_reported_tracks(recording: Recording, uav: int) -> ReportedTracks:
     """The tracks that one UAV reports, scan by scan."""
     k, owner = recording.cells(recording.track_offsets)
     rows, scans = (owner == uav) & recording.reported, len(recording.times)
@@ -56,7 +54,7 @@ def find_reported_tracks(recording: Recording, uav: int) -> Held:
     found = np.full((scans, len(ids)), -1)
     means[k[rows], columns] = recording.track_means[rows]
     found[k[rows], columns] = np.flatnonzero(rows)
-    return Held(ids, means, found)
+    return ReportedTracks(ids, means, found)
 
 
 def estimate_velocities(recording: Recording) -> Array:
@@ -97,7 +95,7 @@ def _find_owners(recording: Recording) -> tuple[Indices, Array]:
     return np.concatenate(found), np.concatenate(places)
 
 
-def _find_holders(recording: Recording, held: Held) -> Indices:
+def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -> Indices:
     """Index (K, M) of the track that is of each person at each scan, -1 for none.
 
     It is the track that took the person's last detection, by any UAV, and no later one of somebody else. Which one took
@@ -106,7 +104,7 @@ def _find_holders(recording: Recording, held: Held) -> Indices:
     count where they are from the true pose, and in the noise of the track, too.
     """
     (owners, true), (_, uavs, people) = _find_owners(recording), recording.matched.shape
-    tracks = held.means[:, :, :2]
+    tracks = believed.means[:, :, :2]
     estimates = recording.believed is not None and recording.setting.tracking.pose_errors == "estimate"
     taken_at = true if estimates else recording.measurements
     ends = recording.measurement_offsets[::uavs].tolist()
@@ -117,7 +115,7 @@ def _find_holders(recording: Recording, held: Held) -> Indices:
         rows = rows[owners[rows] >= 0]
         gaps, covariances = places[:, None] - taken_at[rows], recording.measurement_covariances[rows]
         if estimates:
-            covariances = covariances + recording.track_covariances[held.rows[k], None, :2, :2]
+            covariances = covariances + recording.track_covariances[believed.rows[k], None, :2, :2]
         squares = np.full((len(places), people), np.nan)
         np.fmin.at(squares.T, owners[rows], squared_distance(gaps, covariances).T)
         known = [length(places[:, None] - recording.people[0]) / recording.setting.loss_distance] if k == 0 else []
@@ -142,11 +140,11 @@ def score(recording: Recording, uav: int) -> Score:
     on = recording.working[:, uav]
     believed, people = find_reported_tracks(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
-    near = find_correspondence(tracks, people, recording.setting.loss_distance)
-    present, reported = ~np.isnan(people[..., 0]), ~np.isnan(tracks[..., 0])
+    near = find_holding(recording).tracks[on, uav]
+    present, reported = recording.present[on], ~np.isnan(tracks[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, estimate_velocities(recording)[on]], axis=2)
-    holders = _find_holders(recording, believed)[on]
+    holders = _find_tracks_by_detections(recording, believed)[on]
     there = np.take_along_axis(np.pad(reported, ((0, 0), (0, 1))), holders, axis=1)  # the last column is for none
     k, m = np.nonzero(present & there)
     column = holders[k, m]

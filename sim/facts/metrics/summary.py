@@ -11,9 +11,10 @@ from rich.table import Table
 
 from sim.facts.metrics.catalogue import METRICS, evaluate, find_metric
 from sim.facts.metrics.fleet_facts import count_plan_bytes, list_contacts
+from sim.facts.metrics.holding import FAR
 from sim.facts.metrics.machine import describe_machine, list_versions
 from sim.facts.metrics.metric import UNKNOWN, Metric, Outcome, mean
-from sim.facts.metrics.score import FAR, Score
+from sim.facts.metrics.score import Score
 from sim.mission.archive import compute_digest
 from sim.mission.recording import Recording
 from sim.scenario.random_streams import format_seed

@@ -1,13 +1,13 @@
 """Tracks that stand for no person: false tracks and duplicates, for metrics and for events."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from sim.facts.metrics.holding import find_episodes
-from sim.facts.metrics.score import FAR, Held, find_reported_tracks
+from sim.facts.metrics.holding import FAR, find_episodes, find_holding
+from sim.facts.metrics.score import ReportedTracks, find_reported_tracks
 from sim.mission.recording import Recording
 from tracking.metrics.clearmot import find_correspondence
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -28,31 +28,25 @@ class Unmatched:
     since: int  # first scan at which a UAV has a track of this id, reported or not
 
 
-def find_standing_tracks(held: Held, recording: Recording) -> Indices:
-    """Ids (K, M) of one UAV's tracks that stand for people, as in CLEAR MOT; -1 for none."""
-    columns = find_correspondence(held.means[:, :, :2], recording.people, recording.setting.loss_distance)
-    return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
-
-
 def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
-    """Tracks that stand for no person and cannot be paired with a lost person within `FAR` m, as in GOSPA.
+    """Tracks that stand for no person and cannot be paired, within `FAR` m as in GOSPA, with a person without one.
 
     A track within `loss_distance` of a person with another track is a duplicate; others are false tracks. There are
     none if people are unknown.
     """
     if not recording.labelled:
         return
-    people, working, stood = recording.people, recording.working, []
+    people, working, standing = recording.people, recording.working, find_holding(recording).tracks
     rows = recording.cells(recording.track_offsets)[0]  # scan of each row, in ascending order
     alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
-    for i in range(working.shape[1]):
-        held = find_reported_tracks(recording, i)
-        stood.append(find_standing_tracks(held, recording))
-        free = _find_unmatched(held, stood[i], people) & working[:, i, None]
+    for i in range(recording.uav_count):
+        reported = find_reported_tracks(recording, i)
+        free = _find_unmatched(reported, standing[:, i], people) & working[:, i, None]
         for column in np.flatnonzero(free.any(axis=0)).tolist():
-            id_ = int(held.ids[column])
-            alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
+            id_ = int(reported.ids[column])
+            alone[id_][:, i] = free[:, column]
+            places[id_][:, i] = reported.means[:, column, :2]
     for id_, table in alone.items():
         # UAVs may differ about the position; that of the first UAV for which the track stands for no person counts.
         place = places[id_][np.arange(len(table)), table.argmax(axis=1)]
@@ -61,30 +55,30 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
         for first, last, value in find_episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
             if value:
                 span = slice(first, last + 1)
-                left = _find_person_who_left([ids[:first] for ids in stood], id_, np.isnan(people[first, :, 0]))
+                left = _find_person_who_left(standing[:first] == id_, recording.present[first])
                 since = int(rows[np.argmax(recording.track_ids == id_)])
                 nearest, gap = _find_nearest(gaps[span])
                 duplicate = gap <= recording.setting.loss_distance
                 yield Unmatched(id_, first, last, nearest, gap, duplicate, table[span], left, since)
 
 
-def _find_unmatched(held: Held, standing: Indices, people: Array) -> Flags:
-    """Mask (K, A) of one UAV's tracks that stand for no person, given the ids (K, M) from `find_standing_tracks`."""
-    stands = (held.ids == standing[:, :, None]).any(axis=1)
-    places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
-    lost = np.where((standing >= 0)[:, :, None], np.nan, people)
+def _find_unmatched(reported: ReportedTracks, standing: Indices, people: Array) -> Flags:
+    """Mask (K, A) of one UAV's tracks that stand for no person, given the ids (K, M) of those that hold people."""
+    stands = (reported.ids == standing[:, :, None]).any(axis=1)
+    places = np.where(stands[:, :, None], np.nan, reported.means[:, :, :2])
+    unheld = np.where((standing >= 0)[:, :, None], np.nan, people)
     free = ~np.isnan(places[:, :, 0])
     scans = np.flatnonzero(free.any(axis=1))  # scans without such a track do not affect the correspondence
-    matched = find_correspondence(places[scans], lost[scans], FAR)
+    matched = find_correspondence(places[scans], unheld[scans], FAR)
     k, m = np.nonzero(matched >= 0)
     free[scans[k], matched[k, m]] = False
     return free
 
 
-def _find_person_who_left(stood: Sequence[Indices], id: int, absent: Flags) -> int | None:
-    """The last person for whom a track stood, by any UAV's ids (K, M), if that person is absent (M,)."""
-    scans, people = np.nonzero(np.any([ids == id for ids in stood], axis=0))
-    return int(people[-1]) if len(scans) and absent[people[-1]] else None
+def _find_person_who_left(stood: Flags, present: Flags) -> int | None:
+    """The last person for whom a track stood, given for whom it did (K, n, M), unless that person is present (M,)."""
+    scans, people = np.nonzero(stood.any(axis=1))
+    return int(people[-1]) if len(scans) and not present[people[-1]] else None
 
 
 def _find_nearest(gaps: Array) -> tuple[int | None, float]:

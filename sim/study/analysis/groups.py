@@ -10,8 +10,7 @@ import numpy as np
 
 from sim.facts.metrics.metric import Metric
 from sim.scenario.random_streams import format_seed
-from sim.study.analysis.cell_text import append_cell, cell_text, cells_of
-from sim.study.analysis.planner_labels import format_entrant, label_planners
+from sim.study.analysis.labels import append_cell, cell_text, cells_of, format_entrant, label_planners
 from sim.study.cells import Levels
 from sim.study.trials import TrialRow
 from tracking.errors import InputError

@@ -7,12 +7,11 @@ import numpy as np
 
 from planning.planner_loading import add_options
 from sim.facts.metrics.metric import Metric
-from sim.study.analysis.answers import Answer
-from sim.study.analysis.differences import find_common_values
+from sim.study.analysis.answers import Answer, find_common_values
 from sim.study.analysis.groups import Group
 from sim.study.analysis.intervals import estimate_means
+from sim.study.analysis.labels import find_baseline
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.analysis.planner_labels import find_baseline
 from sim.study.cells import VIEW, Levels
 from sim.study.definition import ScoreScale
 from sim.study.trials import TrialPlace, TrialRow

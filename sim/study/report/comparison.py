@@ -9,9 +9,9 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import Answer, find_answers
 from sim.study.analysis.groups import Group, drop_constant_factors, group_rows
+from sim.study.analysis.labels import find_baseline, parse_labels
 from sim.study.analysis.metric_choice import choose_metrics
 from sim.study.analysis.normalised_score import Scored, find_score_ends, score_planners
-from sim.study.analysis.planner_labels import find_baseline, parse_labels
 from sim.study.definition import ScoreScale, Study
 from sim.study.trials import StudyTrial, TrialRow
 from tracking.errors import check_known

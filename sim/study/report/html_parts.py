@@ -7,7 +7,7 @@ from importlib.resources import files
 from itertools import groupby
 from string import Template
 
-from sim.study.analysis.cell_text import cell_text
+from sim.study.analysis.labels import cell_text
 from sim.study.report.tables import Table
 
 

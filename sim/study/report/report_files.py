@@ -13,11 +13,9 @@ from pathlib import Path
 from sim.facts.metrics.metric import Metric
 from sim.mission.atomic_files import write_whole
 from sim.study.analysis.answers import Answer, find_answers
-from sim.study.analysis.cell_text import SYMBOLS, append_cell, cell_text
 from sim.study.analysis.groups import Group, find_constant_factors, find_varying_factors
+from sim.study.analysis.labels import SYMBOLS, append_cell, cell_text, format_entrant
 from sim.study.analysis.metric_choice import RUNTIME, find_shown_metric, list_available
-from sim.study.analysis.planner_labels import format_entrant
-from sim.study.report.answer_columns import format_csv
 from sim.study.report.comparison import About, compare_rows
 from sim.study.report.figures.pictures import Picture, draw_pictures, draw_score_picture
 from sim.study.report.html_parts import (
@@ -30,7 +28,7 @@ from sim.study.report.html_parts import (
 )
 from sim.study.report.sentences import list_shortfalls, write_notes, write_verdict
 from sim.study.report.single_trials import list_failures, show_extreme_maps
-from sim.study.report.tables import make_answer_tables, make_runtime_tables, make_score_table
+from sim.study.report.tables import format_csv, make_answer_tables, make_runtime_tables, make_score_table
 from sim.study.trials import TrialRow
 from tracking.errors import InputError
 

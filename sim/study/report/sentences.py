@@ -4,10 +4,9 @@ import math
 from collections.abc import Sequence
 
 from sim.facts.metrics.metric import Metric
-from sim.study.analysis.answers import Answer
-from sim.study.analysis.cell_text import append_cell
-from sim.study.analysis.differences import Difference
+from sim.study.analysis.answers import Answer, Difference
 from sim.study.analysis.intervals import LEVEL, POWER
+from sim.study.analysis.labels import append_cell
 
 ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as often as they claim
 

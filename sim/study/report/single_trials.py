@@ -9,9 +9,8 @@ import numpy as np
 
 from sim.facts.metrics.metric import Metric
 from sim.scenario.random_streams import format_seed
-from sim.study.analysis.cell_text import cell_text, make_slug
 from sim.study.analysis.groups import Group
-from sim.study.analysis.planner_labels import format_entrant
+from sim.study.analysis.labels import cell_text, format_entrant, make_slug
 from sim.study.cells import Levels
 from sim.study.report.html_parts import make_command_line, make_table_element
 from sim.study.trials import TrialRow

@@ -14,9 +14,8 @@ from rich.markup import escape
 
 from sim.facts.metrics.machine import list_versions
 from sim.scenario.random_streams import format_seed
-from sim.study.analysis.cell_text import cell_text
 from sim.study.analysis.groups import find_constant_factors
-from sim.study.analysis.planner_labels import format_entrant, shorten_labels
+from sim.study.analysis.labels import cell_text, format_entrant, shorten_labels
 from sim.study.report.comparison import About, compare_rows
 from sim.study.report.report_files import write
 from sim.study.report.sentences import list_shortfalls, write_notes

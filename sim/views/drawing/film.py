@@ -13,8 +13,8 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from sim.facts.metrics.holding import Holding
-from sim.facts.numbering import number_tracks
+from sim.facts.metrics.holding import Holding, list_reports
+from sim.facts.words import number_tracks
 from sim.mission.atomic_files import make_part_path
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
@@ -127,7 +127,7 @@ class Film:
         """The states (M,) of people, which depend on earlier snapshots; the curve of OSPA grows."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses), self._within)
         self._sparkline.add(snapshot.time, snapshot.error)
-        return self._holding.step(snapshot)
+        return self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
         big, error = TextStyle(20, bold=True), snapshot.error

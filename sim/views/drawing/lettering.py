@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.ft2font import FT2Font
 from numpy.typing import NDArray
 
-from sim.facts.text import TextGroup
+from sim.facts.words import TextGroup
 from sim.views.drawing.palette import FAINT, INK, Colour
 from tracking.numerics.arrays import Image
 

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from sim.facts.metrics.holding import HOLDS
-from sim.facts.metrics.score import ELLIPSE
-from sim.facts.numbering import name_track, number_snapshot
+from sim.facts.metrics.holding import ELLIPSE, HOLDS
+from sim.facts.words import name_track, number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario

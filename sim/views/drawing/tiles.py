@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from sim.facts.numbering import name_track
+from sim.facts.words import name_track
 from sim.mission.snapshot import Snapshot
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, measure_width, write

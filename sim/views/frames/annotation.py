@@ -7,15 +7,16 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from sim.facts.numbering import name_track
-from sim.facts.sightings import PERSON_RADIUS, Sight, Sighting, outline_cylinder, outline_hidden_ground
+from sim.facts.sightings import FrameFacts, Sighting, outline_cylinder, outline_hidden_ground
+from sim.facts.words import name_track
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, write
 from sim.views.drawing.map_view import looks_down, outline_ellipse
 from sim.views.drawing.marks import draw_cross, draw_detection
 from sim.views.drawing.palette import DETECTION, INK, PANEL, track_colour
 from sim.views.drawing.strokes import SHIFT, draw_disc, draw_line, draw_outline, to_fixed_point
-from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
+from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Image
 
 Mark = Callable[[Image, Array], None]
@@ -23,7 +24,7 @@ _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)] 
 _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 
 
-def annotate(frame: Image, sight: Sight, size: int) -> tuple[Image, set[str]]:
+def annotate(frame: Image, sight: FrameFacts, size: int) -> tuple[Image, set[str]]:
     """The frame (H, W, 3) RGB, enlarged, with all marks, and the names of the marks that it shows.
 
     Its longer edge P becomes the largest multiple of P up to `size` pixels, so that each pixel of the camera becomes a
@@ -50,7 +51,7 @@ class _Scale(NamedTuple):
 class _View:
     """Drawing over the frame of one camera: marks first, then their names, clear of all marks."""
 
-    def __init__(self, image: Image, sight: Sight) -> None:
+    def __init__(self, image: Image, sight: FrameFacts) -> None:
         self._image, self._sight = image, sight
         self._scale = max(image.shape) / max(sight.camera.size)
         self._size = np.array(image.shape[1::-1])
@@ -96,7 +97,7 @@ class _View:
         return np.asarray(self._scale * self._sight.camera.project(self._sight.believed, at_target_height(ground))[0])
 
     def _person(self, sighting: Sighting) -> Array:
-        body = np.array([*sighting.place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT])
+        body = np.array([*sighting.place, PERSON_RADIUS, 0.0, PERSON_HEIGHT])
         return np.asarray(self._scale * outline_cylinder(self._sight.camera, self._sight.pose, body))
 
     def _draw_measurements(self) -> None:

@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 
 from sim.facts.metrics.summary import format_recording_title
-from sim.facts.numbering import name_track
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import Sight, Sighting, tell_pose_error
-from sim.facts.text import TextGroup
+from sim.facts.sightings import FrameFacts, Sighting, make_frame_facts, tell_pose_error
+from sim.facts.words import TextGroup, name_track
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.recording import Recording
 from sim.views.drawing.layout import GAP
@@ -33,7 +32,7 @@ _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's d
 def draw_frame_page(rerenderer: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotate`."""
     recording, scenario = rerenderer.recording, rerenderer.recording.setting
-    sight = Sight.of(recording, k, uav)
+    sight = make_frame_facts(recording, k, uav)
     view, shown = annotate(rerenderer.image(k, uav), sight, size)
     height, width = (edge + 2 * BORDER for edge in view.shape[:2])
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[scenario.uavs[uav].mount]
@@ -106,7 +105,7 @@ def _describe_camera(camera: Camera) -> str:
     return f"{size}, {angle:.0f}°" + ", bent by its lens" * camera.is_bent
 
 
-def _draw_panel(sight: Sight, notes: list[str], whole: dict[int, int], shown: set[str], *, height: int) -> Image:
+def _draw_panel(sight: FrameFacts, notes: list[str], whole: dict[int, int], shown: set[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high.
 
     notes: the beginning of its first section; whole: pixels of each person shown in an image, if nothing hid it;
@@ -126,7 +125,7 @@ def _draw_panel(sight: Sight, notes: list[str], whole: dict[int, int], shown: se
     return image
 
 
-def _make_sections(sight: Sight, notes: list[str], whole: dict[int, int]) -> list[TextGroup]:
+def _make_sections(sight: FrameFacts, notes: list[str], whole: dict[int, int]) -> list[TextGroup]:
     tracks = [
         f"track {name_track(track)}: ± {major:.2f} × {minor:.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
@@ -140,7 +139,7 @@ def _make_sections(sight: Sight, notes: list[str], whole: dict[int, int]) -> lis
     ]
 
 
-def _describe_people(sight: Sight, whole: dict[int, int]) -> list[str]:
+def _describe_people(sight: FrameFacts, whole: dict[int, int]) -> list[str]:
     """Lines about people: those in the view one by one, the others together."""
     near = [sighting for sighting in sight.people if sighting.in_image]
     lines = _shorten([_describe_sighting(sighting, whole.get(sighting.person)) for sighting in near])

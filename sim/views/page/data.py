@@ -45,12 +45,12 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
 
     Lists run over shown scans, then UAVs, then people or tracks; null means absent or broken down.
     """
-    recording, scenario, history, events = flight.recording, flight.scenario, flight.history, flight.events
+    recording, scenario, people, events = flight.recording, flight.scenario, flight.people, flight.events
     shown = Shown.of(recording)
     every, rate = slice(None, None, shown.stride), scenario.rates.sensing / shown.stride
-    view_texts = [history.view_texts(m)[every] for m in range(recording.person_count)]
-    rows, folded = choose_rows(history)
-    holders = history.tracks[every]
+    view_texts = [people.view_texts(m)[every] for m in range(recording.person_count)]
+    rows, folded = choose_rows(people)
+    holders = people.tracks[every]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
     return {
         "labelled": recording.labelled,
@@ -66,12 +66,12 @@ def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
         "views": _list_views(recording, recording.cameras[every]),
         "believed": None if recording.believed is None else _list_views(recording, recording.believed[every]),
         "tracks": _list_tracks(recording)[every],
-        "states": history.camera_states[every].tolist(),
+        "states": people.camera_states[every].tolist(),
         "texts": list(texts),
         "view_texts": [[texts[text] for text in column] for column in view_texts],
-        "holds": history.hold_states[every].tolist(),
+        "holds": people.hold_states[every].tolist(),
         "holders": recording.numbers_of(holders.ravel()).reshape(holders.shape).tolist(),
-        "works": history.working[every].astype(int).tolist(),
+        "works": recording.working[every].astype(int).tolist(),
         "ospa": _put_nulls(recording.errors[every, :, 0], 3, np.isnan(recording.errors[every, :, 0])),
         "rows": rows,
         "folded": folded,

@@ -16,9 +16,8 @@ from string import Template
 import av
 import msgspec
 
-from sim.facts.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, sort_by_severity
+from sim.facts.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event, sort_by_severity, summarise_outages
 from sim.facts.flight import Flight
-from sim.facts.link_outages import summarise_outages
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.summary import format_recording_title

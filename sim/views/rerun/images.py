@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from sim.facts.numbering import name_track, number_snapshot
 from sim.facts.rerender import Rerenderer
 from sim.facts.tracking_replay import replay_tracking
+from sim.facts.words import name_track, number_snapshot
 from sim.views.drawing.palette import DETECTION, lighten, track_colour
 from sim.views.drawing.tiles import draw_broken
 from sim.views.rerun.scene import find_broken

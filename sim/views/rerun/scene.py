@@ -11,14 +11,15 @@ import rerun as rr
 
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import HOLDS
-from sim.facts.numbering import name_track, number_snapshot
+from sim.facts.words import name_track, number_snapshot
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from sim.views.drawing import palette
 from sim.views.drawing.intents import Intents
 from sim.views.drawing.map_view import outline_ellipse
 from sim.views.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, lighten, track_colour, uav_colour
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import PERSON_HEIGHT, TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.track import Track, beliefs_of
 
@@ -96,7 +97,7 @@ class Scene:
     def __init__(self, stream: rr.RecordingStream, flight: Flight) -> None:
         self._stream = stream
         self._recording = flight.recording
-        self._holds = flight.history.hold_states
+        self._holds = flight.people.hold_states
         self._intents = Intents(flight.scenario)
 
     def log(self, k: int) -> None:
@@ -119,7 +120,7 @@ class Scene:
     def _log_people(self, snapshot: Snapshot, holds: Sequence[str]) -> None:
         here = np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist()
         people = rr.Capsules3D(
-            lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
+            lengths=[PERSON_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
             translations=_lift(snapshot.people[here], 0.3),
             colors=[palette.UNHELD_COLOURS.get(holds[m], PANEL) for m in here],
@@ -129,7 +130,7 @@ class Scene:
         )
         unheld = [m for m in here if holds[m] in palette.UNHELD_COLOURS]
         names = rr.Points3D(
-            _lift(snapshot.people[unheld], 2 * TARGET_HEIGHT),
+            _lift(snapshot.people[unheld], PERSON_HEIGHT),
             radii=0.1,
             colors=[lighten(palette.UNHELD_COLOURS[holds[m]]) for m in unheld],
             labels=[f"person {m} {holds[m]}" for m in unheld],

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from sim.facts.event import IDENTITIES, UNMATCHED, Event
 from sim.facts.flight import Flight
-from sim.facts.history import STATES
 from sim.facts.metrics.fleet_facts import average_ospa
 from sim.facts.metrics.holding import find_episodes
+from sim.facts.people import STATES
 from sim.mission.recording import Recording
 from sim.views.drawing import palette
 from sim.views.drawing.palette import Colour, lighten, pale, track_colour, uav_colour
@@ -117,15 +117,15 @@ def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArra
 
 def log_states(stream: rr.RecordingStream, flight: Flight) -> None:
     """Log each person's states in the cameras and to the tracks, and tracks that stand for no person."""
-    history = flight.history
-    for m in range(history.present.shape[1]):
-        _log_states(stream, f"people/{m}/cameras", history.times, history.states[:, m], _STATES)
-        _log_states(stream, f"people/{m}/tracks", history.times, history.hold_states[:, m], palette.HOLD_COLOURS)
-    kinds = np.zeros(len(history.times), dtype=np.int64)
+    recording, people = flight.recording, flight.people
+    for m in range(recording.person_count):
+        _log_states(stream, f"people/{m}/cameras", recording.times, people.states[:, m], _STATES)
+        _log_states(stream, f"people/{m}/tracks", recording.times, people.hold_states[:, m], palette.HOLD_COLOURS)
+    kinds = np.zeros(len(recording.times), dtype=np.int64)
     for event in flight.events:
         if event.kind in UNMATCHED:
             kinds[event.first : event.last + 1] |= 1 + UNMATCHED.index(event.kind)
-    _log_states(stream, "people/none/tracks", history.times, kinds, _UNMATCHED)
+    _log_states(stream, "people/none/tracks", recording.times, kinds, _UNMATCHED)
 
 
 def _log_states(

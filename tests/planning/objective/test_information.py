@@ -12,7 +12,8 @@ from planning.objective.nbo import make_objective
 from tracking.filter.kalman import Gaussian
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import detectable_shares
 
 WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.75, scans=5)
 

@@ -25,7 +25,8 @@ from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.intent import expect_plans
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.response import camera_paths
-from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import detectable_shares
 from tracking.undetected import Intensity
 
 NONE = Intensity(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))

@@ -9,7 +9,8 @@ from helpers.nominal import team_cost
 from planning.prediction.propagation import Nominal
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.track import Track
 
 HORIZON, DRAWS = 5, 3000

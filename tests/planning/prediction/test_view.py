@@ -17,9 +17,10 @@ from planning.prediction.quadrangle import inside, radius_in_view, shortest_move
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.numerics.trigonometry import tan
-from tracking.tracker import Track
+from tracking.track import Track
 
 
 def vehicle(tilt=0.0, heading=0.0, *, fov=60.0, height=19.1, place=(3.0, -4.0)):

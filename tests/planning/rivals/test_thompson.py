@@ -13,7 +13,8 @@ from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
 from planning.rivals.thompson import DrawnWorld, Thompson, _list_places, draw_world
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import detectable_shares
 from tracking.undetected import Intensity
 
 

@@ -5,8 +5,8 @@ from helpers.trials import row
 
 from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
+from sim.study.analysis.labels import find_baseline, parse_labels, shorten_labels
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.analysis.planner_labels import find_baseline, parse_labels, shorten_labels
 from sim.study.cells import add_trackers, list_cells
 from sim.study.definition import Study
 from tracking.errors import InputError

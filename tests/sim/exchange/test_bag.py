@@ -14,8 +14,8 @@ from sim.exchange.flight_log import read_flight
 from sim.exchange.ros_bag import RosBag
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
-from tracking.geometry.visibility import TARGET_HEIGHT
 
 FOCAL = 540 / math.tan(math.radians(20))  # pixels, of 1080 over 40 degrees
 TIMES = np.arange(0, 2, 0.2).tolist()

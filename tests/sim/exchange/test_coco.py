@@ -9,7 +9,7 @@ import pytest
 from sim.exchange.flight_log import read_flight
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 IMAGES = [{"id": 7 - k, "time_s": 0.5 * k, "width": 640, "height": 480, "file_name": f"{k}.png"} for k in range(4)]
 

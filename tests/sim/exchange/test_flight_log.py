@@ -10,7 +10,7 @@ from sim.exchange.flight_log import FlightOptions, read_flight
 from sim.exchange.tracked_flight import track_flight
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 SPEED = np.array([1.2, 0.5])  # m/s, of the only person
 CLOCKS = {0: np.arange(0, 10, 0.2).tolist(), 1: (0.07 + np.arange(0, 10, 0.5)).tolist()}  # s, of the frames

@@ -17,7 +17,7 @@ from sim.running.results import run_mission
 from sim.scenario.loading import load
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 SETTINGS = ["duration=10", "sensing.mode=ideal", "trees.density=75", "tracking.initial_tracks=none"]
 INFO = "[Sequence]\nname=walk\nframeRate=25\nseqLength=5\nimWidth=1920\nimHeight=1080\n"

@@ -10,8 +10,8 @@ from helpers.films import frames_of
 import understory
 from sim.exchange.flight_log import read_flight
 from sim.exchange.tracked_flight import track_flight
-from sim.facts.fades import tell_fade
 from sim.facts.flight import Flight
+from sim.facts.sightings import tell_fade
 from tracking.errors import InputError
 
 TREE = "x_m,y_m,canopy_radius_m,canopy_base_m,canopy_top_m,trunk_radius_m"

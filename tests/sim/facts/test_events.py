@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.flights import recorded as recorded_flight
+from helpers.people_facts import with_views
 from helpers.recordings import broken, record
 from scipy.stats import chi2
 
-from sim.facts import events
+from sim.facts import mission_events
 from sim.facts.event import KINDS, UNHELD, format_times, sort_by_severity
-from sim.facts.events import find_events
 from sim.facts.explain.explanation import find_stretches
 from sim.facts.flight import Flight
-from sim.facts.history import History
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS, INSIDE, NO_TRACK, OUTSIDE, find_gaps
 from sim.facts.metrics.metric import Outcome
+from sim.facts.mission_events import find_events
 from sim.mission import mission
 from sim.mission.radio import RadioLinks, draw_links
 from sim.mission.recorded_links import find_recorded_links
@@ -27,7 +27,7 @@ from sim.scenario.scenario import encode_scenario
 from sim.scenario.uavs import Cut, Network
 from tracking.filter.kalman import Gaussian
 from tracking.parameters import Tracking
-from tracking.tracker import Track
+from tracking.track import Track
 
 SETTING = synthetic.scenario(uavs=2, people=2)
 PEOPLE = np.array([[0.0, 0.0], [20.0, 0.0]])
@@ -103,7 +103,7 @@ def test_losses_are_graded_by_the_tracks_that_hold_nobody_and_told_the_worst_fir
     on, off, outside, gone = (held(*one, (9, 20.0)) for one in ([(7, 0.0)], [(7, 2.0)], [(7, 3.0)], []))
     scans = [on, off, off, on, outside, on, gone, on, off, off, outside, on, off, gone, on]
     flight = Flight(recorded([(scan, scan) for scan in scans]))
-    states = [HOLDS[state] for state in flight.history.hold_states[:, 0]]
+    states = [HOLDS[state] for state in flight.people.hold_states[:, 0]]
     assert states == [{on: "held", off: "off"}.get(scan, "lost") for scan in scans]
     unheld = sort_by_severity(e for e in flight.events if e.person == 0 and e.kind in UNHELD)
     assert [(e.text, e.when) for e in unheld] == [
@@ -129,7 +129,7 @@ def test_the_loss_distance_of_a_scenario_decides_who_is_held():
     far, shares = msgspec.structs.replace(SETTING, loss_distance=2.5), []
     for setting in (SETTING, far):
         flight = Flight(recorded([(on, on), (off, off)], setting))
-        shares.append((METRICS["share_held"](Outcome(flight.recording)), len(flight.history.losses)))
+        shares.append((METRICS["share_held"](Outcome(flight.recording)), len(flight.people.unheld)))
     assert shares == [(0.75, 1), (1.0, 0)]
     assert encode_scenario(SETTING) == encode_scenario(far).replace('"loss_distance":2.5,', "")
 
@@ -163,7 +163,7 @@ def test_a_loss_lasts_until_the_scan_after_it_wherever_it_is_told(last, when):
     assert f"; losses 1, the longest {length:.1f} s>" in repr(flight)
     title = flight.timeline_figure().axes[0].get_title("left")
     assert title.endswith(f"lost once, at worst person 0 for {length:.1f} s from 0.4 s")
-    assert [format_times(*row[:2]) for row in find_stretches(flight.history, 0) if row[2] == "lost"] == [when]
+    assert [format_times(*row[:2]) for row in find_stretches(flight.people, 0) if row[2] == "lost"] == [when]
     again = [e.text for e in flight.events if e.kind == "person found"]
     assert again == ([f"person 0 found again by UAVs 0 and 1 after {length:.1f} s"] if last < 4 else [])
 
@@ -183,14 +183,12 @@ def test_a_track_that_is_not_reported_holds_no_person_and_is_not_false():
 def test_causes_of_a_loss_are_told_in_order_of_time():
     on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on)] + [(off, off)] * 5)
-    history = History.of(recording)
-    none = np.zeros(history.inside.shape, dtype=np.bool_)
-    parts = {name: none.copy() for name in ("inside", "shown", "detected")}
-    hidden_by = np.full(history.inside.shape, -1)
-    parts["inside"][1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
-    parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
-    parts["shown"][4, 1, 0] = True
-    found = find_events(recording, replace(history, hidden_by=hidden_by, **parts))
+    inside, shown, none = np.zeros((3, 6, 2, 2), dtype=np.bool_)
+    hidden_by = np.full(inside.shape, -1)
+    inside[1:3, 0, 0], hidden_by[1:3, 0, 0] = True, 31
+    inside[2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
+    shown[4, 1, 0] = True
+    found = find_events(with_views(recording, inside, hidden_by, shown, none))
     (lost,) = (e for e in found if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
@@ -202,12 +200,12 @@ def test_causes_of_a_loss_are_told_in_order_of_time():
 def test_a_cause_names_the_uavs_that_had_it_at_its_scans():
     on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on)] + [(off, off)] * 3)
-    history, trees = History.of(recording), np.full((4, 2, 2), -1)
+    trees = np.full((4, 2, 2), -1)
     inside, none = np.zeros(trees.shape, dtype=np.bool_), np.zeros(trees.shape, dtype=np.bool_)
     inside[1, 0, 0] = inside[2:, :, 0] = True
     trees[1, 0, 0], trees[2, :, 0], trees[3, 1, 0] = 31, (32, 31), 32
-    history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
-    (lost,) = (e for e in find_events(recording, history) if e.kind == "person lost")
+    facts = with_views(recording, inside, trees, none, none)
+    (lost,) = (e for e in find_events(facts) if e.kind == "person lost")
     assert lost.why == (
         "hidden by tree 31 from UAV 0 (0.2 s); hidden by tree 31 from UAV 1, by tree 32 from UAV 0 (0.2 s); "
         "hidden by tree 32 from UAV 1; not shown to UAV 0, though no tree is in the way (0.2 s); track 0 is gone"
@@ -228,11 +226,11 @@ def test_of_a_person_in_no_frame_the_nearest_uav_that_works_comes_first():
 def test_the_longest_three_causes_of_a_loss_are_told():
     on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on)] + [(off, off)] * 7)
-    history, trees = History.of(recording), np.full((8, 2, 2), -1)
+    trees = np.full((8, 2, 2), -1)
     trees[1:, 0, 0] = 4, 5, 5, 6, 6, 7, 7
     none, inside = np.zeros(trees.shape, dtype=np.bool_), trees >= 0
-    history = replace(history, hidden_by=trees, inside=inside, shown=none, detected=none)
-    (lost,) = (e for e in find_events(recording, history) if e.kind == "person lost")
+    facts = with_views(recording, inside, trees, none, none)
+    (lost,) = (e for e in find_events(facts) if e.kind == "person lost")
     causes = [f"hidden by tree {tree} from UAV 0 (0.4 s)" for tree in (5, 6, 7)]
     assert lost.why == "; ".join([*causes, "track 0 is gone"])
 
@@ -285,7 +283,7 @@ def test_what_links_have_is_told_when_it_begins_and_of_uavs_that_work(monkeypatc
     silent = np.array([[[True, True], [False, True]]])  # of one round; nothing of UAV 1 reaches UAV 0
     heard, unheard = RadioLinks(pair, ~pair[None]), RadioLinks(pair, silent)
     scans = [heard, *[unheard] * 3, RadioLinks(none, silent), *[unheard] * 2, heard]
-    monkeypatch.setattr(events, "find_recorded_links", lambda _: scans)
+    monkeypatch.setattr(mission_events, "find_recorded_links", lambda _: scans)
     assert [e[:2] for e in told(recording, ()) if e[1].startswith(("link", "messages"))] == [
         (0.2, "messages lost"),
         (0.8, "link lost"),

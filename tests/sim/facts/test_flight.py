@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from sim.facts.columns import TABLES
 from sim.facts.flight import Flight, load
-from sim.facts.numbering import number_snapshot
 from sim.facts.rerender import Rerenderer
+from sim.facts.words import number_snapshot
 from sim.mission.archive import save
 from sim.mission.recording import FIELDS
 from sim.views.drawing.map_view import MapView
@@ -59,17 +59,17 @@ def test_each_row_of_a_table_is_what_the_recording_says(flight):
 
 
 def test_people_sightings_and_losses_are_those_of_the_history(flight):
-    history = flight.history
+    history = flight.people
     people, sightings, losses = (flight.columns(name) for name in ("people", "sightings", "losses"))
-    assert len(people["time_s"]) == history.present.sum() == 21 * 4 - 5  # the fourth comes after a second
+    assert len(people["time_s"]) == history.recording.present.sum() == 21 * 4 - 5  # the fourth comes after a second
     gone = (people["time_s"] >= 1.0) & (people["time_s"] <= 2.0)
     assert not people["held_by_uavs"][gone].any()
     step = people["person"] == 0
     np.testing.assert_allclose(np.diff(people["x_m"][step])[0] / 0.2, people["vx_m_per_s"][step][0])
     seen = sightings["inside"]
-    assert seen.sum() == history.inside.sum()
-    assert (sightings["hidden_by_tree"][seen] >= 0).sum() == (history.hidden_by >= 0).sum() > 0
-    outside = np.argwhere(history.present & ~history.inside.any(axis=1) & ~history.held.astype(bool))[0]
+    assert seen.sum() == history.views.inside.sum()
+    assert (sightings["hidden_by_tree"][seen] >= 0).sum() == (history.views.hidden_by >= 0).sum() > 0
+    outside = np.argwhere(history.recording.present & ~history.views.inside.any(axis=1) & ~history.held.astype(bool))[0]
     visible = flight.recording.visible.copy()
     visible[outside[0], 1, outside[1]] = 3  # at the edge of the frame
     cut = Flight(dataclasses.replace(flight.recording, visible=visible)).columns("sightings")
@@ -77,7 +77,7 @@ def test_people_sightings_and_losses_are_those_of_the_history(flight):
     assert (sightings["held_by_track"] >= 0).sum() == (history.tracks >= 0).sum()
     assert [tuple(row) for row in zip(*losses.values(), strict=True)] == [
         (loss.person, 0.2 * loss.first, pytest.approx(0.2 * (loss.last + 1)), loss.found, *loss.scans)
-        for loss in history.losses
+        for loss in history.unheld
     ]
     events = flight.columns("events")
     assert [*zip(*events.values(), strict=True)] == [(e.time, e.kind, e.sentence) for e in flight.events]

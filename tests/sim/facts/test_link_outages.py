@@ -10,10 +10,9 @@ import pytest
 from helpers import synthetic
 from helpers.recordings import broken, record
 
-from sim.facts import events
-from sim.facts.event import Event
+from sim.facts import mission_events as events
+from sim.facts.event import Event, list_outages_at, summarise_outages
 from sim.facts.flight import Flight
-from sim.facts.link_outages import list_outages_at, summarise_outages
 from sim.mission.archive import save
 from sim.mission.radio import RadioLinks
 from sim.views.page.page import make_page

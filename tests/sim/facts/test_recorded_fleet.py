@@ -4,7 +4,7 @@ import numpy as np
 from helpers.flights import IDEAL, fly, recording_of
 from helpers.teams import Spy
 
-from sim.facts.recorded_fleet import make_vehicles
+from sim.facts.explain.planned_visibility import make_vehicles
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
 

@@ -10,9 +10,9 @@ from helpers import synthetic
 from helpers.flights import PAIR, filmed
 from helpers.recordings import record
 
+from sim.facts.flight import find_scans
 from sim.facts.rerender import Rerenderer
-from sim.facts.scan_choice import find_scans
-from sim.facts.sightings import Sight, Sighting
+from sim.facts.sightings import FrameFacts, Sighting, make_frame_facts
 from sim.mission.archive import save
 from sim.mission.recording import Recording
 from sim.views.drawing.labels import Labels
@@ -26,8 +26,9 @@ from sim.world.world import World
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.tracker import Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Track
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def mission():
 
 def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
     recording, _ = filmed("uavs.0.rate=1", "trees.density=0", duration=2)
-    taken, idle = (Sight.of(recording, k, 0) for k in (5, 6))
+    taken, idle = (make_frame_facts(recording, k, 0) for k in (5, 6))
     assert any(p.status == "in view" for p in taken.people)
     assert {p.status for p in idle.people} <= {"in view", "outside the view"}
     assert any(p.status == "in view" for p in idle.people)
@@ -72,7 +73,7 @@ def scene(*, tracks=(), people=(), trees=(), pose=None):
     trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
     first = next(synthetic.snapshots(setting, trees, 1))
     snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
-    return Sight(setting.uavs[0].true_camera, trees, snapshot, 0, ())
+    return FrameFacts(setting.uavs[0].true_camera, trees, snapshot, 0, ())
 
 
 def bare(seen):

@@ -8,13 +8,14 @@ import pytest
 from helpers import synthetic
 from helpers.poses import tilted
 
-from sim.facts.sightings import Sight, outline_cylinder, outline_hidden_ground
+from sim.facts.sightings import make_frame_facts, outline_cylinder, outline_hidden_ground
 from sim.mission.recorder import Recorder
 from sim.scenario.scenario import encode_scenario
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.tracker import Track
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
+from tracking.track import Track
 
 CAMERA = Camera(math.radians(60), 128)
 
@@ -68,7 +69,7 @@ def sight(people, trees, *, visible, tracks=((),)):
         }
         recorder.add(type(first)(**{**vars(first), **values}))
     recording = recorder.recording(scenario=encode_scenario(setting), planner="p", seed=0, forest=Forest(tuple(trees)))
-    return Sight.of(recording, len(tracks) - 1, 0)
+    return make_frame_facts(recording, len(tracks) - 1, 0)
 
 
 def test_every_person_and_track_is_named_with_trees_that_hide_people():

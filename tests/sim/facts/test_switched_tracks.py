@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 
 from sim.facts.event import IDENTITIES, UNMATCHED, Event, assign_lanes
 from sim.facts.flight import Flight
-from sim.facts.history import History
+from sim.facts.people import PeopleFacts
 from sim.mission.archive import save
 from sim.views.drawing.palette import FALSE
 from sim.views.drawing.plots import rgb
@@ -64,7 +64,7 @@ def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
 
 
 def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
-    figure = draw_timeline(History.of(mission), mission.ospa, Flight(mission).events)
+    figure = draw_timeline(PeopleFacts(mission), mission.ospa, Flight(mission).events)
     (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
     shades = [tuple(face[:3]) for face in boxes.get_facecolors()]
     at = [path.vertices[:, 0] for path, s in zip(boxes.get_paths(), shades, strict=True) if s == rgb(FALSE)]

@@ -13,7 +13,7 @@ from helpers.summaries import summary
 from helpers.teams import Spy, with_little_effort
 
 from planning.catalogue import PLANNERS
-from sim.facts.scan_choice import find_scans
+from sim.facts.flight import find_scans
 from sim.mission.archive import load as load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission

@@ -57,7 +57,7 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refu
 @pytest.mark.parametrize("command", ["frames", "export", "film", "page", "picture"])
 def test_a_default_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, monkeypatch):
     """As of a folder that may be read only, which stops no superuser."""
-    for module in ("recordings", "explain", "export"):
+    for module in ("frames", "replay", "explain", "export"):
         monkeypatch.setattr(f"sim.cli.{module}.find_folder", lambda recorded: Path("file"))
     said = refused(*COMMANDS[command])
     assert re.fullmatch(r"understory: file/\S+ cannot be written: Not a directory; name a place with --out\n", said)

@@ -18,7 +18,7 @@ from sim.mission.tracker_setup import make_tracker_parameters
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.management.escapes import Escapes
 
 COUNT = 3000

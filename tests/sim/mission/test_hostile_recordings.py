@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sim.exchange.export import export
-from sim.facts.history import History
+from sim.facts.people import PeopleFacts
 from sim.mission.archive import find_recording, load, save
 from sim.mission.fault_text import LONGEST, MOST
 from sim.mission.npz import MOST_BYTES
@@ -320,7 +320,7 @@ def sound_or_one_line(path):
     save(recording, path.with_name("again.npz"))
     assert_same(load(path.with_name("again.npz")), recording)
     summary(recording, seconds={}, wall_s=0.0)
-    History.of(recording)
+    PeopleFacts(recording)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from scipy.stats import poisson
 
 from planning.catalogue import DEFAULT_PLANNER
-from sim.facts.recorded_fleet import make_known_forest
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
 from sim.scenario.loading import load
@@ -22,8 +21,9 @@ from tracking.fusion.consensus import step
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import squared_distance
+from tracking.parameters import TrackerParameters
 from tracking.track import Track, beliefs_of
-from tracking.tracker import Tracker, TrackerParameters
+from tracking.tracker import Tracker
 
 FASTEST, MARGIN = 3.0, 1.0  # m/s and m: people come no farther from where they were last seen
 ANGLES = 2.0 * np.pi / 64 * np.arange(64)
@@ -42,7 +42,7 @@ class Found:
         """Track the scans of a recording anew with a motion model; tracks with the model flown must be the recorded."""
         setting = recording.setting
         anew = replace(setting, tracking=replace(setting.tracking, motion=motion))
-        forest, known = make_known_forest(recording), make_initial_tracks(setting, *recording.people[:2])
+        forest, known = recording.known_forest, make_initial_tracks(setting, *recording.people[:2])
         fleet = [
             Tracker(i, view_of(u, anew), forest, make_tracker_parameters(anew), known) for i, u in enumerate(anew.uavs)
         ]

@@ -23,7 +23,7 @@ from sim.mission.recorder import Recorder
 from sim.mission.recording import OPTIONAL, Recording
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
-from tracking.tracker import Scan
+from tracking.track import Scan
 
 
 @pytest.mark.parametrize("options", [{}, {"people": 0}, {"uavs": 1}, {"mode": "ideal"}, {"scans": 1}])

@@ -22,7 +22,8 @@ from sim.scenario.loading import load
 from sim.sensing.cameras import noise_of, view_of
 from sim.views.frames.frame_panels import write_frames
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, visible_samples
 
 ALL = ("sensing.mode=ideal", "sensing.field_of_view=unlimited")
 

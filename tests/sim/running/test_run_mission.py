@@ -10,7 +10,7 @@ import pytest
 from helpers.films import frames_of
 from helpers.processes import python
 
-from sim.facts import events
+from sim.facts import mission_events as events
 from sim.mission.archive import load as load_recording
 from sim.mission.atomic_files import PlaceTaken, make_new_folder
 from sim.mission.trial import ScanProgress, Trial

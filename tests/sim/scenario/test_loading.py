@@ -17,7 +17,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from msgspec import inspect
 
-from sim.cli.recordings import _parse_speed
+from sim.cli.replay import _parse_speed
 from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load

@@ -10,7 +10,8 @@ from helpers.views import CAMERA
 
 from sim.sensing.navigation import NavigationErrors
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.navigation import NAVIGATION, Navigation
 from tracking.registration.pose_errors import move_to_believed
 

@@ -14,11 +14,13 @@ from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 from sim.scenario.environment import Area, Trees
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import DEFAULT_FLEET
-from sim.sensing.renderer import LEAST_FAR_PLANE, NEAR_PLANE, Renderer, capture
+from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE
+from sim.sensing.renderer import Renderer, capture
 from sim.world.forest import grow
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 
 FINE = Camera(math.radians(60), 256)
 ROWS, COLUMNS = np.divmod(np.arange(FINE.pixels**2), FINE.pixels)

@@ -27,7 +27,8 @@ from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 from tracking.registration.pose_errors import move_to_believed
 
 BARREL = Camera.calibrated(160, 120, (140.0, 138.0), (82.0, 59.0), (-0.3, 0.09, 0.001, -0.001))

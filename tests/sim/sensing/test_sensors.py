@@ -23,7 +23,8 @@ from tracking.detection.detection_errors import whole_covariances
 from tracking.detection.detector import Frame
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree, detectable_shares
 
 OPEN = Forest(())
 ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]

@@ -104,18 +104,11 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
     ("make", "message"),
     [
         (lambda path: path.write_text("no database, however long\n" * 200), "cannot be used: file is not a database"),
-        (
-            lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA + 1}"),
-            f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}",
-        ),
-        (
-            lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA - 1}"),
-            f"is a store of version {SCHEMA - 1}, but this program reads {SCHEMA}",
-        ),
+        (lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA + 1}"), f"version {SCHEMA + 1}, but this"),
         (lambda path: sql(path.parent, "CREATE TABLE mine (x)"), "is a database, but no store of a study"),
         (Path.mkdir, "cannot be used: is not a file"),
     ],
-    ids=["text", "newer", "older", "other", "folder"],
+    ids=["text", "newer", "other", "folder"],
 )
 def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, make, message):
     path = tmp_path / NAME
@@ -168,18 +161,10 @@ def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
     ("statement", "message"),
     [
         ("DELETE FROM study", "it names no study"),
-        ("INSERT INTO study VALUES ('another')", "it names no study"),
-        ("UPDATE study SET name = x'ff'", "it names no study"),
-        ("ALTER TABLE study RENAME COLUMN name TO title", "no such column: name"),
         ("DROP TABLE trials", "no such table: trials"),
         ("UPDATE trials SET metrics = '[]'", "a trial in it: Expected `object`, got `array`"),
-        ("UPDATE trials SET factors = 'x'", "a trial in it: JSON is malformed"),
         ("UPDATE trials SET ospa = x'ffffff'", "a trial in it: buffer size must be a multiple"),
-        ("UPDATE trials SET ospa = 'text'", "a trial in it: Expected `bytes`, got `str`"),
         ("UPDATE trials SET scans_per_s = 0", "a trial in it: scans_per_s is 0"),
-        ("UPDATE trials SET seed = 'x'", "a trial in it: invalid literal for int"),
-        ("UPDATE trials SET seed = 9e999", "a trial in it: Expected `int | str`, got `float`"),
-        ("UPDATE trials SET planner = x'ff'", "a trial in it: Expected `str`, got `bytes`"),
     ],
 )
 def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, message):

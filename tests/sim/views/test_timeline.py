@@ -1,18 +1,16 @@
 """The timeline of a mission: stretches of time counted by hand, and a figure that shows each of them."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from helpers.histories import history
 from helpers.legends import words as words_of
+from helpers.people_facts import make_facts, spell_facts
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
 
 from sim.facts.event import Event
 from sim.facts.flight import Flight
-from sim.facts.history import BROKEN, STATES, History
-from sim.facts.metrics.holding import HOLDS, NO_TRACK, Episode, find_episodes
+from sim.facts.metrics.holding import HOLDS, Episode, find_episodes
+from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.views.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, uav_colour
 from sim.views.drawing.plots import rgb
 from sim.views.timeline import choose_rows, draw_timeline
@@ -26,7 +24,7 @@ def test_stretches_states_and_holds_are_those_counted_by_hand():
     working[4:, 1] = False
     present = np.array([[True]] * 5 + [[False]])
     looked = np.array([[True, k % 2 == 0] for k in range(6)])
-    made = history(
+    made = spell_facts(
         ["-xxx--", "x-x---"],
         ["--xx--", "x-----"],
         ["---x--", "x-----"],
@@ -38,11 +36,11 @@ def test_stretches_states_and_holds_are_those_counted_by_hand():
     names = [[STATES[s] if s != BROKEN else "broken" for s in lane] for lane in made.camera_states[:, :, 0].T]
     assert names[0] == ["out of view", "hidden", "missed", "seen", "out of view", "absent"]
     assert names[1] == ["seen", "seen", "hidden", "hidden", "broken", "broken"]  # no frames at odd scans
-    assert made.last_frames[:, 1].tolist() == [0, 0, 2, 2, 4, 4]
+    assert made.last_frames[:, 1].tolist() == [0, 0, 2, 2, 2, 2]
     held = [HOLDS[s] for s in made.hold_states[:, 0]]
     assert held == ["not found yet", "held", "lost", "held by some", "lost", "absent"]
     working = np.array([[True, True], [True, False], [False, False]])
-    made = history(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
+    made = spell_facts(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
     assert [HOLDS[s] for s in made.hold_states[:, 0]] == ["held by some", "held", "lost"]
 
 
@@ -59,7 +57,7 @@ def event(kind, first, last, **concerned):
 
 
 def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
-    made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
+    made = spell_facts(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
     events = [event("false track", 0, 2, track=3)]
     found = shades(draw_timeline(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
@@ -67,13 +65,13 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     assert spans[LOST] == [pytest.approx((0.2, 0.6))] and spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
     assert spans[FALSE] == [pytest.approx((0.0, 0.6))]
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
-    calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
+    calm = spell_facts(["xx"], ["xx"], ["xx"], [[1, 1]])
     title = draw_timeline(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
     assert title.endswith("100.0 % of the time, never lost")
-    lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
+    lost = spell_facts(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
     title = draw_timeline(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
     assert title == "People held 50.0 % of the time, lost once, at worst person 0 for 0.4 s from 0.2 s"
-    apart = history(["x---"] * 2, ["x---"] * 2, ["x---"] * 2, [[1, -1, -1, 1], [1, 1, -1, -1]])
+    apart = spell_facts(["x---"] * 2, ["x---"] * 2, ["x---"] * 2, [[1, -1, -1, 1], [1, 1, -1, -1]])
     assert "held 50.0 %" in draw_timeline(apart, np.ones((4, 2, 3)), ()).axes[0].get_title("left")
 
 
@@ -83,7 +81,7 @@ def legend_of(figure):
 
 def test_the_legend_lists_what_is_drawn_and_nothing_else():
     """The first UAV has the person out of view, hidden, missed and seen; each state to the tracks comes once, too."""
-    made = history(["-xxx", "----"], ["--xx", "----"], ["---x", "----"], [[-1, 5, 5, -1], [-1, 5, -1, -1]])
+    made = spell_facts(["-xxx", "----"], ["--xx", "----"], ["---x", "----"], [[-1, 5, 5, -1], [-1, 5, -1, -1]])
     everything = [
         "seen by UAV 0",
         "shown, not detected",
@@ -101,14 +99,14 @@ def test_the_legend_lists_what_is_drawn_and_nothing_else():
         "false track",
         "track switched",
     ]
-    calm = history(["--"] * 8, ["--"] * 8, ["--"] * 7 + ["xx"], [[1, 1]] * 8)
+    calm = spell_facts(["--"] * 8, ["--"] * 8, ["--"] * 7 + ["xx"], [[1, 1]] * 8)
     words = ["seen: lanes are the UAVs in brackets", "held by all"]
     assert legend_of(draw_timeline(calm, np.ones((2, 8, 3)), ())) == words
 
 
 def test_breakdowns_at_one_time_are_named_beneath_one_another():
     recording = broken(broken(record(6, uavs=3), 0, 3), 2, 3)
-    figure = draw_timeline(History.of(recording), recording.ospa, Flight(recording).events)
+    figure = draw_timeline(PeopleFacts(recording), recording.ospa, Flight(recording).events)
     figure.draw_without_rendering()
     one, other = (text.get_window_extent() for text in figure.axes[1].texts if "broke down" in text.get_text())
     assert not one.overlaps(other)
@@ -120,17 +118,7 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
     lost = (scan >= 1) & (scan <= person) & np.ones((60, 9, 60), bool)
     seen = np.zeros((60, 9, 60), bool)
     seen[:, 1], seen[:, 8, ::2] = True, True
-    one = history(["-" * 60] * 9, ["-" * 60] * 9, ["-" * 60] * 9, [[1] * 60] * 9)
-    made = dataclasses.replace(
-        one,
-        present=np.ones((60, 60), bool),
-        inside=seen,
-        shown=seen,
-        detected=seen,
-        hidden_by=np.full(seen.shape, -1),
-        tracks=np.where(lost, -1, person),
-        gaps=np.full((60, 60), NO_TRACK),
-    )
+    made = make_facts(seen, seen, seen, np.where(lost, -1, person))
     rows, folded = choose_rows(made)
     assert [row.person for row in rows] == list(range(59, 59 - len(rows), -1))
     assert folded == list(range(60 - len(rows))) and folded and len(rows) > 10
@@ -157,7 +145,7 @@ def test_a_crowd_has_rows_of_those_lost_longest_and_one_of_all_others():
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording = record(scans, uavs=uavs, people=people)
     recording = broken(recording, 0, scans // 2 + 1)
-    figure = draw_timeline(History.of(recording), recording.ospa, Flight(recording).events)
+    figure = draw_timeline(PeopleFacts(recording), recording.ospa, Flight(recording).events)
     labels = [text.get_text().partition(" (")[0] for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = legend_of(figure)

@@ -8,7 +8,7 @@ import pytest
 from assets.build import build
 from sim.installation import ASSETS
 from sim.world.quadrotor import INERTIA, MASS, ROTORS
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 MESHES = ("canopy", "trunk", "person", "quadrotor")
 

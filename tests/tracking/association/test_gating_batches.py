@@ -8,7 +8,7 @@ from tracking import measurement_update as correction
 from tracking.association.gating_batches import find_gating_batches
 from tracking.association.jpda import gated_likelihood
 from tracking.measurement_update import ScanPrediction, update_scan
-from tracking.tracker import TrackerParameters
+from tracking.parameters import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
 LOST = np.random.default_rng(5).uniform(0.0, 2e-3, 1000)  # 1/m², at each measurement

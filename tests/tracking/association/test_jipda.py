@@ -15,7 +15,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
 from tracking.settings import DAY
-from tracking.tracker import Track
+from tracking.track import Track
 
 R = 0.05 * np.eye(2)
 PLAIN = 0.99 * 0.9999  # detected, and in the gate

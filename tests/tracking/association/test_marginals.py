@@ -12,8 +12,8 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from tracking.association.jpda import existence_association, gated_likelihood
 from tracking.fusion.consensus import fuse
+from tracking.parameters import TrackerParameters
 from tracking.settings import DAY
-from tracking.tracker import TrackerParameters
 
 
 def events(tracks: int, measurements: int, used: tuple[int, ...] = ()):

@@ -19,7 +19,8 @@ from tracking.detection.ground_measurement import detections_of, split_covarianc
 from tracking.detection.noise import NoiseModel
 from tracking.detection.partial_visibility import PART_ERROR, find_places
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest
 
 IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
 

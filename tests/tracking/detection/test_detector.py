@@ -12,7 +12,8 @@ from sim.scenario.uavs import Uav
 from tracking.detection.blob_detector import BlobDetector, find_blobs
 from tracking.detection.components import find_components
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 
 GREEN = (100, 115, 75)
 

@@ -12,7 +12,7 @@ from tracking.detection.blob_detector import _is_one_person, _join
 from tracking.detection.detector import Frame
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 
 IMAGE = np.zeros((1, 1, 3), dtype=np.uint8)
 CAMERA = Camera(math.radians(60), 128)

@@ -20,7 +20,8 @@ from tracking.detection.partial_visibility import (
 from tracking.detection.shadows import add_shadows, find_openings, is_open
 from tracking.detection.silhouette import compute_visible_moments, make_silhouette
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 
 GREEN, ORANGE = (100, 115, 75), (230, 62, 0)
 

@@ -11,9 +11,11 @@ from scipy import stats
 
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree, visible_samples
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, Tree, visible_samples
 from tracking.measurement_update import predict_scan
-from tracking.tracker import Scan, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
 
 INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
 UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0, 1.5)]

@@ -10,8 +10,9 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.exchange import TrackExchange
 from tracking.fusion.member import make_tracker
 from tracking.fusion.message import new_id
+from tracking.parameters import TrackerParameters
 from tracking.track import Scan, Track
-from tracking.tracker import Tracker, TrackerParameters
+from tracking.tracker import Tracker
 
 LINKED = ~np.eye(2, dtype=bool)
 

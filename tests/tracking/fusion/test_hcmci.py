@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from tracking.fusion.consensus import fuse
 from tracking.fusion.hcmci import HybridConsensus, largest_innovation, split_information
 from tracking.fusion.rule import LocalBeliefs
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 # Association without doubt: whatever is measured is the person.
 SURE = {"detection_probability": 1 - 1e-12, "gate_probability": 1 - 1e-12, "clutter_density": 1e-15}

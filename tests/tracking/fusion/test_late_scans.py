@@ -10,7 +10,9 @@ from helpers.scenes import scan as scan_of
 
 from tracking.fusion.consensus import fuse
 from tracking.fusion.late_scans import FleetState, ScanLog, average_reports
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 SURE = {"detection_probability": 1 - 1e-12, "gate_probability": 1 - 1e-12, "clutter_density": 1e-15}
 START = track(3, 0, 0, 0.3, 0.1)

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from tracking.fusion.consensus import fuse
 from tracking.fusion.rule import FUSION_RULES
 from tracking.geometry.camera import Pose
-from tracking.parameters import Tracking
-from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.parameters import TrackerParameters, Tracking
+from tracking.track import Scan
+from tracking.tracker import Tracker
 
 PEOPLE, UAVS, SCANS = 5, 3, 6
 LINE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)  # adjacency; two rounds do not make all agree

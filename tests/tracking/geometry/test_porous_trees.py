@@ -10,10 +10,10 @@ from helpers.views import CAMERA
 
 from tracking.geometry.camera import Pose
 from tracking.geometry.line_of_sight import detectable_share, lower_detectable_shares
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import (
     SAMPLE_VARIANCE,
     SAMPLES,
-    TARGET_HEIGHT,
     THRESHOLDS,
     Forest,
     Tree,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tracking.geometry.line_of_sight import is_blocked, make_grid
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.compiled import compiled
 
 

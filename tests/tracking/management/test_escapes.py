@@ -11,7 +11,8 @@ from scipy.stats import multivariate_normal
 from planning.planner_check import CHECKS, check_planner
 from planning.planner_loading import load_planner
 from tracking.geometry.camera import Camera, Look, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, Tree
 from tracking.management.escapes import Escapes
 from tracking.management.reacquisition import turned_density
 from tracking.parameters import LossRule

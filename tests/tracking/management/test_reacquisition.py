@@ -10,7 +10,7 @@ from helpers.scenes import MOTION, track
 from scipy.stats import multivariate_normal
 
 from tracking.management.reacquisition import find_lost_tracks, match_lost_tracks, turned_density
-from tracking.tracker import TrackerParameters
+from tracking.parameters import TrackerParameters
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])

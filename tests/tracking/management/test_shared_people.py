@@ -13,7 +13,7 @@ from tracking.fusion.message import new_id
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import find_duplicates, find_outcompeted
 from tracking.measurement_update import _compute_unresolved_probability
-from tracking.tracker import Track
+from tracking.track import Track
 
 PAIR = np.ones((2, 2), bool)
 

@@ -8,7 +8,7 @@ import numpy as np
 from planning.prediction.quadrangle import inside, shortest_move
 from seedling.weights import PAIR_FEATURES, PLACE_FEATURES
 from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 

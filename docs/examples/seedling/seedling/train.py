@@ -24,7 +24,7 @@ from planning.planner_loading import load_planner
 from seedling.fitting import Example, example, fitted, loss
 from seedling.planner import Seedling, choices
 from seedling.weights import Weights, drawn, save
-from sim.facts.metrics.score import FAR
+from sim.facts.metrics.holding import FAR
 from tracking.metrics.gospa import gospa
 from tracking.track import beliefs_of
 

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle, product
 
-from sim.study.analysis.cell_text import cell_text
 from sim.study.analysis.groups import Group, find_varying_factors
+from sim.study.analysis.labels import cell_text
 from sim.study.cells import Levels
 from sim.views.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 

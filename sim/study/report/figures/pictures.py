@@ -11,16 +11,17 @@ from matplotlib.figure import Figure
 
 from sim.facts.metrics.metric import UNKNOWN, Metric
 from sim.study.analysis.answers import Answer, map_points
-from sim.study.analysis.cell_text import append_cell, make_slug
-from sim.study.analysis.distributions import compute_share_under, find_quartiles
 from sim.study.analysis.groups import Group
+from sim.study.analysis.labels import append_cell, make_slug
 from sim.study.analysis.normalised_score import SCORE, Ends
 from sim.study.report.figures.charts import (
     LOOK,
+    compute_share_under,
     draw_ecdf_figure,
     draw_scatter_figure,
     draw_score_figure,
     draw_time_figure,
+    find_quartiles,
 )
 from sim.study.report.figures.panels import FigureLayout, lay_out_figures
 from tracking.numerics.arrays import Array

@@ -7,11 +7,11 @@ import pytest
 from helpers.flights import fly, recording_of
 
 from planning.baselines import Greedy
-from sim.facts.explain.escaped import find_parts
-from sim.facts.explain.explanation import explain_person, format_percent
+from sim.facts.explain.explanation import explain_person
 from sim.facts.explain.observation import Observer
-from sim.facts.explain.person import PersonFacts
+from sim.facts.explain.person import find_parts, make_person_facts
 from sim.facts.flight import Flight
+from sim.facts.words import format_percent
 from tracking.management.escapes import Escapes
 
 PAIR = "uavs=[{{start=[-28,-2],footprint=20{0}}},{{start=[28,2],footprint=27,rate=0.5{0}}}]"
@@ -66,7 +66,7 @@ def test_words_give_the_probabilities_and_places_of_the_parts(mission):
     recording, told = mission[0], 0
     with Observer(Flight(recording)) as observer:
         for k, person in np.ndindex(recording.people.shape[:2]):
-            holders = PersonFacts.of(observer, k, person).holders if k % 7 == 0 else ()
+            holders = make_person_facts(observer, k, person).holders if k % 7 == 0 else ()
             for kept, *turned in (holder.parts for holder in holders if len(holder.parts) > 1):
                 turned.sort(key=lambda part: -part.existence)
                 away = [part.belief.mean[:2] - part.sighting[:2] for part in turned]
@@ -79,7 +79,7 @@ def test_words_give_the_probabilities_and_places_of_the_parts(mission):
                     f"of a decision looked, with {whole}, from the last detection "
                 )
                 line += ", ".join(way + share for way, share in zip(ways, shares[1:], strict=True))
-                facts = PersonFacts.of(observer, k, person)
+                facts = make_person_facts(observer, k, person)
                 assert line in [sentence for group in explain_person(facts) for sentence in group.sentences]
                 told += 1
     assert told >= 3

@@ -9,19 +9,20 @@ import cv2
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
-from helpers.histories import history as made_by_hand
+from helpers.people_facts import spell_facts, with_views
 from helpers.recordings import broken
 
-from sim.facts.explain.explanation import explain_person, find_stretches, format_percent
+from sim.facts.explain.explanation import explain_person, find_stretches
 from sim.facts.explain.observation import Observer
-from sim.facts.explain.person import PersonFacts
+from sim.facts.explain.person import make_person_facts
 from sim.facts.explain.planned_visibility import find_planned_visibility
 from sim.facts.explain.track_story import TrackFacts
 from sim.facts.flight import Flight
-from sim.facts.history import History
+from sim.facts.people import PeopleFacts
 from sim.facts.rerender import Rerenderer
-from sim.facts.sightings import Sight
+from sim.facts.sightings import make_frame_facts
 from sim.facts.tracking_replay import replay_tracking
+from sim.facts.words import format_percent
 from sim.mission.archive import save
 from sim.views import explain_picture as picture
 from sim.views.drawing.lettering import measure_width
@@ -36,14 +37,14 @@ def mission():
     paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6")  # by which tracks of lost people last longer
     recording = recorded("trees.density=60", *alarms, *paper)
     with Observer(Flight(recording)) as observer:
-        yield recording, observer.flight.history, observer
+        yield recording, observer.flight.people, observer
 
 
 @pytest.fixture(scope="module")
 def all_facts(mission):
     """Those of each person at every third scan."""
     _, history, observer = mission
-    return [PersonFacts.of(observer, k, m) for k, m in np.ndindex(history.present.shape) if k % 3 == 0]
+    return [make_person_facts(observer, k, m) for k, m in np.ndindex(history.recording.present.shape) if k % 3 == 0]
 
 
 def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
@@ -109,7 +110,7 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
             w = observer.observe(k, i, m)
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > recording.setting.uavs[i].footprint
-        page = PersonFacts.of(observer, 0, 0)
+        page = make_person_facts(observer, 0, 0)
         assert draw_explanation(page, explain_person(page)).std() > 10
     assert far > 5
 
@@ -187,16 +188,17 @@ def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission)
                 assert ("seen by" in seen) == history.detected[k, :, m].any()
                 trees = {int(tree) for tree in re.findall(r"tree (\d+)", seen)}
                 blind = ~history.shown[k, :, m] & ~history.detected[k, :, m]
-                assert trees == set(history.hidden_by[k, blind, m].tolist()) - {-1}
+                assert trees == set(history.views.hidden_by[k, blind, m].tolist()) - {-1}
     recording = mission[0]
-    history = History.of(broken(recording, 1, 20))
-    for m in range(history.present.shape[1]):
+    history = PeopleFacts(broken(recording, 1, 20))
+    for m in range(recording.person_count):
         rows = find_stretches(history, m)
         assert all(one[2:] != other[2:] for one, other in pairwise(rows))
-        assert (rows[0][0], rows[-1][1]) == (history.times[0], math.inf)
+        assert (rows[0][0], rows[-1][1]) == (recording.times[0], math.inf)
     first = np.array([True, False, False, False])[:, None]
     hidden_by = np.where(first, 7, -1)[:, :, None]
-    slow = made_by_hand(["x---"], ["----"], ["----"], [[3, 3, 3, 3]], looked=first, hidden_by=hidden_by)
+    held = spell_facts(["x---"], ["----"], ["----"], [[3, 3, 3, 3]], looked=first)
+    slow = with_views(held.recording, held.views.inside, hidden_by)
     assert find_stretches(slow, 0) == [(0.0, math.inf, "held", "hidden by tree 7 from UAV 0")]
 
 
@@ -218,7 +220,7 @@ def test_pages_of_any_fleet_can_be_drawn(options):
     recording = replace(recording, people=gone, visible=shown, matched=matched)
     with Observer(Flight(recording)) as observer:
         for k, m in ((4, 1), (5, 3)):
-            facts = PersonFacts.of(observer, k, m)
+            facts = make_person_facts(observer, k, m)
             groups = explain_person(facts)
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
             page = draw_explanation(facts, groups)
@@ -231,7 +233,7 @@ def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_
         *IDEAL, "tracking.initial_tracks=none", f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1
     )
     with Observer(Flight(recording)) as observer:
-        lines = [explain_person(PersonFacts.of(observer, 0, m))[0][1] for m in (0, 1)]
+        lines = [explain_person(make_person_facts(observer, 0, m))[0][1] for m in (0, 1)]
     assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
@@ -239,7 +241,7 @@ def test_a_person_smaller_than_a_pixel_is_said_to_be_so(call, tmp_path):
     far = ("trees.density=0", "uavs=[{start=[-28,0],footprint=300}]")
     recording = recorded(*far, "tracking.initial_tracks=none", duration=0.2)
     with Observer(Flight(recording)) as observer:
-        (of_uav,) = explain_person(PersonFacts.of(observer, 1, 0))[1:2]
+        (of_uav,) = explain_person(make_person_facts(observer, 1, 0))[1:2]
     assert "a person covers 0.049 pixels of its image" in of_uav.sentences
     save(recording, tmp_path / "mission.npz")
     code, out, err = call("explain", ".")
@@ -260,7 +262,7 @@ def test_the_page_shows_whole_frames_and_the_pixels_round_the_person(mission, al
     page = draw_explanation(facts, explain_person(facts))
     first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     image = observer.again.image(facts.k, first.uav)
-    frame, _ = annotate(image, Sight.of(recording, facts.k, first.uav), 512)
+    frame, _ = annotate(image, make_frame_facts(recording, facts.k, first.uav), 512)
     tiles, words = np.split(page, [1060], axis=1)
     found = cv2.matchTemplate(tiles, frame, cv2.TM_SQDIFF)
     y, x = np.unravel_index(found.argmin(), found.shape)
@@ -298,7 +300,7 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
 
     monkeypatch.setattr("sim.views.drawing.labels.write", written)
     with Observer(Flight(recording)) as observer:
-        draw_explanation(PersonFacts.of(observer, 2, 0), ())
+        draw_explanation(make_person_facts(observer, 2, 0), ())
     assert {"person 0", "0", "1", "UAV 0"} <= boxes.keys()
     for (low, high), (left, right) in combinations(boxes.values(), 2):
         assert (np.minimum(high, right) - np.maximum(low, left)).min() < 1.0
@@ -306,16 +308,16 @@ def test_names_on_the_map_keep_clear_of_one_another(tmp_path, monkeypatch):
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
     recording, history, observer = mission
-    k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
+    k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.recording.present).tolist()
                 if np.any(history.held[:k, m]))  # fmt: skip
-    (whole,) = PersonFacts.of(observer, k, m).holders
+    (whole,) = make_person_facts(observer, k, m).holders
     rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
     assert whole.belief is not None and len(rows) == 1
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
     renamed = replace(recording, track_ids=ids)
     with Observer(Flight(renamed)) as other:
-        (holder,) = PersonFacts.of(other, k, m).holders
+        (holder,) = make_person_facts(other, k, m).holders
     assert holder.belief is not None and holder.number == whole.number
 
 
@@ -326,7 +328,7 @@ def test_of_several_tracks_of_a_person_that_of_most_uavs_is_told(mission):
     ids = recording.track_ids + 1
     ids[row] = 0
     with Observer(Flight(replace(recording, track_ids=ids))) as observer:
-        facts = PersonFacts.of(observer, k, m)
+        facts = make_person_facts(observer, k, m)
         groups = explain_person(facts)
     assert [holder.holds for holder in facts.holders] == [(1, 2), (0,)]
     numbers = [holder.number for holder in facts.holders]
@@ -348,10 +350,10 @@ def test_lines_of_a_uav_are_about_its_own_track_of_the_person():
     kinds = {"several": 0, "own": 0, "none": 0, "too": 0}
     with Observer(Flight(recording)) as observer:
         observer.replay = replay
-        tracks, numbers = observer.flight.history.tracks, recording.track_numbers
+        tracks, numbers = observer.flight.people.tracks, recording.track_numbers
         held_at = np.argwhere((tracks >= 0).any(axis=1)).tolist()
         for k, m in ((k, m) for k, m in held_at if k > 0):  # tracks known at the start have their old ids
-            facts = PersonFacts.of(observer, k, m)
+            facts = make_person_facts(observer, k, m)
             groups, fleet = dict(explain_person(facts)), tracks[k, :, m]
             held = {id_: np.flatnonzero(fleet == id_) for id_ in fleet[fleet >= 0].tolist()}
             assert {f"track {numbers[id_]}" for id_ in held} == {name for name in groups if name.startswith("track")}

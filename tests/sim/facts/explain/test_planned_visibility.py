@@ -6,7 +6,7 @@ from helpers.flights import recorded
 
 from planning.planner import Plan
 from sim.facts.explain.planned_visibility import HIDDEN, IN_VIEW, OUT_OF_VIEW, find_planned_visibility
-from sim.facts.history import History
+from sim.facts.people import PeopleFacts
 from sim.mission.tracker_setup import make_tracker_parameters
 from tracking.filter.kalman import Gaussian
 
@@ -24,8 +24,8 @@ class Straight:
 def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=75", f"network.plan_delay={delay}")
     recording = recorded(*options, planner=Straight(), duration=6)
-    history = History.of(recording)
-    scans, uavs, people = history.inside.shape
+    views = PeopleFacts(recording).views
+    scans, uavs, people = views.inside.shape
     kinds = set()
     for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
         planned = find_planned_visibility(recording, k, i, m, None)
@@ -36,8 +36,8 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
         assert planned.made == made and planned.times[-1] == pytest.approx(made + delay + 5.0)
         left = min(len(planned.times), scans - 1 - k)
         after = slice(k + 1, k + 1 + left)
-        came = np.where(history.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
-        np.testing.assert_array_equal(planned.person[:left], np.where(history.inside[after, i, m], came, OUT_OF_VIEW))
+        came = np.where(views.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
+        np.testing.assert_array_equal(planned.person[:left], np.where(views.inside[after, i, m], came, OUT_OF_VIEW))
         np.testing.assert_array_equal(planned.person[left:], -1)
         np.testing.assert_allclose(planned.path[:left], recording.poses[after, i, :2], atol=1e-9)
         kinds |= set(planned.person.tolist())

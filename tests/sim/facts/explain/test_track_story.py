@@ -12,7 +12,7 @@ from msgspec import structs
 
 from sim.facts.explain.explanation import explain_person
 from sim.facts.explain.observation import Observer
-from sim.facts.explain.person import PersonFacts
+from sim.facts.explain.person import make_person_facts
 from sim.facts.explain.track_story import TrackFacts, tell_track_story
 from sim.facts.flight import Flight
 from sim.facts.metrics.score import find_reported_tracks
@@ -172,7 +172,7 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
             lines = [line for group in groups.values() for line in group]
             assert groups["note"][0].startswith("soup:Jpda is a plug-in, which is not run again")
             assert not any("a track is" in line or "its gate" in line or "no measurement" in line for line in lines)
-        facts = PersonFacts.of(observer, 4, 0)
+        facts = make_person_facts(observer, 4, 0)
         assert dict(explain_person(facts))["note"] == groups["note"]
 
 

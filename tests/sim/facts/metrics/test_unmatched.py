@@ -8,8 +8,9 @@ from helpers.identities import DUPLICATE, FALSE, SCANS, at_random, standing_stil
 from helpers.summaries import shown, summary
 
 from sim.facts.flight import Flight
-from sim.facts.metrics.score import FAR, find_reported_tracks
-from sim.facts.metrics.unmatched import find_standing_tracks, find_unmatched_tracks
+from sim.facts.metrics.holding import FAR, find_holding
+from sim.facts.metrics.score import find_reported_tracks
+from sim.facts.metrics.unmatched import find_unmatched_tracks
 from tracking.metrics.clearmot import find_correspondence
 from tracking.metrics.gospa import gospa
 
@@ -39,7 +40,7 @@ def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
     counts = alone(recording)
     for i in range(2):
         held = find_reported_tracks(recording, i)
-        stand = find_standing_tracks(held, recording)
+        stand = find_holding(recording).tracks[:, i]
         matched = find_correspondence(held.means[:, :, :2], recording.people, 1.0)
         np.testing.assert_array_equal(stand >= 0, matched >= 0)
         rest = held.means[:, :, :2].copy()

@@ -9,8 +9,8 @@ from sim.facts.metrics.metric import Metric
 from sim.study.analysis.answers import find_answers, holm
 from sim.study.analysis.groups import drop_constant_factors, find_constant_factors, find_varying_factors, group_rows
 from sim.study.analysis.intervals import compute_p_values, count_maps_needed, estimate_means, estimate_medians
+from sim.study.analysis.labels import find_baseline
 from sim.study.analysis.metric_choice import choose_metrics, find_outside_metrics, find_shown_metric, list_available
-from sim.study.analysis.planner_labels import find_baseline
 from tracking.errors import InputError
 
 MEAN, SHARE, NEES = (

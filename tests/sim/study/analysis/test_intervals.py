@@ -8,8 +8,8 @@ from scipy import stats
 
 from sim.study.analysis import intervals
 from sim.study.analysis.answers import holm
-from sim.study.analysis.distributions import compute_ecdf, compute_share_under, find_quartiles
 from sim.study.analysis.intervals import compute_p_values, count_maps_needed, estimate_means, estimate_medians
+from sim.study.report.figures.charts import compute_ecdf, compute_share_under, find_quartiles
 
 
 def skewed(n, columns=1, seed=0):

@@ -7,10 +7,10 @@ from helpers.trials import failed, row
 
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import estimate_means
+from sim.study.analysis.labels import find_baseline, label_planners, parse_labels
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import compute_scores, find_score_ends
 from sim.study.analysis.normalised_score import score_planners as scored_study
-from sim.study.analysis.planner_labels import find_baseline, label_planners, parse_labels
 from sim.study.definition import ScoreScale
 from tracking.errors import InputError
 

@@ -8,10 +8,9 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.study.analysis.answers import map_points
-from sim.study.analysis.distributions import find_quartiles
 from sim.study.analysis.groups import drop_constant_factors, group_rows
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.report.figures.charts import AT, draw_ecdf_figure, draw_scatter_figure, draw_time_figure
+from sim.study.report.figures.charts import AT, draw_ecdf_figure, draw_scatter_figure, draw_time_figure, find_quartiles
 from sim.study.report.figures.panels import lay_out_figures
 from sim.study.report.figures.pictures import draw_pictures, encode_figure
 

@@ -16,7 +16,7 @@ from helpers.trials import failed, row, study
 from planning.planner_loading import load_planner
 from sim.__main__ import COMMANDS
 from sim.scenario.loading import load
-from sim.study.analysis.differences import Difference
+from sim.study.analysis.answers import Difference
 from sim.study.analysis.intervals import Estimate, compute_p_values, count_maps_needed, estimate_means
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.report.comparison import About

@@ -16,12 +16,11 @@ from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
-from sim.study.report.answer_columns import Entry, format_csv, make_entries
 from sim.study.report.comparison import About
 from sim.study.report.html_parts import make_bullet_list, make_titled_tables
 from sim.study.report.report_files import make_files
 from sim.study.report.sentences import list_shortfalls, write_notes
-from sim.study.report.tables import make_answer_tables
+from sim.study.report.tables import Entry, format_csv, make_answer_tables, make_entries
 from sim.study.report.terminal import show
 from tracking.errors import InputError
 
@@ -190,7 +189,7 @@ def test_a_new_column_is_one_entry_for_every_format(monkeypatch, without_picture
         return [*make_entries(answer, baseline), faulty]
 
     monkeypatch.setattr("sim.study.report.tables.make_entries", with_faults)
-    monkeypatch.setattr("sim.study.report.answer_columns.make_entries", with_faults)
+    monkeypatch.setattr("sim.study.report.tables.make_entries", with_faults)
     files = make_files(study(seeds=2), About("tried"))
     assert b",maps_needed,faulty\n" in files["table.csv"]
     assert b'<td data-head="faulty trials">0 bad</td>' in files["report.html"]

@@ -31,7 +31,7 @@ from sim.views.drawing.palette import (
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Track
+from tracking.track import Track
 
 OPEN, ALONE = Forest(()), synthetic.scenario(uavs=1)
 SCALE = 540 / (100 + 2 * MARGIN)  # pixels a metre

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.facts.numbering import name_track
+from sim.facts.words import name_track
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, measure_width
 from sim.views.drawing.palette import INK, PANEL

@@ -16,12 +16,11 @@ from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
 
 from sim.__main__ import COMMANDS
-from sim.facts.flight import Flight
-from sim.facts.history import BROKEN, STATES, History
+from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.metric import Outcome
-from sim.facts.scan_choice import find_scans
-from sim.facts.sightings import Sight
+from sim.facts.people import BROKEN, STATES, PeopleFacts
+from sim.facts.sightings import make_frame_facts
 from sim.mission.fault_text import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
@@ -113,7 +112,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
             spread = float(along @ track.belief.covariance[:2, :2] @ along)
             assert bool(row[6]) == track.reported
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
-        for m, person in enumerate(Sight.of(recording, k, i).people):
+        for m, person in enumerate(make_frame_facts(recording, k, i).people):
             shown = "seen" if person.detected else "hidden" if person.inside else "out of view"
             state = "absent" if person.status == "absent" else shown
             assert STATES[data["states"][k][i][m]] == state
@@ -131,7 +130,7 @@ def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     five = flown(uavs=5)
     data = data_of(make_page(Flight(five)))
     assert len(set(data["colours"]["uavs"][:5])) == 5
-    assert data["holds"] == History.of(five).hold_states.tolist()
+    assert data["holds"] == PeopleFacts(five).hold_states.tolist()
     assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
     data = make_page_data(Flight(flown(scans=201)), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000

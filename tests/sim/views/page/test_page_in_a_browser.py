@@ -16,8 +16,8 @@ from helpers.recordings import record
 
 from sim.facts.event import IDENTITIES
 from sim.facts.flight import Flight
-from sim.facts.history import BROKEN, STATES
 from sim.facts.metrics.holding import HOLDS
+from sim.facts.people import BROKEN, STATES
 from sim.views.drawing.film import lay_out_parts
 from sim.views.drawing.palette import LOST
 from sim.views.page.page import write_page
@@ -178,10 +178,10 @@ def _follows_switched_tracks(browser, path):
 
 def _lists_what_is_drawn(browser, flight):
     """Legends have what the mission shows at some scan: states of people that it has, tracks, plans and switches."""
-    history, kinds = flight.history, {event.kind for event in flight.events}
+    history, kinds = flight.people, {event.kind for event in flight.events}
     holds = {HOLDS[hold] for hold in history.hold_states.ravel()}
     states = {STATES[state] for state in history.camera_states.ravel() if state != BROKEN}
-    best = {STATES[state] for state in history.camera_states.max(axis=1)[history.present]}
+    best = {STATES[state] for state in history.camera_states.max(axis=1)[history.recording.present]}
     on_map = {
         "person": best & {"seen", "missed"},
         "hidden": "hidden" in best,

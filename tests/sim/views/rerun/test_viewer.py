@@ -18,7 +18,7 @@ from sim.facts.rerender import Rerenderer  # noqa: E402
 from sim.facts.tracking_replay import replay_tracking  # noqa: E402
 from sim.views.rerun import viewer as rerun_view  # noqa: E402
 from sim.views.rerun.scene import find_disagreements  # noqa: E402
-from tracking.plugins.registry import InputError  # noqa: E402
+from tracking.errors import InputError  # noqa: E402
 
 BROKEN_AT = 8  # the scan, of UAV 2
 OVERRIDES = ("trees.density=75", "uavs.2.fails_at=1.5", "uavs.1.rate=1", "network.loss=0.6", "network.rounds=1")

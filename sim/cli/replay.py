@@ -1,21 +1,19 @@
-"""`understory replay` and `frames`: a recorded mission again, as film or images."""
+"""`understory replay`."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sim.facts.flight import Flight
-from sim.facts.scan_choice import find_scans
+from sim.facts.flight import Flight, find_scans
 from sim.mission.archive import find_recording
-from sim.mission.atomic_files import claim_place, make_part_path
+from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording
-from sim.scenario.quantities import parse_integer, parse_interval, parse_number
-from sim.terminal.commands import Recorded
-from sim.terminal.console import say, show_files, show_place
+from sim.scenario.quantities import parse_interval, parse_number
+from sim.terminal.commands import Recorded, check_new, find_folder
+from sim.terminal.console import say, show_place
 from sim.terminal.progress import show_counted_progress
 from sim.views.drawing.film import AS_FLOWN
-from sim.views.frames.frame_panels import write_frames
 from sim.views.page.page import describe_omission, write_page
 from sim.views.redrawn_film import check_layout, redraw_film, write_film
 from sim.views.window import show
@@ -41,7 +39,6 @@ _File = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="New .mp4, or .html with --page. Default: replay.mp4 or mission.html in DIR."),
 ]
-_Folder = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")]
 
 
 def replay(
@@ -76,49 +73,6 @@ def replay(
     else:
         with claim_place(out, folder / "replay", ".mp4") as path:
             _make_film(recording, scans, path, layout=layout, speed=factor)
-
-
-def frames(
-    recorded: Recorded,
-    uav: Annotated[str, typer.Option(metavar="I", help="Number of the UAV, from 0.")],
-    time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T seconds, or all from T to T2.")],
-    out: _Folder = None,
-    size: Annotated[str, typer.Option(metavar="PX", help="Largest edge of the enlarged image.")] = "896",
-) -> None:
-    """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
-    start, end = parse_interval(time, "--time")
-    edge = parse_integer(size, "--size", least=256, most=4096)
-    recording = find_recording(recorded)
-    number = parse_integer(uav, "--uav", least=0, most=recording.uav_count - 1)
-    scans = find_scans(recording, start, end, number)
-    span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    with (
-        claim_place(out, find_folder(recorded) / f"frames-uav{number}-{span}") as folder,
-        show_counted_progress(len(scans), "frames") as progress,
-    ):
-        write_frames(recording, scans, number, folder, size=edge, progress=progress)
-    show_files(folder)
-
-
-def find_folder(recorded: Path) -> Path:
-    """The folder of a recording, given by its folder or its file."""
-    return recorded if recorded.is_dir() else recorded.parent
-
-
-def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
-    """InputError unless a new file with this suffix can be written at `path`; a trial write decides."""
-    if path.suffix != suffix:
-        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
-    part = make_part_path(path)
-    try:
-        if path.exists():
-            raise InputError(f"{option}: {path} exists; name a new file")
-        if not path.parent.is_dir():
-            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
-        part.touch()
-        part.unlink()
-    except OSError as error:
-        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
 
 
 def _check_way(asked: dict[str, bool], given: list[str]) -> None:

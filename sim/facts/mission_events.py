@@ -1,26 +1,28 @@
-"""Events of a recorded mission, computed once for the page, the timeline, `understory explain` and Rerun."""
+"""The search for the events of a recorded mission, for the page, the timeline, `understory explain` and Rerun."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from sim.facts.event import KINDS, Event, find_ends, make_lasting_event
-from sim.facts.fades import tell_fade
-from sim.facts.history import STATES, History, Loss, describe_view, group_views, name_fleet
 from sim.facts.metrics.fleet_facts import list_contacts
 from sim.facts.metrics.handoffs import find_handoffs
 from sim.facts.metrics.holding import find_episodes
 from sim.facts.metrics.unmatched import find_unmatched_tracks
+from sim.facts.people import STATES, PeopleFacts, Unheld, describe_view, group_views
+from sim.facts.sightings import tell_fade
+from sim.facts.words import name_fleet
 from sim.mission.recorded_links import find_recorded_links
 from sim.mission.recording import Recording
 from sim.world.contacts import describe_body
-from tracking.numerics.arrays import Indices
+from tracking.numerics.arrays import Array, Indices
 
 
-def find_events(recording: Recording, history: History) -> tuple[Event, ...]:
-    """All events, sorted by time, then in the order of `KINDS`."""
+def find_events(facts: PeopleFacts) -> tuple[Event, ...]:
+    """All events of a recording, sorted by time, then in the order of `KINDS`."""
+    recording = facts.recording
     found = [
         *_list_breakdowns(recording),
         *_list_faults(recording),
@@ -28,8 +30,8 @@ def find_events(recording: Recording, history: History) -> tuple[Event, ...]:
         *_find_link_changes(recording),
         *_find_holding_changes(recording),
         *_list_held_tracks(recording),
-        *_find_identity_changes(recording, history),
-        *_tell_losses(recording, history),
+        *_find_identity_changes(facts),
+        *_tell_unheld(facts),
         *_list_unmatched(recording),
         *_list_handoffs(recording),
     ]
@@ -132,11 +134,11 @@ def _group_by_track(sets: Iterable[set[int]], recording: Recording) -> list[tupl
     return sorted((recording.track_numbers[id_], id_, tuple(uavs)) for id_, uavs in fleet.items())
 
 
-def _find_identity_changes(recording: Recording, history: History) -> Iterator[Event]:
+def _find_identity_changes(facts: PeopleFacts) -> Iterator[Event]:
     """Changes of a person's track and of a track's person, each with the UAVs for which it happens."""
-    fleet = defaultdict(list)
-    for i in range(history.tracks.shape[1]):
-        for change in _find_changes(history.tracks[:, i], recording.track_numbers):
+    recording, fleet = facts.recording, defaultdict(list)
+    for i in range(recording.uav_count):
+        for change in _find_changes(facts.tracks[:, i], recording.track_numbers):
             fleet[change].append(i)
     for (k, kind, person, former, track, text), uavs in fleet.items():
         text = f"{text} for {name_fleet(uavs)}"
@@ -179,79 +181,90 @@ def _list_handoffs(recording: Recording) -> Iterator[Event]:
 _MOST_CAUSES = 3
 
 
-def _tell_losses(recording: Recording, history: History) -> Iterator[Event]:
-    """People lost or not found yet, with their states in the cameras meanwhile, and people found."""
-    times = history.times
-    for loss in history.losses:
-        end, nearest = loss.last + 1, _choose_nearest(recording, history, loss)
-        why = _describe_causes(recording, history, loss)
-        why += _describe_track(recording, history, loss) if loss.found else ""
-        concerned = {"why": why, "person": loss.person, "uavs": (nearest,), "scans": loss.scans}
-        text = f"person {loss.person} {loss.kind.removeprefix('person ')}{_describe_gap(history, loss)}"
-        yield make_lasting_event(times, (loss.first, loss.last), loss.kind, text, **concerned)
-        if end < len(times) and history.held[end, loss.person]:
-            uavs = tuple(np.flatnonzero(history.tracks[end, :, loss.person] >= 0).tolist())
-            again, after = " again" * loss.found, times[end] - times[loss.first]
-            text = f"person {loss.person} found{again} by {name_fleet(uavs)} after {after:.1f} s"
-            yield _note_at(recording, end, "person found", text, person=loss.person, uavs=uavs)
+def _tell_unheld(facts: PeopleFacts) -> Iterator[Event]:
+    """People whom no UAV holds, with their states in the cameras meanwhile, and people found."""
+    recording, times = facts.recording, facts.recording.times
+    for span in facts.unheld:
+        end, person = span.last + 1, span.person
+        why = _describe_causes(facts, span) + (_describe_track(facts, span) if span.found else "")
+        text = f"{span.kind.replace('person', f'person {person}')}{_describe_gap(facts, span)}"
+        concerned = {"why": why, "person": person, "uavs": (_choose_nearest(facts, span),), "scans": span.scans}
+        yield make_lasting_event(times, (span.first, span.last), span.kind, text, **concerned)
+        if end < recording.scan_count and facts.held[end, person]:
+            uavs = tuple(np.flatnonzero(facts.tracks[end, :, person] >= 0).tolist())
+            after = times[end] - times[span.first]
+            text = f"person {person} found{' again' * span.found} by {name_fleet(uavs)} after {after:.1f} s"
+            yield _note_at(recording, end, "person found", text, person=person, uavs=uavs)
 
 
-def _describe_gap(history: History, loss: Loss) -> str:
-    """How far a lost person was from the tracks that held nobody, at worst, and for how long."""
-    begin, end = find_ends(history.times, 0, 0)  # of one scan
-    for scans, words in zip(loss.scans, (", without a track", ", outside the ellipse of the track"), strict=False):
-        if scans and loss.found:
-            return words + (f" for {scans * (end - begin):.1f} s" if scans < sum(loss.scans) else "")
-    return " the track" if loss.found else ""
+def _compute_scan_time(times: Array) -> float:
+    """Time [s] that one scan stands for."""
+    begin, end = find_ends(times, 0, 0)
+    return end - begin
 
 
-def _describe_causes(recording: Recording, history: History, loss: Loss) -> str:
-    """Why no camera helped: the best view of a lost person in any camera, in order of time, with durations."""
-    scans: dict[tuple[str, tuple[int, ...]], int] = {}
+def _describe_gap(facts: PeopleFacts, span: Unheld) -> str:
+    """How far a person was from the tracks that held nobody, at worst, and for how long."""
+    scan = _compute_scan_time(facts.recording.times)
+    for scans, words in zip(span.scans, (", without a track", ", outside the ellipse of the track"), strict=False):
+        if scans and span.found:
+            return words + (f" for {scans * scan:.1f} s" if scans < sum(span.scans) else "")
+    return " the track" if span.found else ""
+
+
+def _describe_causes(facts: PeopleFacts, span: Unheld) -> str:
+    """Why no camera helped: the best view of the person in any camera, in order of time, with durations.
+
+    A reason why people are lost has its state in `people.STATES` and its words in `people.describe_view`.
+    """
+    scans: Counter[tuple[str, tuple[int, ...]]] = Counter()
     uavs: defaultdict[tuple[tuple[str, tuple[int, ...]], int], set[int]] = defaultdict(set)  # by key and tree
-    for k in range(loss.first, loss.last + 1):
-        states, trees = (t[k, :, loss.person] for t in (history.camera_states, history.hiding_trees))
+    for k in range(span.first, span.last + 1):
+        states, trees = (table[k, :, span.person] for table in (facts.camera_states, facts.hiding_trees))
         state, having = group_views(states, trees)[0]
         key = (state, tuple(sorted(having)))
-        scans[key] = scans.get(key, 0) + 1
+        scans[key] += 1
         for tree, fleet in having.items():
             uavs[key, tree].update(fleet)
-    most = sorted(scans, key=lambda key: -scans[key])[:_MOST_CAUSES]
-    begin, end = find_ends(history.times, 0, 0)  # of one scan
+    scan = _compute_scan_time(facts.recording.times)
+    most = [key for key, _ in scans.most_common(_MOST_CAUSES)]
     parts = []
     for key in (key for key in scans if key in most):
         state, between = key
         text = describe_view(state, {tree: sorted(uavs[key, tree]) for tree in between})
-        text += f", but no reported track within {recording.setting.loss_distance:g} m" if state == "seen" else ""
-        parts.append(text + (f" ({scans[key] * (end - begin):.1f} s)" if len(scans) > 1 else ""))
+        near = f"within {facts.recording.setting.loss_distance:g} m"
+        text += f", but no reported track {near}" if state == "seen" else ""
+        parts.append(text + (f" ({scans[key] * scan:.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 
 
-def _describe_track(recording: Recording, history: History, loss: Loss) -> str:
-    column = history.tracks[loss.first - 1, :, loss.person]
+def _describe_track(facts: PeopleFacts, span: Unheld) -> str:
+    recording, k = facts.recording, span.first
+    column = facts.tracks[k - 1, :, span.person]
     uavs = np.argsort(column < 0, kind="stable").tolist()  # those that held the person before come first
     id_ = int(column[uavs[0]])
     number = recording.track_numbers.get(id_)
     if number is None:
         return ""
-    for track in (track for uav in uavs for track in recording.tracks_at(loss.first, uav)):
+    for track in (track for uav in uavs for track in recording.tracks_at(k, uav)):
         if track.id == id_:
-            gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
+            gap = np.hypot(*(track.belief.mean[:2] - recording.people[k, span.person]))
             doubt = "" if track.reported else f", but not reported (existence {track.existence:.2f})"
             return f"; track {number} is {gap:.1f} m off at first{doubt}"
     return f"; track {number} is gone"
 
 
-def _choose_nearest(recording: Recording, history: History, loss: Loss) -> int:
-    """The UAV with the most informative frames of a loss; the nearest one if the person is inside no frame.
+def _choose_nearest(facts: PeopleFacts, span: Unheld) -> int:
+    """The UAV with the most informative frames of the span; the nearest one if the person is inside no frame.
 
     A UAV with the person inside its frame at the beginning is preferred, then one with most frames of that kind.
     """
-    inside = history.camera_states[loss.first : loss.last + 1, :, loss.person] >= STATES.index("hidden")
+    inside = facts.camera_states[span.first : span.last + 1, :, span.person] >= STATES.index("hidden")
     if inside.any():
         return int((inside[0] * len(inside) + np.count_nonzero(inside, axis=0)).argmax())
-    gap = np.linalg.norm(recording.poses[loss.first, :, :2] - recording.people[loss.first, loss.person], axis=1)
-    return int(np.where(history.working[loss.first], gap, np.inf).argmin())
+    recording = facts.recording
+    gap = np.linalg.norm(recording.poses[span.first, :, :2] - recording.people[span.first, span.person], axis=1)
+    return int(np.where(recording.working[span.first], gap, np.inf).argmin())
 
 
 def _list_unmatched(recording: Recording) -> Iterator[Event]:

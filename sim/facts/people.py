@@ -1,0 +1,187 @@
+"""The people of a recording, scan by scan: shown or detected by cameras, hidden by trees, and held by tracks."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.facts.metrics.holding import Held, find_episodes, find_holding
+from sim.facts.sightings import NO_TREE, find_inside_and_hiding
+from sim.facts.words import name_fleet
+from sim.mission.recording import Recording, find_last_frames
+from sim.sensing.cameras import true_view_of
+from tracking.numerics.arrays import Flags, Indices
+
+STATES = ("absent", "out of view", "hidden", "missed", "seen")
+BROKEN = -1  # in place of a state for a UAV that has broken down
+_View = tuple[str, dict[int, list[int]]]  # a state, and its UAVs by the hiding tree, -1 for none
+
+
+@dataclass(frozen=True)
+class Unheld:
+    """A span in which no UAV held a person who was there, from a first to a last scan, both included."""
+
+    person: int
+    first: int
+    last: int
+    found: bool  # True if the person was held before; otherwise no UAV has found them yet
+    # scans without a track that holds nobody within `FAR` m, outside the 95 % ellipse of each such track, and inside
+    scans: tuple[int, int, int]
+
+    @property
+    def kind(self) -> str:
+        """Kind of the event: the worst of the states of `HOLDS` in the span."""
+        if not self.found:
+            return "person not found yet"
+        return "person lost" if any(self.scans[:2]) else "person off"
+
+
+class Views(NamedTuple):
+    """Geometry of the frames that cameras took."""
+
+    inside: Flags  # (K, n, M), the frame contains the person's mid-height, hidden or not
+    hidden_by: Indices  # (K, n, M), first tree between the camera and the mid-height of a person inside; -1 for none
+
+
+class PeopleFacts:
+    """What follows from a recording about its M people, each table when it is first asked for."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+
+    @cached_property
+    def views(self) -> Views:
+        """Who is inside which frame, and behind which tree."""
+        recording = self.recording
+        inside = np.zeros(recording.visible.shape, dtype=np.bool_)
+        hidden_by = np.full(inside.shape, -1)
+        forest = recording.hiding_forest
+        for k, i in np.argwhere(recording.frames_taken).tolist():
+            camera = true_view_of(recording.setting.uavs[i], recording.setting)
+            inside[k, i], hiding = find_inside_and_hiding(
+                camera, recording.camera_at(k, i), recording.people[k], forest
+            )
+            if forest.trees:
+                hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
+        return Views(inside, hidden_by)
+
+    @cached_property
+    def holding(self) -> Held:
+        """Who holds whom."""
+        return find_holding(self.recording)
+
+    @property
+    def tracks(self) -> Indices:
+        """Id (K, n, M) of the track by which each UAV holds each person; -1 for none."""
+        return self.holding.tracks
+
+    @property
+    def hold_states(self) -> Indices:
+        """State (K, M) of each person to the tracks of the working UAVs, as an index into `HOLDS`."""
+        return self.holding.states
+
+    @property
+    def shown(self) -> Flags:
+        """Mask (K, n, M): the frame showed a part of the person."""
+        return (self.recording.visible > 0) & self.recording.frames_taken[:, :, None]
+
+    @property
+    def detected(self) -> Flags:
+        """Mask (K, n, M) of detected people."""
+        return self.recording.matched & self.recording.frames_taken[:, :, None]
+
+    @cached_property
+    def held(self) -> Indices:
+        """Number of UAVs that hold each person at each scan (K, M)."""
+        return np.asarray(np.count_nonzero(self.tracks >= 0, axis=1), dtype=np.int64)
+
+    @cached_property
+    def states(self) -> Indices:
+        """State (K, M) of each person in the cameras of a scan, as an index into `STATES`.
+
+        The best state in any camera counts: seen if the person was detected, missed if a frame showed them without a
+        detection, and hidden if they were inside a frame that did not show them.
+        """
+        best = self._frame_states.max(axis=1, initial=STATES.index("out of view"))
+        return np.where(self.recording.present, best, STATES.index("absent"))
+
+    @cached_property
+    def _frame_states(self) -> Indices:
+        """State (K, n, M) of each person in each camera's frame at each scan; out of view if none was taken."""
+        found = np.full(self.views.inside.shape, STATES.index("out of view"))
+        for name, having in (("hidden", self.views.inside), ("missed", self.shown), ("seen", self.detected)):
+            found[having] = STATES.index(name)
+        return found
+
+    @cached_property
+    def last_frames(self) -> Indices:
+        """As `find_last_frames` of the cameras."""
+        return find_last_frames(self.recording.frames_taken)
+
+    @cached_property
+    def camera_states(self) -> Indices:
+        """State (K, n, M) of each person in each camera's last frame, as an index into `STATES`, or `BROKEN`."""
+        found = np.take_along_axis(self._frame_states, self.last_frames[:, :, None], axis=0)
+        found[np.broadcast_to(~self.recording.present[:, None], found.shape)] = STATES.index("absent")
+        found[~self.recording.working] = BROKEN
+        return found
+
+    @cached_property
+    def hiding_trees(self) -> Indices:
+        """The tree (K, n, M) between each camera and each person in its last frame; -1 for none."""
+        hidden_by = np.take_along_axis(self.views.hidden_by, self.last_frames[:, :, None], axis=0)
+        return np.asarray(hidden_by, dtype=np.int64)
+
+    @cached_property
+    def unheld(self) -> tuple[Unheld, ...]:
+        """Spans in which no UAV held a person who was there, sorted by scan, then person."""
+        found = []
+        for m in range(self.recording.person_count):
+            alone = self.recording.present[:, m] & (self.held[:, m] == 0)
+            for first, last, value in find_episodes(alone.astype(np.int64)):
+                if value:
+                    gaps = self.holding.gaps[first : last + 1, m]
+                    inside, outside, without = np.bincount(gaps, minlength=3).tolist()
+                    before = bool(np.any(self.held[:first, m]))
+                    found.append(Unheld(m, first, last, before, (without, outside, inside)))
+        return tuple(sorted(found, key=lambda span: (span.first, span.person)))
+
+    def view_texts(self, person: int) -> list[str]:
+        """The states of one person in the cameras in words, scan by scan; empty while the person is absent."""
+        rows = np.hstack([self.camera_states[:, :, person], self.hiding_trees[:, :, person]])
+        kinds, which = np.unique(rows, axis=0, return_inverse=True)
+        texts = ["; ".join(describe_view(*view) for view in group_views(*np.split(kind, 2))) for kind in kinds]
+        present = self.recording.present[:, person]
+        return [texts[n] if there else "" for n, there in zip(which.ravel(), present, strict=True)]
+
+
+def group_views(states: Indices, trees: Indices) -> list[_View]:
+    """States of one person in the cameras, the best first; out of view only if no camera has another state.
+
+    states (n,) and trees (n,) as in `PeopleFacts.camera_states` and `PeopleFacts.hiding_trees`.
+    """
+    found = []
+    for state in ("seen", "missed", "hidden"):
+        uavs = defaultdict(list)
+        for i in np.flatnonzero(states == STATES.index(state)).tolist():
+            uavs[int(trees[i]) if state == "hidden" else -1].append(i)
+        found += [(state, dict(uavs))] if uavs else []
+    return found or [("broken" if (states == BROKEN).all() else "out of view", {})]
+
+
+def describe_view(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
+    """A person's state in cameras, in words; uavs: the UAVs with this state by the hiding tree, -1 for none."""
+    if state == "seen":
+        return f"seen by {name_fleet(uavs[-1])}"
+    if state == "missed":
+        return f"shown to {name_fleet(uavs[-1])}, not detected"
+    if state == "hidden":
+        hiding = [f"by tree {tree} from {name_fleet(uavs[tree])}" for tree in sorted(uavs) if tree >= 0]
+        parts = ["hidden " + ", ".join(hiding)] if hiding else []
+        if -1 in uavs:
+            parts.append(f"not shown to {name_fleet(uavs[-1])}, {NO_TREE}")
+        return "; ".join(parts)
+    return "no UAV works" if state == "broken" else "outside every view"
