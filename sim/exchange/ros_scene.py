@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim.exchange.ros_bag import Message
+from sim.exchange.ros_bag import RosMessage as Message
 from sim.facts.words import name_track
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot

@@ -145,7 +145,7 @@ def test_errors_of_files_other_than_a_full_disk_are_not_hidden(call, monkeypatch
     def save(recording, path):
         raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), "mission.npz")
 
-    monkeypatch.setattr("sim.running.result_files.save", save)
+    monkeypatch.setattr("sim.running.results.save", save)
     with pytest.raises(FileNotFoundError):
         call("run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r")
     assert not list(Path().iterdir())

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from sim.scenario.camera_settings import CAMERAS, CameraSettings, make_camera, read_camera
-from sim.scenario.loading import load, resolve_scenario
+from sim.scenario.loading import decode_recorded, load, resolve_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import format_overrides
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 
@@ -88,7 +88,7 @@ def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_pat
 def test_the_footprint_is_the_width_of_the_view_on_the_ground():
     for name in CAMERAS:
         for more in ({"footprint": 30.0}, {"altitude": 25.0}):
-            uav = msgspec.convert({"start": (0, 0), "camera": name, **more}, Uav)
+            uav = UavSettings(start=(0, 0), camera=name, **more).complete()
             camera = uav.true_camera
             ends = np.array([[0.0, camera.optics.cy], [camera.size[0], camera.optics.cy]])
             left, right = camera.ground_points(Pose.level(0.0, 0.0, uav.altitude), ends)
@@ -128,7 +128,7 @@ def test_a_recorded_scenario_holds_its_camera_whole(tmp_path):
     (tmp_path / "own.toml").write_text('width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\nsource = "me"\n')
     scenario = load(str(scenario_file(tmp_path, '"own.toml"')))
     (tmp_path / "own.toml").unlink()
-    again = msgspec.json.decode(encode_scenario(scenario), type=Scenario)
+    again = decode_recorded(encode_scenario(scenario))
     assert again == scenario and again.uavs[0].camera.source == "me"
     assert resolve_scenario(scenario, {"uavs.0.footprint": 20.0}).uavs[0].altitude == pytest.approx(
         scenario.uavs[0].altitude * 20 / 30
