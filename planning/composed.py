@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from planning.coordination.decision import Coordination
-from planning.coordination.rounds import SequentialPartitions
-from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
+from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential, SequentialPartitions
 from planning.objective.connectivity import Connectivity
 from planning.objective.cost_to_go import LATEST, cost_to_go
 from planning.objective.nbo import Measure, make_objective

@@ -173,7 +173,8 @@ class Tracker:
     def _predict(self, time: float, frame: Lens | None) -> Flags:
         """Predict to a scan's time; returns `visible_samples` of its frame, if there is one, and of the one before."""
         self._messenger.begin(time)
-        self.account, self._tracks = ScanAccount(), None
+        self.account = ScanAccount()
+        self._tracks = None
         if self._messenger.scans == 1:  # initial tracks are of this time
             self._first = time
             self._table.sightings[:, SIGHTED_AT] = time

@@ -85,11 +85,14 @@ class TreeSearch:
 
     def __init__(self, planner: DecMCTS, situation: Situation, rng: np.random.Generator) -> None:
         """Begin with an empty tree; the others follow their policies of intent."""
-        self._planner, self._situation, self._rng = planner, situation, rng
+        self._planner = planner
+        self._situation = situation
+        self._rng = rng
         self._vehicles, horizon = situation.vehicles, planner.horizon
         existence = np.array([track.existence for track in situation.tracks], dtype=float)
         self._belief = Nominal(expected=True).predict(situation, horizon, rng)._replace(weights=existence)
-        self._prior, self._moves = build_prior(self._belief), make_moves(horizon, planner.directions)
+        self._prior = build_prior(self._belief)
+        self._moves = make_moves(horizon, planner.directions)
         own = situation.own
         places = own.position[:2] + own.max_speed * situation.step * self._moves.places
         self._own = gather_information(self._belief, self._vehicles.index(own), places, self._moves.steps)

@@ -9,8 +9,7 @@ from helpers.nominal import nominal, team_cost
 from helpers.teams import at_once, knowing, planned
 
 from planning.composed import Composed
-from planning.coordination.rounds import SequentialPartitions
-from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
+from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential, SequentialPartitions
 from planning.objective.nbo import make_objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch

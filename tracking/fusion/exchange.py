@@ -39,7 +39,9 @@ class Messenger:
     """Maker of one UAV's messages; it counts scans, and remembers the UAV's partition and the tracks that ended."""
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
-        self.uav, self.scans, self.time = uav, 0, -math.inf
+        self.uav = uav
+        self.scans = 0
+        self.time = -math.inf  # s, of the last scan
         self._rule = make_fusion_rule(parameters.fusion)
         self._partition = Partition(0, -math.inf)  # as last heard
         self._deleted: dict[int, float] = {}  # by id, the time [s] up to which sightings of the track are void
@@ -50,7 +52,8 @@ class Messenger:
             raise ValueError(f"scan at {time} s is not after the last one at {self.time} s")
         if self.scans == 0:
             self._partition = Partition(0, time)  # at the start the fleet is one, and knows where people are
-        self.scans, self.time = self.scans + 1, time
+        self.scans += 1
+        self.time = time
 
     def delete(self, ids: Iterable[int]) -> None:
         """Record tracks that end in this scan."""

@@ -19,7 +19,8 @@ class FleetState:
 
     def __init__(self, trackers: Sequence[Member], pooled: Message | None = None) -> None:
         """Trackers, which accepted the message `pooled` at the last scan."""
-        self.trackers, self.pooled = trackers, pooled
+        self.trackers = trackers
+        self.pooled = pooled
         self._after = WeakValueDictionary[frozenset[int], FleetState]()
 
     def find(self, uav: int) -> Member:
@@ -84,7 +85,8 @@ class ScanLog:
     def __init__(self, uav: int, start: FleetState, hold: int) -> None:
         if hold < 1:
             raise ValueError(f"hold must be at least 1 scan, is {hold}")
-        self._uav, self._hold = uav, hold
+        self._uav = uav
+        self._hold = hold
         self._first = 0  # number of the first scan kept
         self._times: list[float] = []  # s, of the scans kept
         self._scans: list[dict[int, Scan]] = []  # by UAV, of each

@@ -113,9 +113,13 @@ class _CheckedTracker:
     """A tracker from outside; InputError if it fails, or gives unusable tracks or messages."""
 
     def __init__(self, name: str, made: Any, uav: int, max_speed: float, forest: Forest) -> None:  # noqa: ANN401
-        self.uav, self.max_speed = uav, max_speed
-        self._name, self._made, self._forest = name, made, forest
-        self._scans, self._time = 0, -math.inf  # number of scans, and time of the last [s]
+        self.uav = uav
+        self.max_speed = max_speed
+        self._name = name
+        self._made = made
+        self._forest = forest
+        self._scans = 0  # number of scans
+        self._time = -math.inf  # s, of the last scan
         with self._errors("give its tracks", "tracks"):
             self.tracks = check_tracks(made.tracks)  # after the last call but `message`, by ascending id
 
@@ -128,12 +132,14 @@ class _CheckedTracker:
 
     def step(self, scan: Scan) -> None:
         """As `Member.step`."""
-        self._scans, self._time = self._scans + 1, scan.time
+        self._scans += 1
+        self._time = scan.time
         self._call("take a scan", "step", deepcopy(scan))
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""
-        self._scans, self._time = self._scans + 1, time
+        self._scans += 1
+        self._time = time
         self._call("coast", "coast", time)
 
     def message(self, degree: int) -> Message:

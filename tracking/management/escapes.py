@@ -64,7 +64,8 @@ class Escapes:
 
     def __init__(self, time: float = TURN_TIME) -> None:
         """`time` s: mean time until people turn as no motion model predicts, survival aside (see the note)."""
-        self._time, self._lost = time, dict[int, _Lost]()
+        self._time = time
+        self._lost = dict[int, _Lost]()
 
     def split(
         self, time: float, tracks: Sequence[Track], looks: Sequence[Look], forest: Forest, area: tuple[float, float]

@@ -137,8 +137,6 @@ def test_a_bent_footprint_is_the_outline_of_what_is_seen(name):
     ("values", "wrong"),
     [
         ((640, 480, (0.0, 600.0), (320.0, 240.0)), "fx: 0 is not allowed; expected more than 0"),
-        ((640, 480, (600.0, math.nan), (320.0, 240.0)), "fy: nan is not allowed; expected more than 0"),
-        ((640, 0, (600.0, 600.0), (320.0, 240.0)), "height: 0 is not allowed; expected more than 0"),
         ((640, 480, (600.0, 600.0), (math.inf, 240.0)), "cx: inf is not allowed; expected a number"),
         ((640, 480, (600.0, 600.0), (320.0, 240.0), (math.inf,)), "distortion: .* expected finite numbers"),
         ((640, 480, (400.0, 400.0), (320.0, 240.0), (-0.5,)), "distortion: .* folds the image over; expected "),

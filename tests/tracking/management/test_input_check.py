@@ -21,25 +21,18 @@ def with_second(covariance) -> np.ndarray:
     ("change", "complaint"),
     [
         ({"measurements": NAN}, r"measurements\[1\] must be finite, is \[nan, 1.0\]"),
-        ({"measurements": NAN + math.inf}, r"measurements\[0\] must be finite, is \[inf, inf\]"),
         ({"measurements": np.zeros((2, 3))}, r"measurements of a scan must be \(N, 2\), are \(2, 3\)"),
-        ({"measurements": np.zeros(2)}, r"must be \(N, 2\), are \(2,\)"),
         ({"measurements": [["a", 1], [0, 0]]}, "measurements of a scan must be an array of numbers"),
         ({"covariances": R[None]}, r"of a scan of 2 measurements must be \(2, 2, 2\), are \(1, 2, 2\)"),
         ({"covariances": with_second([[1, math.nan], [math.nan, 1]])}, r"covariances\[1\] must be finite, symm.*nan"),
-        ({"covariances": with_second([[math.inf, 0], [0, 1]])}, r"covariances\[1\] must be finite"),
         ({"covariances": with_second([[1, 0.5], [0.4, 1]])}, r"symmetric and positive definite, is \[\[1.0, 0.5\], \["),
-        ({"covariances": with_second([[1, 2], [2, 1]])}, r"covariances\[1\] must be .*positive definite"),
-        ({"covariances": with_second([[-1, 0], [0, -1]])}, "positive definite"),
         ({"covariances": with_second(np.zeros((2, 2)))}, "positive definite"),
         ({"time": math.nan}, "time of a scan must be finite, is nan"),
-        ({"time": math.inf}, "time of a scan must be finite, is inf"),
         ({"time": -0.2}, "scan at -0.2 s is not after the last one at 0.0 s"),
         ({"pose": Pose(np.array([0, 0, math.nan]), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
-        ({"pose": Pose(np.zeros(2), ABOVE.quaternion)}, "pose.position of a scan must be three finite"),
         *(
             ({"pose": Pose(ABOVE.position, q)}, r"pose.quaternion of a scan must be four numbers of norm 1, is \[")
-            for q in (np.full(4, math.nan), np.zeros(4), np.zeros(3), np.array([0, 0, 0, 1.01]))
+            for q in (np.zeros(3), np.array([0, 0, 0, 1.01]))
         ),
     ],
 )
