@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.exchange.values import LoggedFlight, LoggedUav
 from sim.scenario.loading import decode
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, leave_out_removed_keys
 from tracking.errors import InputError, spell
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -56,7 +56,7 @@ def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -
     """The scenario of a flight from the tables of its `scenario.toml`, and from its other files."""
     rate = _find_rate(given, flight.uavs)
     end = given.get("duration", max(uav.frames[-1].time for uav in flight.uavs))
-    data = _leave_out(given, *_SIMULATED)
+    data = _leave_out(leave_out_removed_keys(given), *_SIMULATED)  # which exports of earlier releases have
     tracking = {"initial_tracks": "none", **data.get("tracking", {})}
     if tracking["initial_tracks"] == "known" and flight.labels is None:
         hint = 'set it to "none", or add truth.csv'
