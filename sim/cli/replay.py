@@ -64,7 +64,7 @@ def replay(
     folder = find_folder(recorded)
     scans = list(range(len(recording.times))) if end is None else find_scans(recording, start, end)
     if rerun is not None:
-        _show_in_rerun(recording, rerun, folder / "summary.json")
+        _show_in_rerun(recording, rerun)
     elif page:
         with claim_place(out, folder / "mission", ".html") as path:
             _make_page(recording, folder, path)
@@ -126,21 +126,20 @@ def _make_page(recording: Recording, folder: Path, path: Path) -> None:
     show_place("Page", path)
 
 
-def _show_in_rerun(recording: Recording, target: str, summary: Path) -> None:
+def _show_in_rerun(recording: Recording, target: str) -> None:
     path = Path(target)
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
     try:
-        from sim.views.rerun.viewer import read_planning_times, spawn, write
+        from sim.views.rerun_viewer import spawn, write
     except ImportError as error:
         if (error.name or "").split(".")[0] != "rerun":
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'") from error
     flight = Flight(recording)
-    took = read_planning_times(summary)
     with show_counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            spawn(flight, progress=progress, planning_s=took)
+            spawn(flight, progress=progress)
             return
-        write(flight, path, progress=progress, planning_s=took)
+        write(flight, path, progress=progress)
     show_place("Open it", f"rerun {target}")

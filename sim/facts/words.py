@@ -1,4 +1,4 @@
-"""Words about a mission, before anything draws or prints them: names of tracks and fleets, places, shares."""
+"""Words about a mission, before anything draws or prints them: names of fleets, places, shares."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,7 +8,6 @@ from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot
 from tracking.errors import list_numbers
 from tracking.numerics.arrays import Array
-from tracking.track import Track
 
 
 class TextGroup(NamedTuple):
@@ -18,23 +17,12 @@ class TextGroup(NamedTuple):
     sentences: list[str]
 
 
-def number_tracks(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
-    """The snapshot with readable numbers in place of the ids of tracks; new tracks are added to `numbers`."""
-    tracks = [
-        tuple([track.renumber(numbers.setdefault(track.id, len(numbers))) for track in held])
-        for held in snapshot.tracks
-    ]
-    return replace(snapshot, tracks=tracks)
-
-
 def number_snapshot(recording: Recording, k: int) -> Snapshot:
-    """Scan k of a recording with numbered tracks."""
-    return number_tracks(recording.snapshot(k), recording.track_numbers)
-
-
-def name_track(track: Track) -> str:
-    """The name of a numbered track, with a question mark if it is not reported."""
-    return f"{track.id}{'' if track.reported else '?'}"
+    """Scan k of a recording with readable numbers in place of the ids of tracks."""
+    snapshot = recording.snapshot(k)
+    numbers = recording.track_numbers
+    tracks = [tuple([track.renumber(numbers[track.id]) for track in held]) for held in snapshot.tracks]
+    return replace(snapshot, tracks=tracks)
 
 
 def name_fleet(uavs: Sequence[int]) -> str:

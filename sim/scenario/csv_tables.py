@@ -64,7 +64,7 @@ class TableRow:
 
 
 class RowErrors:
-    """Errors of a table's rows, collected so that one error tells of all."""
+    """Errors of a table's rows, collected so that one error names all of them."""
 
     def __init__(self, name: str) -> None:
         """Errors begin with a name, which is removed from all but the first."""

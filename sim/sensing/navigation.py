@@ -16,7 +16,8 @@ class NavigationErrors:
     """Errors of one UAV's navigation at the present scan; `advance` goes on to the next one."""
 
     def __init__(self, navigation: Navigation, rng: np.random.Generator) -> None:
-        n = self._navigation = navigation
+        n = navigation
+        self._navigation = navigation
         self._rng = rng
         self._biases = n.biases * standard_normal(rng, 6)
         self.clock = float(n.clock_deviation * standard_normal(rng, 1)[0])  # s
@@ -31,9 +32,9 @@ class NavigationErrors:
         self._draw_noise()
 
     def _draw_noise(self) -> None:
-        n, drawn = self._navigation, standard_normal(self._rng, 5)
-        self.velocity = n.velocity_noise * drawn[:2]  # (2,) m/s, of the believed velocity
-        self._noise = n.noises
+        drawn = standard_normal(self._rng, 5)
+        self.velocity = self._navigation.velocity_noise * drawn[:2]  # (2,) m/s, of the believed velocity
+        self._noise = self._navigation.noises
         self._noise[:3] *= drawn[2:]
 
     def mislead(self, pose: Pose, velocity: Array, spin: Array) -> Pose:

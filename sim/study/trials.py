@@ -187,7 +187,7 @@ def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
 
 
 def _find_user_files(target: str, plugin: object) -> list[str]:
-    """Files, if they are the user's, of the module in an import string and of the module that defines the plug-in."""
+    """The user's own files among two modules: the one in an import string, and the one that defines the plug-in."""
     names = [target.partition(":")[0], str(getattr(plugin, "__module__", ""))]
     theirs = [name for name in names if name.partition(".")[0] not in (*_OURS, *sys.stdlib_module_names)]
     return [getattr(sys.modules.get(name), "__file__", None) or "" for name in theirs]

@@ -12,14 +12,14 @@ from sim.facts.sightings import make_frame_facts
 from sim.facts.words import TextGroup
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, lay_out_groups, write
-from sim.views.drawing.map_view import MapView, measure_map
+from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.views.drawing.strokes import draw_disc, draw_line
 from sim.views.frames.annotation import TRACK, annotate, find_marks
 from sim.views.frames.frame_panels import MARK
+from sim.views.scene import make_scene, measure_map
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Image
-from tracking.track import beliefs_of
 
 _TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, gap of parts, width of words
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in an inset, and its edge
@@ -34,8 +34,11 @@ def draw_explanation(facts: PersonFacts, groups: Sequence[TextGroup]) -> Image:
     UAVs with the person inside come first, then the nearest. Below the words are the cameras' original pixels around
     the person.
     """
-    observer, (picture, tracks) = facts.observer, _draw_map(facts)
-    tiles, insets, shown = [("map", picture)], [], {TRACK} if tracks else set[str]()
+    observer = facts.observer
+    picture, tracks = _draw_map(facts)
+    tiles = [("map", picture)]
+    insets: list[tuple[str, Image]] = []
+    shown = {TRACK} if tracks else set[str]()
     working = [w for w in facts.observations if w.works]
     for w in sorted(working, key=lambda w: (not w.sighting.in_image, np.nan_to_num(w.away)))[:_FRAMES]:
         sight = make_frame_facts(observer.recording, facts.k, w.uav)
@@ -101,13 +104,13 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
     holds = facts.flight.people.hold_states[facts.k].copy()
     holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
-    image, labels = view.draw_recorded(recording, facts.k, holds)
+    scene = make_scene(recording, facts.k, holds)
+    image, labels = view.draw(scene)
     if not np.isnan(facts.place[0]):
         _draw_person(view, image, labels, facts)
     tile, low = _cut_tile(image, view.pixels(np.nan_to_num(facts.place)))
-    tracks = beliefs_of(view.shown_tracks(recording.snapshot(facts.k))).means[:, :2]
-    inside = np.abs(view.pixels(tracks) - low - _TILE / 2) <= _TILE / 2
-    return tile, bool(inside.all(axis=1).any())
+    inside = [np.all(np.abs(view.pixels(track.mean) - low - _TILE / 2) <= _TILE / 2) for track in scene.tracks]
+    return tile, any(inside)
 
 
 def _draw_person(view: MapView, image: Image, labels: Labels, facts: PersonFacts) -> None:

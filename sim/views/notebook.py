@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from sim.facts.rerender import Rerenderer
 from sim.mission.recording import Recording
-from sim.views.drawing.map_view import MapView, measure_map
+from sim.views.drawing.map_view import MapView
 from sim.views.frames.frame_panels import draw_frame_page
+from sim.views.scene import make_scene, measure_map
 from tracking.numerics.arrays import Image, Indices
 
 _MAP = 900  # pixels, width of the map
@@ -24,7 +25,7 @@ def make_map_figure(recording: Recording, k: int, holds: Indices) -> Figure:
     view = MapView(scenario, recording.forest, size)
     edges = np.array([(0, 0), size]) - 0.5  # edges of the first and the last pixel, whose centres are integers
     (left, top), (right, bottom) = (edges - np.array(size) / 2) / view.scale
-    image, _ = view.draw_recorded(recording, k, holds)
+    image, _ = view.draw(make_scene(recording, k, holds))
     return _make_picture(image, (left, right, -bottom, -top))
 
 

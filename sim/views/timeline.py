@@ -14,7 +14,7 @@ from sim.facts.event import IDENTITIES, Event, assign_lanes, find_ends
 from sim.facts.metrics.holding import HOLDS, find_episodes
 from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.views.drawing import palette
-from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
+from sim.views.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, Colour, pale, uav_colour
 from sim.views.drawing.plots import draw_mean, open_figure, order_by_rows, rgb
 from tracking.numerics.arrays import Array, Indices
 
@@ -23,10 +23,11 @@ _BAR, _GAP = 1.0, 0.8  # lanes, height of the bar of the tracks, and of the gap 
 _MOST_LANES, _FOLDED = 100.0, 6.0  # lanes, largest height of all people, and that of those who are folded
 _MOST_DEEP = 12.0  # lanes, largest height of the tracks that stand for no person
 _MOST_NAMED = 5  # largest number of UAVs that are named beside a person's lanes
-_VEIL = rgb((250, 214, 212))
+_VEIL: Colour = (250, 214, 212)
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
-_HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
-_UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+HOLD_SHADES = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
+UNMATCHED_SHADES = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+WORST_FIRST = ("lost", "not found yet", "off", "held by some", "held")
 _MEANT = {
     "held": "held by all",
     "held by some": "held by some UAVs",
@@ -36,7 +37,7 @@ _MEANT = {
 Shade = tuple[float, float, float]
 
 
-class Row(NamedTuple):
+class PersonRow(NamedTuple):
     """A person in the timeline, and the UAVs that have a lane there."""
 
     person: int
@@ -46,6 +47,16 @@ class Row(NamedTuple):
     def height(self) -> float:
         """Height [lanes] with the bar of the tracks and the gap to the next row."""
         return len(self.uavs) + _BAR + _GAP
+
+
+class Stretch(NamedTuple):
+    """Scans with one state of a person, both included, and its colour."""
+
+    first: int
+    last: int
+    colour: Colour
+    top: float = 0.0  # of 1, where it is drawn in its lane
+    height: float = 1.0
 
 
 class Bar(NamedTuple):
@@ -58,7 +69,7 @@ class Bar(NamedTuple):
     shade: Shade
 
 
-def choose_rows(facts: PeopleFacts) -> tuple[list[Row], list[int]]:
+def choose_rows(facts: PeopleFacts) -> tuple[list[PersonRow], list[int]]:
     """The rows of people, and the people without one because there are too many.
 
     If some have none, those whom no UAV held for the longest come first. Of a fleet with more UAVs than colours, only
@@ -66,7 +77,7 @@ def choose_rows(facts: PeopleFacts) -> tuple[list[Row], list[int]]:
     """
     _, uavs, people = facts.tracks.shape
     had = (facts.camera_states >= STATES.index("hidden")).any(axis=0) | (uavs <= len(UAV_COLOURS))
-    rows = [Row(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
+    rows = [PersonRow(m, np.flatnonzero(had[:, m]).tolist()) for m in range(people)]
     if sum(row.height for row in rows) <= _MOST_LANES:
         return rows, []
     lost = np.isin(facts.hold_states, [HOLDS.index(hold) for hold in ("lost", "not found yet")]).sum(axis=0)
@@ -133,17 +144,20 @@ def _draw_people(axes: Axes, facts: PeopleFacts, events: Sequence[Event], places
     bars = []
     for event, lane in places.unmatched:
         top = places.unmatched_top + (lane + 0.2) * places.thin
-        shade = rgb(_UNMATCHED[event.kind])
+        shade = rgb(UNMATCHED_SHADES[event.kind])
         bars.append(Bar(*find_ends(times, event.first, event.last), top, 0.8 * places.thin, shade))
     for event in events:
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
     for m, uavs in places.rows:
-        bars += _make_hold_bars(times, facts.hold_states[:, m], places.tops[m], len(uavs))
+        top, holds = places.tops[m], list_holds(facts.hold_states[:, m])
+        lost = [Stretch(s.first, s.last, _VEIL) for s in holds if s.colour == palette.LOST]
+        bars += _make_bars(times, lost, top - 0.15, len(uavs) + _BAR + 0.3)  # over all lanes
+        bars += _make_bars(times, holds, top + len(uavs) + 0.2, _BAR - 0.2)
         for lane, i in enumerate(uavs):
-            bars += _make_lane_bars(times, facts.camera_states[:, i, m], places.tops[m] + lane, i)
+            bars += _make_bars(times, list_views(facts.camera_states[:, i, m], i), top + lane, 1.0)
     if places.folded:
-        bars += _make_share_bars(times, facts.hold_states[:, places.folded], places.fold_top)
+        bars += _make_bars(times, list_shares(facts.hold_states[:, places.folded]), places.fold_top, _FOLDED)
     corners = [
         [(bar.start, bar.top), (bar.end, bar.top), (bar.end, bar.top + bar.height), (bar.start, bar.top + bar.height)]
         for bar in bars
@@ -155,7 +169,7 @@ def _draw_people(axes: Axes, facts: PeopleFacts, events: Sequence[Event], places
 def _name_rows(axes: Axes, facts: PeopleFacts, places: _Places) -> None:
     named = facts.tracks.shape[1] > len(UAV_COLOURS)
     middles = [places.tops[row.person] + (row.height - _GAP) / 2 for row in places.rows]
-    names = [f"person {row.person}{_list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
+    names = [f"person {row.person}{list_in_brackets(row.uavs) if named else ''}" for row in places.rows]
     shares = [_format_share(facts, row.person) for row in places.rows]
     if places.folded:
         middles.append(places.fold_top + _FOLDED / 2)
@@ -176,48 +190,47 @@ def _name_rows(axes: Axes, facts: PeopleFacts, places: _Places) -> None:
         axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
 
 
-def _list_in_brackets(uavs: Sequence[int]) -> str:
+def list_in_brackets(uavs: Sequence[int]) -> str:
+    """The UAVs with a lane, in words after a person's name; "" for none."""
     more = ", ..." if len(uavs) > _MOST_NAMED else ""
     return f" ({', '.join(map(str, uavs[:_MOST_NAMED]))}{more})" if uavs else ""
 
 
-def _make_share_bars(times: Array, states: Indices, top: float) -> list[Bar]:
-    """Shares of people (K, F) with each state to the tracks, from the worst down, as bars that fill a row."""
-    bars: list[Bar] = []
+def list_shares(states: Indices) -> list[Stretch]:
+    """Shares of people (K, F) with each state to the tracks, from the worst down."""
+    found: list[Stretch] = []
     for first, last, _ in find_episodes(np.unique(np.sort(states, axis=1), axis=0, return_inverse=True)[1].ravel()):
-        low = top
-        for hold in ("lost", "not found yet", "off", "held by some", "held"):
-            height = _FOLDED * float(np.mean(states[first] == HOLDS.index(hold)))
+        top = 0.0
+        for hold in WORST_FIRST:
+            height = float(np.mean(states[first] == HOLDS.index(hold)))
             if height:
-                bars.append(Bar(*find_ends(times, first, last), low, height, rgb(_HOLDS[hold])))
-            low += height
-    return bars
+                found.append(Stretch(first, last, HOLD_SHADES[hold], top, height))
+            top += height
+    return found
 
 
-def _make_lane_bars(times: Array, states: Indices, top: float, uav: int) -> list[Bar]:
-    """The states of a person in a camera."""
+def list_views(states: Indices, uav: int) -> list[Stretch]:
+    """The states (K,) of a person in a UAV's camera; nothing while one of both is not there."""
     colour = uav_colour(uav)
-    bars = []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
+    found = []
     for first, last, value in find_episodes(states):
-        if value != BROKEN and STATES[value] in shades:
-            inset = 0.35 if STATES[value] == "out of view" else 0.06
-            shade = rgb(shades[STATES[value]])
-            bars.append(Bar(*find_ends(times, first, last), top + inset, 1 - 2 * inset, shade))
-    return bars
+        if value != BROKEN and (state := STATES[value]) in shades:
+            slim = (0.35, 0.3) if state == "out of view" else (0.06, 0.88)
+            found.append(Stretch(first, last, shades[state], *slim))
+    return found
 
 
-def _make_hold_bars(times: Array, states: Indices, top: float, uavs: int) -> list[Bar]:
-    """A person's states to the tracks, below the lanes of `uavs` UAVs, with a veil over all lanes while lost."""
-    bars: list[Bar] = []
-    for first, last, value in find_episodes(states):
-        start, end = find_ends(times, first, last)
-        hold = HOLDS[value]
-        if hold == "lost":
-            bars.append(Bar(start, end, top - 0.15, uavs + _BAR + 0.3, _VEIL))
-        if hold in _HOLDS:
-            bars.append(Bar(start, end, top + uavs + 0.2, _BAR - 0.2, rgb(_HOLDS[hold])))
-    return bars
+def list_holds(states: Indices) -> list[Stretch]:
+    """A person's states (K,) to the tracks."""
+    spans = find_episodes(states)
+    return [Stretch(a, b, HOLD_SHADES[HOLDS[value]]) for a, b, value in spans if HOLDS[value] in HOLD_SHADES]
+
+
+def _make_bars(times: Array, stretches: Sequence[Stretch], top: float, height: float) -> list[Bar]:
+    """Stretches in a lane that begins at `top`."""
+    return [Bar(*find_ends(times, s.first, s.last), top + height * s.top, height * s.height, rgb(s.colour))
+            for s in stretches]  # fmt: skip
 
 
 def _mark_breakdowns(axes: Axes, facts: PeopleFacts, events: Sequence[Event], *, named: bool) -> None:
@@ -240,16 +253,21 @@ def _mark_breakdowns(axes: Axes, facts: PeopleFacts, events: Sequence[Event], *,
 
 def _make_legend(uavs: int, shades: set[Shade], *, switched: bool) -> list[Patch | Line2D]:
     """Handles of the legend for the drawn shades, and for marks of switched tracks."""
+    known = name_shades(uavs).items()
+    drawn = {label: colours[0] for label, colours in known if shades.intersection(map(rgb, colours))}
+    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
+    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
+
+
+def name_shades(uavs: int) -> dict[str, list[Colour]]:
+    """What colours stand for in the lanes and bars of a fleet's timeline."""
     if uavs <= len(UAV_COLOURS):
         known = {f"seen by UAV {i}": [uav_colour(i)] for i in range(uavs)}
     else:
         known = {"seen: lanes are the UAVs in brackets": [*UAV_COLOURS]}
     known["shown, not detected"] = [*map(pale, UAV_COLOURS)]
     known |= {"in the frame, hidden": [HIDDEN], "out of view": [OUT_OF_VIEW]}
-    known |= {_MEANT.get(kind, kind): [colour] for kind, colour in (_HOLDS | _UNMATCHED).items()}
-    drawn = {label: colours[0] for label, colours in known.items() if shades.intersection(map(rgb, colours))}
-    marks = [Line2D([], [], **_SWITCHED, label="track switched")] * switched
-    return [*(Patch(color=rgb(colour), label=label) for label, colour in drawn.items()), *marks]
+    return known | {_MEANT.get(kind, kind): [colour] for kind, colour in (HOLD_SHADES | UNMATCHED_SHADES).items()}
 
 
 def _write_title(facts: PeopleFacts) -> str:

@@ -1,4 +1,4 @@
-"""Motion of UAVs that are clear of everything, to the bits of the engine, which then is not needed."""
+"""Motion of UAVs while none is near a body: compiled, and bit for bit as the engine would move them."""
 
 import math
 

@@ -17,7 +17,7 @@ from sim.facts.metrics.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
-POWER = 0.8  # probability with which `count_maps_needed` maps detect a difference
+POWER = 0.8  # probability that `count_maps_needed` maps detect a difference
 MOST_MAPS = 9999  # largest number of maps that is reported
 
 
@@ -78,7 +78,7 @@ def compute_p_values(values: Array) -> list[float]:
 
 
 def count_maps_needed(values: Array) -> list[float]:
-    """Number of maps needed to tell each column of differences (n, M) from zero; infinity if too many.
+    """Number of maps needed to distinguish each column of differences (n, M) from zero; infinity if too many.
 
     It is the least number, but at least six, for which a two-sided paired t test at 5 % finds a true difference with
     the observed mean and standard deviation with a probability of 80 %. NaN for fewer than two differences.

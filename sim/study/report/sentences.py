@@ -12,7 +12,7 @@ ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as 
 
 
 def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
-    """One sentence that says whether a planner is better or worse than the baseline, or cannot be told apart.
+    """One sentence: a planner is better or worse than the baseline, or these maps show no difference.
 
     Args:
         planner: Its label.

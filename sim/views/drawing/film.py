@@ -13,21 +13,20 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from sim.facts.metrics.holding import Holding, list_reports
-from sim.facts.words import number_tracks
 from sim.mission.atomic_files import make_part_path
 from sim.mission.snapshot import Snapshot
 from sim.scenario.scenario import Scenario
 from sim.views.drawing.layout import GAP, Box, Parts, arrange_parts
 from sim.views.drawing.legend import draw_legend
 from sim.views.drawing.lettering import TextStyle, write
-from sim.views.drawing.map_view import MapView, measure_map
+from sim.views.drawing.map_view import MapView
 from sim.views.drawing.marks import draw_detection
 from sim.views.drawing.palette import FAINT, PAPER, VERMILLION
 from sim.views.drawing.strokes import draw_disc, draw_line
-from sim.views.drawing.tiles import draw_broken, draw_tile
+from sim.views.drawing.tiles import draw_tile
+from sim.views.scene import Scene, SceneMaker, measure_map
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array, Image, Indices
+from tracking.numerics.arrays import Array, Image
 
 AS_FLOWN = "map+cameras"  # the layout of a run's film
 WIDTH, HEIGHT = 1280, 720
@@ -59,11 +58,9 @@ class Film:
         self._labelled = labelled
         self._cameras = [uav.true_camera for uav in scenario.uavs]
         self._layout = lay_out_parts(scenario, layout)
-        room = self._layout.map or _PANEL  # the map follows the mission even if it is not shown
+        room = self._layout.map or _PANEL
         self._map = MapView(scenario, forest, (room.width, room.height))
-        self._numbers: dict[int, int] = {}
-        self._holding: Holding | None = None
-        self._within = scenario.loss_distance
+        self._scenes = SceneMaker(scenario)
         self._last: dict[int, Image] = {}  # each tile as of its camera's last frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         # scans in which each camera takes a frame
@@ -87,17 +84,16 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (H, W, 3) RGB, if there are any."""
-        snapshot = number_tracks(snapshot, self._numbers)
-        holds = self._take(snapshot)
+        scene = self._take(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
             picture = image[self._layout.map.slices]
-            self._map.draw(picture, snapshot, holds)
+            self._map.draw(scene, picture)
             if not self._labelled:
-                for place in self._map.pixels(np.vstack([scan.measurements for scan in snapshot.scans])):
-                    draw_detection(picture, place, reach=4.0)
-        self._draw_tiles(image, snapshot, frames)
-        self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
+                for mark in (mark for uav in scene.uavs for mark in uav.detections):
+                    draw_detection(picture, self._map.pixels(mark.place), reach=4.0)
+        self._draw_tiles(image, scene, frames)
+        self._draw_header(image[:_HEADER, GAP:-GAP], scene)
         return image
 
     def follow(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
@@ -105,33 +101,27 @@ class Film:
 
         `frames` as in `draw`; only the last frame of each camera is used, and only if the camera is slower than scans.
         """
-        snapshot = number_tracks(snapshot, self._numbers)
-        self._take(snapshot)
-        self._map.follow(snapshot)
+        scene = self._take(snapshot)
         if frames is not None:
-            self._draw_tiles(self._empty.copy(), snapshot, frames)
+            self._draw_tiles(self._empty.copy(), scene, frames)
 
-    def _draw_tiles(self, image: Image, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
-        for i, tile in self._layout.tiles.items():
-            if i not in snapshot.working:
-                draw_broken(image[tile.slices], i)
-                continue
-            frame = None if frames is None else frames[i]
-            if frames is None or frame is not None or i not in self._last:
-                draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
-                self._last[i] = image[tile.slices].copy()
-            else:
-                image[tile.slices] = self._last[i]
-
-    def _take(self, snapshot: Snapshot) -> Indices:
-        """The states (M,) of people, which depend on earlier snapshots; the curve of OSPA grows."""
-        self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses), self._within)
+    def _take(self, snapshot: Snapshot) -> Scene:
+        """The scene of the next snapshot; the curve of OSPA grows."""
         self._sparkline.add(snapshot.time, snapshot.error)
-        return self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
+        return self._scenes.add(snapshot)
 
-    def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
-        big, error = TextStyle(20, bold=True), snapshot.error
-        write(image, f"{snapshot.time:.1f} s", (72, _HEADER / 2), big, align=1.0)
+    def _draw_tiles(self, image: Image, scene: Scene, frames: Sequence[Image | None] | None) -> None:
+        for i, tile in self._layout.tiles.items():
+            uav, frame = scene.uavs[i], None if frames is None else frames[i]
+            if uav.works and frames is not None and frame is None and i in self._last:
+                image[tile.slices] = self._last[i]
+            else:
+                draw_tile(image[tile.slices], uav, camera=self._cameras[i], frame=frame)
+                self._last[i] = image[tile.slices].copy()
+
+    def _draw_header(self, image: Image, scene: Scene) -> None:
+        big, error = TextStyle(20, bold=True), scene.error
+        write(image, f"{scene.time:.1f} s", (72, _HEADER / 2), big, align=1.0)
         if not self._labelled:
             return
         text = "-" if math.isnan(error) else f"{error:.2f} m"

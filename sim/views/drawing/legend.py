@@ -21,6 +21,7 @@ from sim.views.drawing.palette import (
     track_colour,
 )
 from sim.views.drawing.strokes import cut_dashes, draw_disc, draw_line, draw_lines
+from sim.views.scene import find_person_look
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Image
 
@@ -31,9 +32,12 @@ _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 _Entry = tuple[Callable[[Image, Array], None], str]
 _PEOPLE: list[_Entry] = [
-    (partial(draw_person_mark, heading=0.0, view="seen"), "person"),
-    *((partial(draw_person_mark, heading=0.0, view=view), view) for view in ("hidden", "out of view")),
-    *((partial(draw_person_mark, heading=0.0, view="seen", hold=hold), hold) for hold in UNHELD_COLOURS),
+    (partial(draw_person_mark, heading=0.0, look=find_person_look(view, hold)), text)
+    for text, view, hold in (
+        ("person", "seen", "held"),
+        *((view, view, "held") for view in ("hidden", "out of view")),
+        *((hold, "seen", hold) for hold in UNHELD_COLOURS),
+    )
 ]
 
 

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from sim.views.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, UNHELD_COLOURS, Colour
+from sim.views.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, Colour
 from sim.views.drawing.strokes import draw_disc, draw_line, draw_lines
+from sim.views.scene import PersonLook
 from tracking.numerics.arrays import Array, Image
 
 _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
@@ -46,18 +47,12 @@ def draw_detection(image: Image, centre: Array, reach: float) -> None:
     draw_disc(image, centre, reach, DETECTION, 2)
 
 
-def draw_person_mark(
-    image: Image, centre: Array, heading: float, *, view: str, hold: str = "", size: float = 1.0
-) -> None:
-    """Draw a person's mark at a pixel (2,), with a ring if no UAV holds the person.
-
-    view: "seen" gives a full disc, "hidden" a hollow one, and "out of view" a grey one. hold: one of `HOLDS`.
-    """
-    ink = FAINT if view == "out of view" else INK
+def draw_person_mark(image: Image, centre: Array, heading: float, look: PersonLook, size: float = 1.0) -> None:
+    """Draw a person's mark at a pixel (2,), with a ring if no UAV holds the person."""
     ahead = centre + size * 9.0 * np.array([math.cos(heading), -math.sin(heading)])
-    draw_line(image, np.array([centre, ahead]), ink, thickness=2)
-    draw_disc(image, centre, 3.4 * size, ink)
-    if view == "hidden":
+    draw_line(image, np.array([centre, ahead]), look.colour, thickness=2)
+    draw_disc(image, centre, 3.4 * size, look.colour)
+    if look.hollow:
         draw_disc(image, centre, 2.0 * size, PANEL)
-    if hold in UNHELD_COLOURS:
-        draw_disc(image, centre, 11.0 * size, UNHELD_COLOURS[hold], 2)
+    if look.trouble is not None:
+        draw_disc(image, centre, 11.0 * size, look.trouble, 2)

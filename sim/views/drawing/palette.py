@@ -65,6 +65,11 @@ def track_colour(track: int) -> Colour:
     return TRACK_COLOURS[track % len(TRACK_COLOURS)]
 
 
+def format_css(colour: Colour) -> str:
+    """A colour in CSS."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
 def lighten(colour: Colour) -> Colour:
     """The colour, lightened so that it is legible on a dark background."""
     return mix((255, 255, 255), colour, 0.45)

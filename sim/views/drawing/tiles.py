@@ -3,29 +3,27 @@
 import cv2
 import numpy as np
 
-from sim.facts.words import name_track
-from sim.mission.snapshot import Snapshot
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, measure_width, write
 from sim.views.drawing.marks import draw_broken_mark, draw_cross, draw_detection
-from sim.views.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
+from sim.views.drawing.palette import FAINT, INK, LINE, PANEL, Colour
+from sim.views.scene import UavMark
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Image
-from tracking.track import beliefs_of
 
 BORDER = 4
 
 
-def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
+def draw_tile(image: Image, uav: UavMark, *, camera: Camera, frame: Image | None) -> None:
     """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks.
 
-    A frame that is not square lies in the middle.
-
-    snapshot: with numbered tracks.
+    A frame that is not square lies in the middle. A UAV that has broken down has a placeholder.
     """
-    colour = uav_colour(uav)
-    _fill(image, colour)
+    if not uav.works:
+        draw_broken(image, uav.number)
+        return
+    _fill(image, uav.colour)
     room = image[BORDER:-BORDER, BORDER:-BORDER]
     _fill(room, LINE)
     scale = room.shape[0] / max(camera.size)
@@ -37,12 +35,12 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
         view[:] = cv2.resize(frame, (width, height), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
     labels = Labels(view, veil=False)
     reach = max(5.0 * scale, 10.0)
-    found = scale * snapshot.pixels[uav]
+    found = scale * np.array([mark.pixel for mark in uav.detections if mark.pixel is not None]).reshape(-1, 2)
     for uv in found:
         draw_detection(view, uv, reach)
     labels.reserve(found, reach)
-    _draw_tracks(view, labels, snapshot, uav, camera, scale)
-    _name(image, uav, colour)
+    _draw_tracks(view, labels, uav, camera, scale)
+    _name(image, uav.number, uav.colour)
 
 
 def draw_broken(image: Image, uav: int) -> None:
@@ -67,14 +65,13 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera, scale: float) -> None:
-    pose, tracks = (snapshot.believed or snapshot.cameras)[uav], snapshot.tracks[uav]
-    points = at_target_height(beliefs_of(tracks).means[:, :2])
-    pixels = scale * camera.project(pose, points)[0]
-    inside = np.flatnonzero(camera.sees(pose, points))
-    shown = [(tracks[t], pixels[t]) for t in inside.tolist()]
+def _draw_tracks(view: Image, labels: Labels, uav: UavMark, camera: Camera, scale: float) -> None:
+    points = at_target_height(np.array([track.mean for track in uav.tracks]).reshape(-1, 2))
+    pixels = scale * camera.project(uav.believed, points)[0]
+    inside = np.flatnonzero(camera.sees(uav.believed, points))
+    shown = [(uav.tracks[t], pixels[t]) for t in inside.tolist()]
     for track, at in shown:
-        draw_cross(view, at, track_colour(track.id))
+        draw_cross(view, at, track.colour)
     labels.reserve(pixels[inside], 6.0)
     for track, at in shown:
-        labels.put(name_track(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)
+        labels.put(track.name, at, TextStyle(13, track.colour, True, PANEL), gap=11.0)

@@ -8,13 +8,12 @@ import cv2
 import numpy as np
 
 from sim.facts.sightings import FrameFacts, Sighting, outline_cylinder, outline_hidden_ground
-from sim.facts.words import name_track
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, write
-from sim.views.drawing.map_view import looks_down, outline_ellipse
 from sim.views.drawing.marks import draw_cross, draw_detection
-from sim.views.drawing.palette import DETECTION, INK, PANEL, track_colour
+from sim.views.drawing.palette import DETECTION, INK, PANEL, Colour, track_colour
 from sim.views.drawing.strokes import SHIFT, draw_disc, draw_line, draw_outline, to_fixed_point
+from sim.views.scene import looks_down, mark_detections, mark_track, outline_ellipse
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array, Image
@@ -36,7 +35,7 @@ def annotate(frame: Image, sight: FrameFacts, size: int) -> tuple[Image, set[str
     how = cv2.INTER_NEAREST if side == squares else cv2.INTER_LINEAR if side > pixels else cv2.INTER_AREA
     height, width = (round(edge * side / pixels) for edge in frame.shape[:2])
     image = np.asarray(cv2.resize(frame, (width, height), interpolation=how), dtype=np.uint8)
-    view = _View(image, sight)
+    view = _Overlay(image, sight)
     view.draw()
     return image, view.shown
 
@@ -48,7 +47,7 @@ class _Scale(NamedTuple):
     words: dict[str, Array]
 
 
-class _View:
+class _Overlay:
     """Drawing over the frame of one camera: marks first, then their names, clear of all marks."""
 
     def __init__(self, image: Image, sight: FrameFacts) -> None:
@@ -57,6 +56,9 @@ class _View:
         self._size = np.array(image.shape[1::-1])
         self._labels = Labels(image)
         self.shown: set[str] = set()  # names of the marks that lie in the image
+        snapshot, uav = sight.snapshot, sight.uav
+        self._tracks = [mark_track(track, track.id) for track in snapshot.tracks[uav]]
+        self._detections = mark_detections(snapshot.scans[uav], snapshot.pixels[uav])
         outlines = outline_hidden_ground(sight.camera, sight.pose, sight.forest)
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
@@ -101,30 +103,24 @@ class _View:
         return np.asarray(self._scale * outline_cylinder(self._sight.camera, self._sight.pose, body))
 
     def _draw_measurements(self) -> None:
-        scan = self._sight.snapshot.scans[self._sight.uav]
-        detections = self._sight.snapshot.pixels[self._sight.uav]
-        rings = [
-            self._pixels(np.vstack([z, outline_ellipse(z, R)]))
-            for z, R in zip(scan.measurements, scan.covariances, strict=True)
-        ]
+        rings = [self._pixels(np.vstack([m.place, outline_ellipse(m.place, m.covariance)])) for m in self._detections]
         finite = [k for k, ring in enumerate(rings) if np.all(np.isfinite(ring))]
         with self._drawing(_DETECTION):
-            for k in finite if len(detections) else []:
-                found = self._scale * detections[k]
-                draw_outline(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
-                draw_detection(self._image, found, max(5.0 * self._scale, 10.0))
+            for k in finite:
+                if (pixel := self._detections[k].pixel) is not None:
+                    found = self._scale * pixel
+                    draw_outline(self._image, np.array([found, rings[k][0]]), DETECTION, INK)
+                    draw_detection(self._image, found, max(5.0 * self._scale, 10.0))
         with self._drawing(_MEASUREMENT):
             for k in finite:
                 _draw_measurement(self._image, rings[k][0], rings[k][1:])
                 self._labels.reserve(rings[k][0], 8.0)
 
     def _draw_tracks(self) -> None:
-        for track in self._sight.snapshot.tracks[self._sight.uav]:
-            mean = track.belief.mean[:2]
-            covariance = track.belief.covariance[:2, :2]
-            at, ring = self._pixels(mean[None])[0], self._pixels(outline_ellipse(mean, covariance))
+        for track in self._tracks:
+            at, ring = self._pixels(track.mean[None])[0], self._pixels(outline_ellipse(track.mean, track.covariance))
             if np.all(np.isfinite(ring)):
-                _draw_track(self._image, at, ring, track.id)
+                _draw_track(self._image, at, ring, track.colour)
                 self._labels.reserve(at, 10.0)
 
     def _name_person(self, sighting: Sighting) -> None:
@@ -133,11 +129,10 @@ class _View:
         self._labels.put(f"truth: person {sighting.person}{why}", at, TextStyle(13, INK, True, PANEL))
 
     def _name_tracks(self) -> None:
-        for track in self._sight.snapshot.tracks[self._sight.uav]:
-            at = self._pixels(track.belief.mean[None, :2])[0]
+        for track in self._tracks:
+            at = self._pixels(track.mean[None])[0]
             if np.all(np.isfinite(at) & (at >= 0) & (at <= self._size)):
-                style = TextStyle(13, track_colour(track.id), True, PANEL)
-                self._labels.put(f"track {name_track(track)}", at, style)
+                self._labels.put(f"track {track.name}", at, TextStyle(13, track.colour, True, PANEL))
 
     def _name_trees(self, hiding: Sequence[int]) -> None:
         for tree in hiding:
@@ -189,10 +184,10 @@ def _draw_measurement(image: Image, at: Array, ring: Array) -> None:
     draw_disc(image, at, 2.5, DETECTION)
 
 
-def _draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
+def _draw_track(image: Image, at: Array, ring: Array, colour: Colour) -> None:
     """Draw the mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
-    draw_outline(image, ring, track_colour(track), PANEL, closed=True)
-    draw_cross(image, at, track_colour(track))
+    draw_outline(image, ring, colour, PANEL, closed=True)
+    draw_cross(image, at, colour)
 
 
 def _draw_truth(image: Image, outline: Array) -> None:
@@ -221,7 +216,7 @@ _TRUTH, _RIM, _HIDING_RIM = "truth: person", "rim of what trees hide", "tree tha
 _MARKS: dict[str, Mark] = {
     _DETECTION: lambda image, at: draw_detection(image, at, 10.0),
     _MEASUREMENT: lambda image, at: _draw_measurement(image, at, outline_ellipse(at, np.diag([50.0, 20.0]))),
-    TRACK: lambda image, at: _draw_track(image, at, outline_ellipse(at, np.diag([50.0, 25.0])), 0),
+    TRACK: lambda image, at: _draw_track(image, at, outline_ellipse(at, np.diag([50.0, 25.0])), track_colour(0)),
     _TRUTH: lambda image, at: _draw_truth(image, outline_ellipse(at, np.diag([20.0, 20.0]))),
     _RIM: lambda image, at: _draw_rim(image, [at + 9.0 * _SQUARE]),
     _HIDING_RIM: lambda image, at: _draw_rim(image, [at + 7.0 * _SQUARE], hiding=True),

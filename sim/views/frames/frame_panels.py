@@ -9,15 +9,15 @@ import numpy as np
 from sim.facts.metrics.summary import format_recording_title
 from sim.facts.rerender import Rerenderer
 from sim.facts.sightings import FrameFacts, Sighting, make_frame_facts, tell_pose_error
-from sim.facts.words import TextGroup, name_track
+from sim.facts.words import TextGroup
 from sim.mission.atomic_files import make_new_folder
 from sim.mission.recording import Recording
 from sim.views.drawing.layout import GAP
 from sim.views.drawing.lettering import TextStyle, lay_out_groups, write
-from sim.views.drawing.map_view import find_half_axes, looks_down
 from sim.views.drawing.palette import PANEL, PAPER, uav_colour
 from sim.views.drawing.tiles import BORDER
 from sim.views.frames.annotation import annotate, find_marks
+from sim.views.scene import find_half_axes, looks_down, mark_track
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Image
 
@@ -127,7 +127,7 @@ def _draw_panel(sight: FrameFacts, notes: list[str], whole: dict[int, int], show
 
 def _make_sections(sight: FrameFacts, notes: list[str], whole: dict[int, int]) -> list[TextGroup]:
     tracks = [
-        f"track {name_track(track)}: ± {major:.2f} × {minor:.2f} m"
+        f"track {mark_track(track, track.id).name}: ± {major:.2f} × {minor:.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
         for minor, major in [find_half_axes(track.belief.covariance[:2, :2])[0].tolist()]
     ]

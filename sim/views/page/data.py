@@ -1,131 +1,142 @@
-"""Data for the script of a mission's page: plain numbers by shown scan, rounded to centimetres."""
+"""The scenes of a mission as the JSON of its page, one for each shown scan; metres are rounded to centimetres."""
 
-from dataclasses import dataclass
-from itertools import pairwise
+import math
+from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.facts.event import IDENTITIES, assign_lanes
 from sim.facts.flight import Flight
-from sim.mission.recording import Recording
+from sim.facts.metrics.fleet_facts import average_ospa
 from sim.views.drawing import palette
 from sim.views.drawing.layout import Parts
-from sim.views.drawing.map_view import MARGIN, TRAIL, find_footprint, find_half_axes
-from sim.views.timeline import choose_rows
-from tracking.geometry.camera import Pose
-from tracking.numerics.arrays import Array, Flags
+from sim.views.drawing.palette import BLUE, INK, LOST, VERMILLION, format_css
+from sim.views.page.charts import Table, choose_shown, list_people_now, make_chart_legend, make_timeline
+from sim.views.scene import MARGIN, TRAIL, PersonLook, Scene, UavMark, find_half_axes, find_person_look, make_scenes
+from tracking.numerics.arrays import Array
 
-MOST_SCANS = 1500  # shown on a page
-
-
-@dataclass(frozen=True)
-class Shown:
-    """The scans on a page: each `stride`-th of a long mission."""
-
-    stride: int
-    count: int
-
-    @staticmethod
-    def of(recording: Recording) -> "Shown":
-        """All scans of a recording, or at most `MOST_SCANS` of them, evenly spread."""
-        scans = len(recording.times)
-        stride = -(-scans // MOST_SCANS)
-        return Shown(stride, -(-scans // stride))
-
-    def span(self, first: int, last: int) -> tuple[int, int]:
-        """The first and the last shown scan, by their places on the page, of a span of scans; at least one."""
-        begin = min(-(-first // self.stride), self.count - 1)
-        return begin, max(begin, last // self.stride)
+_FEW = 8  # people; more have short names on the map
 
 
 def make_page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     """The content of the page's JSON; parts: those of the film, or None without a film.
 
-    Lists run over shown scans, then UAVs, then people or tracks; null means absent or broken down.
+    Lists run over shown scans, then UAVs, then people or tracks. Marks begin with the index of their look in `looks`;
+    null stands for absent people and for what is not drawn.
     """
-    recording, scenario, people, events = flight.recording, flight.scenario, flight.people, flight.events
-    shown = Shown.of(recording)
-    every, rate = slice(None, None, shown.stride), scenario.rates.sensing / shown.stride
-    view_texts = [people.view_texts(m)[every] for m in range(recording.person_count)]
-    rows, folded = choose_rows(people)
-    holders = people.tracks[every]
-    texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
+    recording, scenario = flight.recording, flight.scenario
+    shown = choose_shown(recording)
+    rate = scenario.rates.sensing / shown.stride
+    scenes = list(islice(make_scenes(recording, flight.people.hold_states), 0, None, shown.stride))
+    looks = {name: Table() for name in ("uavs", "people", "tracks", "rows")}
+    trees = recording.forest.trees
+    errors = recording.errors[shown.every]
+    timeline = make_timeline(flight, shown)
     return {
         "labelled": recording.labelled,
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
         "rate": rate,
         "trail": round(TRAIL * rate),
-        "times": _round(recording.times[every], 3),
-        "trees": [_round([t.x, t.y, t.canopy_radius, t.trunk_radius, t.cover]) for t in recording.forest.trees],
-        "people": _put_nulls(recording.people[every], 2, np.isnan(recording.people[every, :, 0])),
-        "headings": _round(np.nan_to_num(recording.headings[every])),
-        "uavs": _round(recording.poses[every, :, :3]),
-        "views": _list_views(recording, recording.cameras[every]),
-        "believed": None if recording.believed is None else _list_views(recording, recording.believed[every]),
-        "tracks": _list_tracks(recording)[every],
-        "states": people.camera_states[every].tolist(),
-        "texts": list(texts),
-        "view_texts": [[texts[text] for text in column] for column in view_texts],
-        "holds": people.hold_states[every].tolist(),
-        "holders": recording.numbers_of(holders.ravel()).reshape(holders.shape).tolist(),
-        "works": recording.working[every].astype(int).tolist(),
-        "ospa": _put_nulls(recording.errors[every, :, 0], 3, np.isnan(recording.errors[every, :, 0])),
-        "rows": rows,
-        "folded": folded,
-        "unmatched": [[e.kind, *shown.span(e.first, e.last), lane] for e, lane in assign_lanes(events)],
-        "switches": [[shown.span(e.first, e.first)[0], e.person] for e in events if e.kind in IDENTITIES],
-        "plans": _list_plans(recording),
-        "colours": {
-            **list_colours(),
-            # Further UAVs repeat these with other dashes.
-            "uavs": [format_css(colour) for colour in palette.UAV_COLOURS],
-            "uav_dashes": palette.UAV_DASHES,
-            "pale_uavs": [format_css(palette.pale(colour)) for colour in palette.UAV_COLOURS],
-            "pale_false": format_css(palette.pale(palette.FALSE)),
-            "tracks": [format_css(colour) for colour in palette.TRACK_COLOURS],
+        "times": _round(recording.times[shown.every], 3),
+        "trees": [
+            [*_round([t.x, t.y, t.canopy_radius, t.trunk_radius, t.cover]), _tell_tree(n, t.canopy_radius, t.cover)]
+            for n, t in enumerate(trees)
+        ],
+        "names": {
+            "people": [f"person {m}" for m in range(recording.person_count)],
+            "uavs": [f"UAV {i}" for i in range(recording.uav_count)],
         },
+        "people": [_list_people(scene, recording.person_count, looks["people"]) for scene in scenes],
+        "uavs": [[_list_uav(uav, scene.poses_err, looks["uavs"]) for uav in scene.uavs] for scene in scenes],
+        "tracks": [_list_tracks(scene, looks["tracks"]) for scene in scenes],
+        "owner": [-1 if scene.owner is None else scene.owner for scene in scenes],
+        "now": list_people_now(flight, shown, looks["rows"]),
+        "ospa": _put_nulls(errors[:, :, 0]),
+        "mean": _put_nulls(average_ospa(errors)[:, :1].T)[0],
+        "lines": [[format_css(palette.uav_colour(i)), palette.uav_dashes(i)] for i in range(recording.uav_count)],
+        "timeline": timeline,
+        "map_legend": _make_map_legend(scenes, [tree.cover for tree in trees]),
+        "chart_legend": make_chart_legend(flight, timeline["shades"]),
+        "looks": {name: list(table) for name, table in looks.items()},
+        "colours": list_colours(),
         "film": None if parts is None else {"tiles": [[b.x, b.y, b.width, b.height] for b in parts.tiles.values()]},
     }
 
 
-def _list_views(recording: Recording, cameras: Array) -> list[list[list[float] | None]]:
-    """Outline x, y [m] of the field of view on the ground of cameras (K, n, 7); null if it has no bounds nearby."""
-    poses = [[Pose(pose[:3], pose[3:]) for pose in row] for row in cameras]
-    views = [[find_footprint(recording.setting, i, pose) for i, pose in enumerate(row)] for row in poses]
-    return [[None if view is None else _round(view.ravel()) for view in row] for row in views]
+def _tell_tree(number: int, radius: float, cover: float) -> str:
+    hides = f", hides {round(100 * cover)} % from above" if cover < 1.0 else ""
+    return f"tree {number}, canopy of {round(radius, 2):g} m radius{hides}"
 
 
-def _list_tracks(recording: Recording) -> list[dict[str, Any]]:
-    """Rows of the tracks of each scan, equal ones of several UAVs once, and each UAV's as indices into these rows.
-
-    A row has the number of the track, x, y, half axes [m] and rotation [rad] of its 95 % ellipse, and 1 if it is
-    reported.
-    """
-    half, axes = find_half_axes(recording.track_covariances[:, :2, :2])
-    turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
-    number = recording.numbers_of(recording.track_ids)
-    columns = [number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]
-    rows = list(map(tuple, _round(np.column_stack(columns))))
-    uavs, offsets = recording.uav_count, recording.track_offsets.tolist()
-    found = []
-    for k in range(0, len(offsets) - 1, uavs):
-        distinct = {row: n for n, row in enumerate(dict.fromkeys(rows[offsets[k] : offsets[k + uavs]]))}
-        held = [[distinct[row] for row in rows[a:b]] for a, b in pairwise(offsets[k : k + uavs + 1])]
-        found.append({"rows": list(distinct), "held": held})
+def _list_people(scene: Scene, people: int, looks: Table) -> list[list[float] | None]:
+    """Look, x, y [m] and heading [rad] of each person; a look has label, its colour, and that of `find_person_look`."""
+    found: list[list[float] | None] = [None] * people
+    for person in scene.people:
+        named = {"lost": LOST, "not found yet": INK}.get(person.hold)
+        label = str(person.number) if people > _FEW else person.name
+        look = looks.index_of((label, named and format_css(named), *_format_look(person.look)))
+        found[person.number] = [look, *_round([*person.place, person.heading])]
     return found
 
 
-def _list_plans(recording: Recording) -> dict[str, Any]:
-    """Times [s] from which plans are flown, duration [s] of a step, and velocities [m/s] of each UAV's steps."""
-    setting = recording.setting
-    return {
-        "times": _round([setting.plan_start(time) for time in recording.plan_times.tolist()], 3),
-        "step": setting.rates.plan_step,
-        "controls": [[_round(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
-    }
+def _list_uav(uav: UavMark, poses_err: bool, looks: Table) -> list[Any]:
+    """Look, x, y, z [m], outlines of the view and the believed view, if it differs, and intent without its start."""
+    tip = f"{uav.name}, {{}} m up" if uav.works else uav.name.replace(":", ",")
+    trouble = uav.trouble and format_css(uav.trouble)
+    look = looks.index_of((uav.name, format_css(uav.colour), uav.dashes, trouble, tip))
+    believed = uav.believed_view if poses_err else None
+    intent = None if uav.intent is None else uav.intent[1:]
+    outlines = [None if line is None else _round(line.ravel()) for line in (uav.view, believed, intent)]
+    return [look, *_round(uav.pose.position), *outlines]
+
+
+def _list_tracks(scene: Scene, looks: Table) -> dict[str, Any]:
+    """Tracks of a scan, equal ones of several UAVs once, and each UAV's as indices into these rows.
+
+    A row has the look, x, y, half axes [m] and rotation [rad] of the 95 % ellipse.
+    """
+    tracks = [track for uav in scene.uavs for track in uav.tracks]
+    half, axes = find_half_axes(np.array([track.covariance for track in tracks]).reshape(-1, 2, 2))
+    turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
+    numbers = [
+        looks.index_of(
+            (t.name, format_css(t.colour), f"track {t.number} of {{}}{'' if t.reported else ', not reported'}")
+        )
+        for t in tracks
+    ]
+    means = np.array([track.mean for track in tracks]).reshape(-1, 2)
+    rows = iter(map(tuple, _round(np.column_stack([numbers, means, half[:, ::-1], turn]))))
+    distinct = Table()
+    held = [[distinct.index_of(next(rows)) for _ in uav.tracks] for uav in scene.uavs]
+    return {"rows": list(distinct), "held": held}
+
+
+def _make_map_legend(scenes: Sequence[Scene], covers: Sequence[float]) -> list[list[Any]]:
+    """What the map shows at some scan: text, kind of the mark, and its look."""
+    people = [person for scene in scenes for person in scene.people]
+    uavs = [uav for scene in scenes for uav in scene.uavs]
+    views, holds = {person.view for person in people}, {person.hold for person in people}
+    sparsest = min(covers, default=1.0)
+    marks: list[tuple[str, str, Any, bool]] = [("porous tree", "tree", sparsest, sparsest < 1.0)]
+    for text, view in (("person", "seen"), ("hidden", "hidden"), ("outside every view", "out of view")):
+        marks.append((text, "person", _format_look(find_person_look(view, "held")), view in views))
+    for hold in ("lost", "not found yet"):
+        marks.append((hold, "person", _format_look(find_person_look("seen", hold)), hold in holds))
+    marks += [
+        ("track, 95 %", "track", format_css(VERMILLION), any(uav.tracks for uav in uavs)),
+        ("view of a UAV", "view", format_css(BLUE), any(uav.view is not None for uav in uavs)),
+        ("view as believed", "believed", format_css(BLUE), any(scene.poses_err for scene in scenes)),
+        ("intent", "intent", format_css(BLUE), any(uav.intent is not None for uav in uavs)),
+    ]
+    return [[text, kind, look] for text, kind, look, drawn in marks if drawn]
+
+
+def _format_look(look: PersonLook) -> tuple[str, bool, str | None]:
+    """Colour, True for a hollow disc, and colour of the ring."""
+    return format_css(look.colour), look.hollow, look.trouble and format_css(look.trouble)
 
 
 def list_colours() -> dict[str, str]:
@@ -135,15 +146,10 @@ def list_colours() -> dict[str, str]:
     return {name: format_css(colour) for name, colour in colours.items()}
 
 
-def format_css(colour: palette.Colour) -> str:
-    """A colour in CSS."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
-
-
-def _put_nulls(values: Array, digits: int, without: Flags) -> list[list[Any]]:
-    """Rounded values (K, N, ...) as lists, with null at the places (K, N) without a value."""
-    rows = zip(_round(np.nan_to_num(values), digits), without.tolist(), strict=True)
-    return [[None if gone else value for value, gone in zip(*row, strict=True)] for row in rows]
+def _put_nulls(values: Array) -> list[list[float | None]]:
+    """Rows of values (K, N) m in millimetres, with null for NaN."""
+    rounded = _round(values, 3)
+    return [[None if math.isnan(value) else value for value in row] for row in rounded]
 
 
 def _round(values: ArrayLike, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array

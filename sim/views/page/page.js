@@ -15,7 +15,7 @@ function go(k, keep = false) {
   if (!keep) seek();
   const time = `${data.times[state.k].toFixed(1)} s`;
   $("now").textContent = time;
-  const error = fleetMean(state.k);
+  const error = data.mean[state.k];
   $("error").textContent = error === null ? "-".repeat(data.labelled) : `${error.toFixed(2)} m`;
   $("slider").value = state.k;
   $("slider").setAttribute("aria-valuetext", time);
@@ -36,22 +36,15 @@ function seek() {
   if (Math.abs(film.currentTime - goal) > 1e-3) film.currentTime = goal;
 }
 
-// The states of a person to the tracks, the worst first; of the lost, those lost for longer.
-function trouble(k, m) {
-  const hold = data.holds[k][m];
-  let first = k;
-  while (first > 0 && data.holds[first - 1][m] === hold) first -= 1;
-  return [WORST.indexOf(hold) + 1 || 6, hold === LOST ? first : 0, m];
-}
+// Number, state of trouble, and states to the cameras and to the tracks of each person at a scan, the worst off first.
+const nowOf = (k) => data.now[k].map((n) => data.looks.rows[n]);
 
-// The table under Now, sorted by trouble.
+// The table under Now.
 function tell() {
-  const order = data.people[state.k].map((_, m) => trouble(state.k, m));
-  order.sort((one, other) => one[0] - other[0] || one[1] - other[1] || one[2] - other[2]);
-  const rows = order.map(([, , m]) => {
+  const rows = nowOf(state.k).map(([m, trouble, ...words]) => {
     const row = document.createElement("tr");
-    row.className = lost(state.k, m) ? "lost" : unfound(state.k, m) ? "unfound" : "";
-    for (const text of [String(m), views(state.k, m), holders(state.k, m)]) row.insertCell().textContent = text;
+    row.className = trouble;
+    for (const text of [String(m), ...words]) row.insertCell().textContent = text;
     return row;
   });
   $("state").tBodies[0].replaceChildren(...rows);
@@ -129,11 +122,10 @@ function onKey(event) {
 }
 
 function fillChoices() {
-  data.people[0].forEach((_, m) => $("follow").add(new Option(`person ${m}`)));
-  data.uavs[0].forEach((_, i) => {
-    $("follow").add(new Option(`UAV ${i}`));
-    $("who").add(new Option(`UAV ${i}`, i));
-  });
+  for (const kind of ["people", "uavs"]) {
+    data.names[kind].forEach((name, n) => $("follow").add(new Option(name, `${kind} ${n}`)));
+  }
+  data.names.uavs.forEach((name, i) => $("who").add(new Option(name, i)));
   for (const name of ["follow", "who"]) $(name).addEventListener("change", () => { state[name] = $(name).value; drawMap(); });
   $("speed").addEventListener("change", () => {
     state.speed = Number($("speed").value);
@@ -163,7 +155,7 @@ function bindFilm() {
     const canvas = document.createElement("canvas");
     Object.assign(canvas, { width: 2 * w, height: 2 * h });
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `Camera of UAV ${i} with its detections and tracks`);
+    canvas.setAttribute("aria-label", `Camera of ${data.names.uavs[i]} with its detections and tracks`);
     $("cameras").append(canvas);
     cameras.push(canvas);
   });
@@ -179,14 +171,34 @@ function bindFilm() {
   });
 }
 
-// Lists what is drawn at some scan of the mission: each entry has a text, a mark, and whether it is.
+// Marks in legends by their kind, each drawn in a colour or with a look.
+const MARKS = {
+  tree: (ctx, cover) => {
+    ctx.globalAlpha = 0.6 * cover;
+    disc(ctx, 13, 10, 8, colours.canopy);
+    ctx.globalAlpha = 1;
+    ring(ctx, 13, 10, 8, colours.canopy_edge, 1);
+  },
+  person: (ctx, look) => personMark(ctx, 11, 10, 0, look, 8),
+  track: (ctx) => { ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); },
+  view: (ctx) => ctx.strokeRect(5, 3, 16, 14),
+  believed: (ctx) => { ctx.lineWidth = 1; ctx.setLineDash([3, 3]); ctx.strokeRect(5, 3, 16, 14); },
+  intent: (ctx, colour) => { ctx.lineWidth = 2.5; ctx.setLineDash([2, 4]); stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colour, 2); },
+  box: (ctx) => ctx.fillRect(2, 4, 22, 12),
+  thin: (ctx) => ctx.fillRect(2, 8, 22, 3),
+  diamond: (ctx) => diamond(ctx, 13, 10),
+};
+
 function legend(list, entries) {
-  for (const [text, draw] of entries.filter((entry) => entry[2])) {
+  for (const [text, kind, look] of entries) {
     const canvas = document.createElement("canvas");
     const item = document.createElement("li");
     canvas.style.width = "26px";
     fit(canvas, 26, 20);
-    draw(canvas.getContext("2d"));
+    const ctx = canvas.getContext("2d");
+    if (typeof look === "string") ctx.fillStyle = ctx.strokeStyle = look;
+    ctx.lineWidth = 2;
+    MARKS[kind](ctx, look);
     item.append(canvas, text);
     $(list).append(item);
   }
@@ -209,45 +221,8 @@ for (const [name, act] of [["back", () => go(state.k - 1)], ["on", () => go(stat
 for (const li of lists) li.querySelector("button").addEventListener("click", () => choose(li));
 addEventListener("keydown", onKey);
 addEventListener("resize", layOut);
-const box = (colour) => (ctx) => { ctx.fillStyle = colour; ctx.fillRect(2, 4, 22, 12); };
-const mark = (view, colour) => (ctx) => { personMark(ctx, 11, 10, 0, view); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
-const known = { // views on the map, states in the lanes and in the bars, kinds of tracks of no person
-  views: new Set(data.people.flatMap((row, k) => row.map((at, m) => at && viewOf(k, m)))),
-  states: new Set(data.states.flat(2)),
-  holds: new Set(data.holds.flat()),
-  kinds: new Set(data.unmatched.map((event) => event[0])),
-};
-const sparsest = data.trees.reduce((least, tree) => Math.min(least, tree[4]), 1);
-legend("map-legend", [
-  ["porous tree", (ctx) => { ctx.globalAlpha = 0.6 * sparsest; disc(ctx, 13, 10, 8, colours.canopy); ctx.globalAlpha = 1; ring(ctx, 13, 10, 8, colours.canopy_edge, 1); },
-    sparsest < 1],
-  ["person", mark(SEEN), known.views.has(SEEN)], ["hidden", mark(HIDDEN), known.views.has(HIDDEN)],
-  ["outside every view", mark(OUT), known.views.has(OUT)],
-  ["lost", mark(SEEN, colours.lost), known.holds.has(LOST)],
-  ["not found yet", mark(SEEN, colours.not_found_yet), known.holds.has(NOT_FOUND)],
-  ["track, 95 %", (ctx) => { ctx.strokeStyle = colours.vermillion; ctx.lineWidth = 2; ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); },
-    data.tracks.some((scan) => scan.rows.length)],
-  ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); },
-    data.views.flat().some(Boolean)],
-  ["view as believed", (ctx) => { ctx.strokeStyle = colours.blue; ctx.setLineDash([3, 3]); ctx.strokeRect(5, 3, 16, 14); ctx.setLineDash([]); },
-    data.believed !== null],
-  ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); },
-    data.plans.times.length],
-]);
-const sees = (i) => data.states.some((rows) => rows[i].includes(SEEN)); // a UAV that sees nobody has a curve
-const distinct = fleet <= colours.uavs.length;
-legend("chart-legend", [
-  ...(distinct ? data.uavs[0].map((_, i) => [`${sees(i) ? "seen by " : ""}UAV ${i}`, box(uavColour(i)), true])
-    : [["seen: lanes are the UAVs in brackets", box(uavColour(0)), known.states.has(SEEN)]]),
-  ["shown, not detected", box(paleUavColour(0)), known.states.has(MISSED)], ["hidden", box(colours.hidden), known.states.has(HIDDEN)],
-  ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }, known.states.has(OUT)],
-  ["held by all", box(colours.held), known.holds.has(HELD)], ["held by some", box(colours.held_by_some), known.holds.has(SOME)],
-  ["off, in the track's ellipse", box(colours.off), known.holds.has(OFF)],
-  ["lost", box(colours.lost), known.holds.has(LOST)], ["not found yet", box(colours.not_found_yet), known.holds.has(NOT_FOUND)],
-  ["track held", box(colours.held), known.kinds.has("track held")],
-  ["false track", box(colours.false), known.kinds.has("false track")], ["duplicate track", box(colours.pale_false), known.kinds.has("duplicate track")],
-  ["track switched", (ctx) => diamond(ctx, 13, 10), data.switches.length],
-]);
+legend("map-legend", data.map_legend);
+legend("chart-legend", data.chart_legend);
 fillChoices();
 bindMap();
 bindFilm();

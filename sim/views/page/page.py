@@ -28,7 +28,8 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
 from sim.views.drawing.film import HEIGHT, WIDTH, lay_out_parts
-from sim.views.page.data import Shown, list_colours, make_page_data
+from sim.views.page.charts import Shown, choose_shown
+from sim.views.page.data import list_colours, make_page_data
 from sim.views.redrawn_film import shrink_film
 from tracking.errors import InputError, spell
 from tracking.fusion.member import TRACKERS
@@ -58,7 +59,7 @@ def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None,
 
 def describe_omission(recording: Recording) -> str:
     """What the page of a long mission leaves out, in words; "" for nothing."""
-    shown = Shown.of(recording)
+    shown = choose_shown(recording)
     if shown.stride == 1:
         return ""
     return (
@@ -71,7 +72,7 @@ def describe_omission(recording: Recording) -> str:
 def make_page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
     """The text of a mission's page; arguments as in `write_page`."""
     recording, scenario, events = flight.recording, flight.scenario, flight.events
-    shown = Shown.of(recording)
+    shown = choose_shown(recording)
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
         _check_film(film, recording)

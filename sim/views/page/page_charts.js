@@ -1,21 +1,19 @@
 // The charts: the timeline of each person and OSPA over time, on one time axis with the slider.
 
 const RIGHT = 14, BAR = 4, FOLDED = 30;
-const people = data.people[0].length;
-const fleet = data.uavs[0].length;
-const bracketed = fleet > colours.uavs.length; // which UAVs have a lane differs from person to person
-const GUTTER = bracketed ? 170 : 100;
-const simultaneous = 1 + data.unmatched.reduce((most, event) => Math.max(most, event[3]), -1); // tracks of no person
+const { rows, folded, unmatched } = data.timeline;
+const GUTTER = data.timeline.bracketed ? 170 : 100;
+const simultaneous = 1 + unmatched.bars.reduce((most, bar) => Math.max(most, bar[3]), -1); // tracks of no person
 const thin = Math.min(BAR + 2, 72 / Math.max(simultaneous, 1)); // height of one, with its gap
 const deep = thin * simultaneous;
-const lanes = data.rows.reduce((sum, [, uavs]) => sum + uavs.length + 1, 0);
+const lanes = rows.reduce((sum, row) => sum + row.lanes.length + 1, 0);
 const lane = Math.max(2, Math.min(10, Math.floor(260 / Math.max(1, lanes))));
 const tops = []; // of the rows, then of the row of people without one
-for (let n = 0, top = 4; n <= data.rows.length; n++) {
+for (let n = 0, top = 4; n <= rows.length; n++) {
   tops.push(top);
-  if (n < data.rows.length) top += Math.max(data.rows[n][1].length * lane + BAR + 8, 15); // else names overlap
+  if (n < rows.length) top += Math.max(rows[n].lanes.length * lane + BAR + 8, 15); // else names overlap
 }
-const low = tops[data.rows.length] + (data.folded.length ? FOLDED + 8 : 0) + (people ? 0 : 16);
+const low = tops[rows.length] + (folded ? FOLDED + 8 : 0) + (data.people[0].length ? 0 : 16);
 const charts = { timeline: $("timeline"), ospa: $("ospa"), height: data.labelled ? 125 : 30 };
 
 const plotWidth = () => charts.ospa.clientWidth - GUTTER - RIGHT;
@@ -34,75 +32,45 @@ function sizeCharts() {
   drawOspa();
 }
 
-const trackColours = { "false track": colours.false, "duplicate track": colours.pale_false, "track held": colours.held };
-
 function drawTimeline() {
   const ctx = charts.timeline.getContext("2d");
   ctx.clearRect(0, 0, charts.timeline.clientWidth, charts.timeline.clientHeight);
-  if (!people && data.labelled) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
-  data.rows.forEach(([m, uavs], n) => {
-    const whose = bracketed && uavs.length ? ` (${uavs.slice(0, 5).join(", ")}${uavs.length > 5 ? ", ..." : ""})` : "";
-    const name = people > 12 ? String(m) : `person ${m}`;
-    write(ctx, name + whose, GUTTER - 8, (tops[n] + tops[n + 1]) / 2 - 3, colours.ink, "right");
-    uavs.forEach((i, row) => drawLane(ctx, i, m, tops[n] + row * lane));
-    drawBar(ctx, m, barOf(n));
+  if (!data.people[0].length && data.labelled) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
+  rows.forEach((row, n) => {
+    write(ctx, row.name, GUTTER - 8, (tops[n] + tops[n + 1]) / 2 - 3, colours.ink, "right");
+    row.lanes.forEach((spans, i) => spans.forEach((bar) => drawLane(ctx, bar, tops[n] + i * lane)));
+    for (const [shade, first, until] of row.holds) span(ctx, first, until, barOf(n), BAR, shade);
   });
-  drawFolded(ctx, tops[data.rows.length]);
-  if (deep) write(ctx, data.labelled ? "no person" : "tracks", GUTTER - 8, low + deep / 2 - 1, colours.ink, "right");
-  for (const [kind, first, until, row] of data.unmatched) {
-    span(ctx, first, until, low + row * thin, Math.max(thin - 2, 1), trackColours[kind]);
+  if (folded) drawFolded(ctx, tops[rows.length]);
+  if (deep) write(ctx, unmatched.name, GUTTER - 8, low + deep / 2 - 1, colours.ink, "right");
+  for (const [shade, first, until, row] of unmatched.bars) {
+    span(ctx, first, until, low + row * thin, Math.max(thin - 2, 1), shade);
   }
-  for (const [k, person] of data.switches) {
-    const n = data.rows.findIndex(([m]) => m === person);
-    diamond(ctx, xOf(k), n < 0 ? tops[data.rows.length] + FOLDED / 2 : barOf(n) + BAR / 2);
+  for (const [k, n] of data.timeline.switches) {
+    diamond(ctx, xOf(k), n < 0 ? tops[rows.length] + FOLDED / 2 : barOf(n) + BAR / 2);
   }
 }
 
 // Top of the bar of the tracks in a row.
 const barOf = (n) => tops[n + 1] - BAR - 7;
 
-// Shares of the people without a row of their own by their states to the tracks, the worst on top.
+// Shares of the people without a row of their own by their states to the tracks.
 function drawFolded(ctx, top) {
-  if (!data.folded.length) return;
-  write(ctx, `${data.folded.length} others`, GUTTER - 8, top + FOLDED / 2, colours.ink, "right");
-  stretches((k) => WORST.map((hold) => data.folded.filter((m) => data.holds[k][m] === hold).length).join(), (first, until, counts) => {
-    let above = top;
-    counts.split(",").forEach((count, n) => {
-      const high = (FOLDED * count) / data.folded.length;
-      if (high) span(ctx, first, until, above, high, HOLD_SHADES[WORST[n]]);
-      above += high;
-    });
-  });
+  write(ctx, folded.name, GUTTER - 8, top + FOLDED / 2, colours.ink, "right");
+  for (const [shade, first, until, above, high] of folded.bars) span(ctx, first, until, top + FOLDED * above, FOLDED * high, shade);
 }
 
 // Fills what stands for some scans, both included.
-function span(ctx, first, until, top, high, colour) {
+function span(ctx, first, until, top, high, shade) {
   const [left, right] = [first, until + 1].map((edge) => snapped(xOf(edge))); // else seams would show
-  ctx.fillStyle = colour;
+  ctx.fillStyle = data.timeline.shades[shade];
   ctx.fillRect(left, top, right - left, high);
 }
 
-// Calls `draw` for each stretch of scans with one value.
-function stretches(of, draw) {
-  for (let first = 0, k = 1; k <= scans; k++) {
-    if (k < scans && of(k) === of(first)) continue;
-    draw(first, k - 1, of(first));
-    first = k;
-  }
-}
-
-// The states of one person to one camera: nothing while the person is absent or the UAV has broken down.
-function drawLane(ctx, i, m, top) {
-  const shades = { [MISSED]: paleUavColour(i), [SEEN]: uavColour(i), [HIDDEN]: colours.hidden };
-  stretches((k) => data.states[k][i][m], (first, until, value) => {
-    if (value === OUT) span(ctx, first, until, top + lane / 3, lane / 3, colours.out_of_view);
-    else if (value > OUT) span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shades[value]);
-  });
-}
-
-// The states of one person to all tracks.
-function drawBar(ctx, m, top) {
-  stretches((k) => data.holds[k][m], (first, until, value) => value && span(ctx, first, until, top, BAR, HOLD_SHADES[value]));
+// The state of one person to one camera for a while; a slim one is of little interest.
+function drawLane(ctx, [shade, first, until, , high], top) {
+  if (high < 0.5) span(ctx, first, until, top + lane / 3, lane / 3, shade);
+  else span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shade);
 }
 
 function diamond(ctx, x, y) {
@@ -150,14 +118,8 @@ function drawOspa() {
       if (value === null) run = [];
     }
   };
-  for (let i = 0; i < data.ospa[0].length; i++) curve((k) => data.ospa[k][i], uavColour(i), 1.2, uavDashes(i));
-  curve(fleetMean, colours.ink, 2, []);
-}
-
-// Mean OSPA over the UAVs that work; null if none does.
-function fleetMean(k) {
-  const known = data.ospa[k].filter((value) => value !== null);
-  return known.length ? known.reduce((sum, value) => sum + value, 0) / known.length : null;
+  data.lines.forEach(([colour, dashes], i) => curve((k) => data.ospa[k][i], colour, 1.2, dashes));
+  curve((k) => data.mean[k], colours.ink, 2, []);
 }
 
 function drawTimes(ctx, bottom) {

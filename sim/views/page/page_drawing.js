@@ -2,21 +2,12 @@
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-// Of a person to a camera: STATES of sim/facts/history.py; 0 stands for absent, -1 for a UAV that has broken down.
-const OUT = 1, HIDDEN = 2, MISSED = 3, SEEN = 4;
-const NOT_FOUND = 1, LOST = 2, OFF = 3, SOME = 4, HELD = 5; // of a person to all tracks: HOLDS of sim/facts/metrics/holding.py
 const colours = data.colours;
-const WORST = [LOST, NOT_FOUND, OFF, SOME, HELD]; // the worst first
-const HOLD_SHADES = { [NOT_FOUND]: colours.not_found_yet, [LOST]: colours.lost, [OFF]: colours.off, [SOME]: colours.held_by_some, [HELD]: colours.held };
 const scans = data.times.length;
 const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: null };
 
 const clamp = (k) => Math.max(0, Math.min(scans - 1, k));
-const uavColour = (i) => colours.uavs[i % colours.uavs.length];
-const paleUavColour = (i) => colours.pale_uavs[i % colours.pale_uavs.length];
-const uavDashes = (i) => colours.uav_dashes[Math.floor(i / colours.uavs.length) % colours.uav_dashes.length];
 const tracksOf = (k, i) => data.tracks[k].held[i].map((n) => data.tracks[k].rows[n]);
-const trackColour = (n) => colours.tracks[n % colours.tracks.length];
 
 // Gives a canvas its size in CSS pixels and as many pixels as the screen has.
 function fit(canvas, width, height) {
@@ -120,22 +111,3 @@ function writeNames(ctx) {
   names.wanted = [];
 }
 
-// Words for lists: "UAV 0", "UAVs 0, 1 and 2".
-function uavs(numbers) {
-  const most = numbers.slice(0, -1).join(", ");
-  return `UAV${numbers.length > 1 ? "s" : ""} ${most ? `${most} and ` : ""}${numbers[numbers.length - 1]}`;
-}
-
-// The state of a person to the cameras at a scan, in words.
-const views = (k, m) => data.texts[data.view_texts[m][k]] || "not there";
-
-// The UAVs that hold a person at a scan, and their tracks, in words.
-function holders(k, m) {
-  if (data.people[k][m] === null) return "";
-  const byTrack = new Map();
-  data.holders[k].forEach((row, i) => row[m] >= 0 && byTrack.set(row[m], [...(byTrack.get(row[m]) || []), i]));
-  if (!byTrack.size) return { [LOST]: "lost", [OFF]: "off the track" }[data.holds[k][m]] || "not found yet";
-  const fleet = data.works[k].filter(Boolean).length;
-  const whose = (holding) => (fleet > 1 && holding.length === fleet ? "all" : uavs(holding));
-  return [...byTrack].map(([track, holding]) => `track ${track} of ${whose(holding)}`).join(", ");
-}

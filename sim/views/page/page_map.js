@@ -2,14 +2,8 @@
 
 const map = { canvas: $("map"), ctx: $("map").getContext("2d"), scale: 1, x: 0, y: 0 };
 
-// The first UAV that works at a scan, or the one that was chosen; -1 if it has broken down.
-function trackOwner(k) {
-  const i = state.who === "" ? data.works[k].indexOf(1) : Number(state.who);
-  return i >= 0 && data.works[k][i] ? i : -1;
-}
-
-const lost = (k, m) => data.holds[k][m] === LOST;
-const unfound = (k, m) => data.holds[k][m] === NOT_FOUND;
+// The UAV whose tracks are shown: the scene's, or the one that was chosen; -1 for none.
+const trackOwner = (k) => (state.who === "" ? data.owner[k] : Number(state.who));
 
 function sizeMap() {
   const width = map.canvas.parentElement.clientWidth;
@@ -21,7 +15,8 @@ function sizeMap() {
 // Sets where metres go: the whole area, or 40 m round the person or UAV that the map follows.
 function aim(width, height) {
   const [kind, index] = state.follow.split(" ");
-  const at = kind === "person" ? data.people[state.k][index] : kind === "UAV" ? data.uavs[state.k][index] : null;
+  const mark = kind && data[kind][state.k][index];
+  const at = mark && mark.slice(1, 3);
   const spans = at ? [40, 40] : data.area.map((edge) => edge + 2 * data.margin);
   map.scale = Math.min(width / spans[0], height / spans[1]);
   [map.x, map.y] = at || [0, 0];
@@ -37,17 +32,18 @@ function drawMap() {
   ctx.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
   drawGround(ctx);
   const k = state.k;
-  data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], i));
-  if (data.believed) data.works[k].forEach((works, i) => works && data.believed[k][i] && drawBelieved(ctx, data.believed[k][i], i));
+  const uavs = data.uavs[k].map(([look, x, y, z, view, believed, intent]) => ({ look: data.looks.uavs[look], x, y, view, believed, intent }));
+  for (const uav of uavs) if (uav.view) drawView(ctx, uav);
+  for (const uav of uavs) if (uav.believed) drawBelieved(ctx, uav);
   drawTrails(ctx, k);
-  drawIntents(ctx, k);
-  const views = data.views[k].map((view, i) => data.works[k][i] && view && bounds(view));
-  data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], views));
+  for (const uav of uavs) if (uav.intent) drawIntent(ctx, uav);
+  const views = uavs.map((uav) => uav.view && bounds(uav.view));
+  uavs.forEach((uav, i) => drawUav(ctx, uav, views[i], views.filter((view, j) => view && j !== i)));
   const who = trackOwner(k);
   if (who >= 0) for (const track of tracksOf(k, who)) drawTrack(ctx, track);
-  data.people[k].forEach((at, m) => at && notePerson(at, k, m));
+  data.people[k].forEach((person, m) => person && notePerson(person, m));
   writeNames(ctx);
-  data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
+  for (const person of data.people[k]) if (person) drawPerson(ctx, person);
   drawScale(ctx, canvas.clientWidth - 10, canvas.clientHeight - 9);
 }
 
@@ -86,25 +82,25 @@ function outline(ctx, corners) {
   ctx.closePath();
 }
 
-function drawBelieved(ctx, corners, i) {
-  outline(ctx, corners);
-  ctx.strokeStyle = uavColour(i);
+function drawBelieved(ctx, { look, believed }) {
+  outline(ctx, believed);
+  ctx.strokeStyle = look[1];
   ctx.lineWidth = 1;
   ctx.setLineDash([3, 3]);
   ctx.stroke();
   ctx.setLineDash([]);
 }
 
-function drawView(ctx, corners, i) {
-  const colour = uavColour(i);
-  outline(ctx, corners);
+function drawView(ctx, { look, view }) {
+  const [, colour, dashes] = look;
+  outline(ctx, view);
   ctx.globalAlpha = 0.14;
   ctx.fillStyle = colour;
   ctx.fill();
   ctx.globalAlpha = 1;
   ctx.strokeStyle = colour;
   ctx.lineWidth = 1.6;
-  ctx.setLineDash(uavDashes(i));
+  ctx.setLineDash(dashes);
   ctx.stroke();
   ctx.setLineDash([]);
 }
@@ -112,34 +108,22 @@ function drawView(ctx, corners, i) {
 function drawTrails(ctx, k) {
   ctx.strokeStyle = colours.faint;
   ctx.lineWidth = 1;
-  for (let m = 0; m < data.people[k].length; m++) {
-    const past = [];
-    for (let j = Math.max(0, k - data.trail); j <= k; j++) if (data.people[j][m]) past.push(data.people[j][m]);
-    line(ctx, past);
-  }
+  data.people[k].forEach((_, m) => {
+    const past = data.people.slice(Math.max(0, k - data.trail), k + 1).map((row) => row[m]);
+    line(ctx, past.filter(Boolean).map(([, x, y]) => [x, y]));
+  });
 }
 
-// What is left of the plans that are flown, from where each UAV is.
-function drawIntents(ctx, k) {
-  const { times, step, controls } = data.plans;
-  let e = times.length - 1;
-  while (e >= 0 && times[e] > data.times[k] + 1e-6) e--;
-  if (e < 0) return;
-  data.works[k].forEach((works, i) => {
-    if (!works) return;
-    let [x, y] = data.uavs[k][i];
-    const path = [[x, y]];
-    controls[e][i].forEach(([vx, vy], h) => {
-      const left = Math.min(Math.max(times[e] + (h + 1) * step - data.times[k], 0), step);
-      path.push([(x += vx * left), (y += vy * left)]);
-    });
-    ctx.setLineDash([2, 4]);
-    ctx.strokeStyle = uavColour(i);
-    ctx.lineWidth = 2.5;
-    line(ctx, path);
-    ctx.setLineDash([]);
-    ring(ctx, px(x), py(y), 4, uavColour(i), 2);
-  });
+function drawIntent(ctx, { look, x, y, intent }) {
+  const path = [[x, y]];
+  for (let c = 0; c < intent.length; c += 2) path.push([intent[c], intent[c + 1]]);
+  const [u, v] = path[path.length - 1];
+  ctx.setLineDash([2, 4]);
+  ctx.strokeStyle = look[1];
+  ctx.lineWidth = 2.5;
+  line(ctx, path);
+  ctx.setLineDash([]);
+  ring(ctx, px(u), py(v), 4, look[1], 2);
 }
 
 // Left, top, right, bottom of a view in pixels.
@@ -149,8 +133,8 @@ function bounds(view) {
 }
 
 // Named at a corner of its view, if that has one.
-function drawUav(ctx, [x, y], i, works, views) {
-  const colour = works ? uavColour(i) : colours.faint;
+function drawUav(ctx, { look, x, y }, view, others) {
+  const [name, colour, , trouble] = look;
   const [u, v] = [px(x), py(y)];
   for (const [ink, width] of [[colours.panel, 5], [colour, 2.4]]) {
     ctx.strokeStyle = ink;
@@ -158,19 +142,18 @@ function drawUav(ctx, [x, y], i, works, views) {
     for (const way of [1, -1]) stroke(ctx, [[u - 6, v - 6 * way], [u + 6, v + 6 * way]]);
     for (const dx of [-6, 6]) for (const dy of [-6, 6]) ring(ctx, u + dx, v + dy, 2.6, ink, width - 0.6);
   }
-  if (!works) {
-    ctx.strokeStyle = colours.alarm;
+  if (trouble) {
+    ctx.strokeStyle = trouble;
     ctx.lineWidth = 2.5;
     for (const way of [1, -1]) stroke(ctx, [[u - 13, v - 13 * way], [u + 13, v + 13 * way]]);
   }
   reserve(u, v, 8);
-  if (!works) want(`UAV ${i}: broken down`, u, v, colours.ink, 14);
-  else if (views[i]) wantOutside(ctx, `UAV ${i}`, views[i], views.filter((view, j) => view && j !== i), colour);
-  else want(`UAV ${i}`, u, v, colour, 10);
+  if (view) wantOutside(ctx, name, view, others, colour);
+  else want(name, u, v, trouble ? colours.ink : colour, trouble ? 14 : 10);
 }
 
-function drawTrack(ctx, [number, x, y, a, b, turn, reported]) {
-  const colour = trackColour(number);
+function drawTrack(ctx, [look, x, y, a, b, turn]) {
+  const [name, colour] = data.looks.tracks[look];
   ctx.strokeStyle = colour;
   ctx.lineWidth = 2;
   ctx.beginPath();
@@ -184,38 +167,27 @@ function drawTrack(ctx, [number, x, y, a, b, turn, reported]) {
     }
   }
   reserve(px(x), py(y), 6);
-  want(`${number}${reported ? "" : "?"}`, px(x), py(y), colour, 8);
+  want(name, px(x), py(y), colour, 8);
 }
 
-// The best state of a person to the cameras at a scan: shown, hidden or out of view.
-const viewOf = (k, m) => {
-  const states = data.states[k].map((row) => row[m]);
-  return states.some((view) => view >= MISSED) ? SEEN : states.includes(HIDDEN) ? HIDDEN : OUT;
-};
-
-// A person that a frame shows is a full disc, one that something hides is hollow, one outside every view is grey.
-function personMark(ctx, u, v, turn, view) {
-  const ink = view === OUT ? colours.faint : colours.ink;
-  ctx.strokeStyle = ink;
+// A disc with a line ahead, hollow if something hides the person, in a ring of the colour of the trouble.
+function personMark(ctx, u, v, turn, [colour, hollow, trouble], reach = 11) {
+  ctx.strokeStyle = colour;
   ctx.lineWidth = 2;
   stroke(ctx, [[u, v], [u + 9 * Math.cos(turn), v - 9 * Math.sin(turn)]]);
-  disc(ctx, u, v, 3.4, ink);
-  if (view === HIDDEN) disc(ctx, u, v, 1.9, colours.panel);
+  disc(ctx, u, v, 3.4, colour);
+  if (hollow) disc(ctx, u, v, 1.9, colours.panel);
+  if (trouble) ring(ctx, u, v, reach, trouble, 2.5);
 }
 
-function notePerson([x, y], k, m) {
-  const [u, v] = [px(x), py(y)];
-  const name = data.people[k].length > 8 ? String(m) : `person ${m}`;
-  reserve(u, v, 10);
-  if (lost(k, m)) want(name, u, v, colours.lost, 12);
-  else if (unfound(k, m) || state.person === m) want(name, u, v, colours.ink, 12);
+function notePerson([look, x, y], m) {
+  const [label, named] = data.looks.people[look];
+  reserve(px(x), py(y), 10);
+  if (named || state.person === m) want(label, px(x), py(y), named || colours.ink, 12);
 }
 
-function drawPerson(ctx, [x, y], k, m) {
-  const [u, v] = [px(x), py(y)];
-  personMark(ctx, u, v, data.headings[k][m], viewOf(k, m));
-  if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
-  if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
+function drawPerson(ctx, [look, x, y, heading]) {
+  personMark(ctx, px(x), py(y), heading, data.looks.people[look].slice(2));
 }
 
 // The thing nearest to a pixel of the map, in words; "" if nothing is near.
@@ -224,20 +196,19 @@ function named(u, v) {
   const who = trackOwner(k);
   const found = [];
   const add = (x, y, text, bonus) => found.push([Math.hypot(px(x) - u, py(y) - v) - bonus, text]);
-  data.people[k].forEach((at, m) => at && add(...at, `person ${m}: ${views(k, m)}; ${holders(k, m)}`, 6));
-  data.uavs[k].forEach(([x, y, z], i) => add(x, y, `UAV ${i}${data.works[k][i] ? `, ${z.toFixed(1)} m up` : ", broken down"}`, 4));
-  if (who >= 0) {
-    for (const [number, x, y, a, b, , reported] of tracksOf(k, who)) {
-      add(x, y, `track ${number} of UAV ${who}${reported ? "" : ", not reported"}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
-    }
+  for (const [m, , views, holders] of nowOf(k)) {
+    const mark = data.people[k][m];
+    if (mark) add(mark[1], mark[2], `${data.names.people[m]}: ${views}; ${holders}`, 6);
+  }
+  for (const [look, x, y, z] of data.uavs[k]) add(x, y, data.looks.uavs[look][4].replace("{}", z.toFixed(1)), 4);
+  for (const [look, x, y, a, b] of who >= 0 ? tracksOf(k, who) : []) {
+    const text = data.looks.tracks[look][2].replace("{}", data.names.uavs[who]);
+    add(x, y, `${text}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
   }
   const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];
   if (near) return near[1];
   const t = data.trees.findIndex(([x, y, r]) => Math.hypot(px(x) - u, py(y) - v) < r * map.scale);
-  if (t < 0) return "";
-  const [, , radius, , cover] = data.trees[t];
-  const hides = cover < 1 ? `, hides ${Math.round(100 * cover)} % from above` : "";
-  return `tree ${t}, canopy of ${radius} m radius${hides}`;
+  return t < 0 ? "" : data.trees[t][5];
 }
 
 function line(ctx, points) {

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from sim.facts.columns import TABLES
 from sim.facts.flight import Flight, load
 from sim.facts.rerender import Rerenderer
-from sim.facts.words import number_snapshot
 from sim.mission.archive import save
 from sim.mission.recording import FIELDS
 from sim.views.drawing.map_view import MapView
 from sim.views.frames.frame_panels import draw_frame_page
+from sim.views.scene import make_scenes
 from tracking.errors import InputError
 
 TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
@@ -110,9 +110,7 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     figure = flight.map_figure(3.63)  # nearest to scan 18
     shown = figure.axes[0].get_images()[0].get_array()
     view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
-    image = np.zeros(shown.shape, np.uint8)
-    for k in range(19):
-        view.draw(image, number_snapshot(flight.recording, k))
+    image, _ = view.draw([*make_scenes(flight.recording, flight.people.hold_states)][18])
     np.testing.assert_array_equal(shown, image)
     place = np.array([12.0, -7.0])  # m
     figure.axes[0].plot(*place, "x")

@@ -17,11 +17,11 @@ from sim.mission.archive import save
 from sim.mission.recording import Recording
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle
-from sim.views.drawing.map_view import outline_ellipse
 from sim.views.drawing.palette import INK, PANEL, track_colour
 from sim.views.frames import frame_panels
 from sim.views.frames.annotation import annotate
 from sim.views.frames.frame_panels import _describe_view, _draw_panel, write_frames
+from sim.views.scene import outline_ellipse
 from sim.world.world import World
 from tracking.errors import InputError
 from tracking.filter.kalman import Gaussian

@@ -99,19 +99,3 @@ def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):
     assert "The longest false track: understory explain mission.npz --track 2" in out.splitlines()
     out = call("explain", "mission.npz", "--target", "1", "--time", "4", "--out", "a.png")[1]
     assert out.count("switched from") == 2  # that of the person, and where the person's track went
-
-
-def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
-    pytest.importorskip("rerun")
-    from helpers.rerun_files import tables
-    from rerun.chunk import RrdReader
-
-    from sim.views.rerun.viewer import write
-
-    write(Flight(mission), tmp_path / "a.rrd", progress=lambda k: None)
-    entities = tables(RrdReader(tmp_path / "a.rrd").stream())
-    told = {row["text"][0]: row["level"][0] for row in entities["/events"]}
-    for event in found(mission):
-        assert told[f"{event.time:.1f} s: {event.sentence}"] == "WARN"
-    states = [(round(row["time"], 6), row["state"][0]) for row in entities["/people/none/tracks"] if "time" in row]
-    assert states == [(0.0, "none"), (0.4, "false"), (1.0, "false and duplicate"), (3.0, "false"), (3.4, "none")]

@@ -23,6 +23,7 @@ from sim.study.trial_flight import fly_trial
 from sim.views.drawing.film import Film
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import ALARM, FAINT, uav_colour
+from sim.views.scene import SceneMaker
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
 
@@ -128,9 +129,8 @@ def film(fails_at):
             s.ospa[0], s.tracks[0] = np.nan, ()
     drawn, view = Film(setting, Forest(()), planner="p"), MapView(setting, Forest(()), (790, 540))
     page = [drawn.draw(s, synthetic.frames(setting, Forest(()), s)) for s in given][-1]
-    image = np.zeros((540, 790, 3), dtype=np.uint8)
-    for s in given:
-        view.draw(image, s)
+    scenes = SceneMaker(setting)
+    image, _ = [view.draw(scenes.add(s)) for s in given][-1]
     centre = np.array([395, 270]) + view.scale * given[-1].poses[0].position[:2] * [1, -1]
     x, y = np.round(centre).astype(int)
     tile = drawn._layout.tiles[0]

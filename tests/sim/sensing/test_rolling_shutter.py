@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from planning.baselines import Greedy
 from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
-from sim.mission.recorder import Recorder
-from sim.running.mission_flight import make_recording
+from sim.running.fly import record
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
@@ -168,12 +167,11 @@ CAMERA = "{width = 160, height = 120, hfov_deg = 60, distortion = [-0.2], readou
 def test_frames_of_a_recording_are_those_of_the_mission():
     fleet = f'uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA}, mount="body"}}]'
     scenario = load("forest", ["duration=3", "sensing.noise=camera", fleet])
-    mission, recorder, images = Mission(scenario, Greedy(), 1), Recorder(0), []
+    mission, snapshots, images = Mission(scenario, Greedy(), 1), [], []
     for snapshot in mission.fly():
-        recorder.add(snapshot)
+        snapshots.append(snapshot)
         images.append(mission.frames[0])
-    recording = make_recording(mission, recorder, "greedy")
-    with Rerenderer(recording) as again:
+    with Rerenderer(record(mission, snapshots).recording) as again:
         for k, image in enumerate(images):
             np.testing.assert_array_equal(again.image(k, 0), image)
 

@@ -18,8 +18,9 @@ from sim.mission.recorder import Recorder
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.views.drawing.labels import Labels
-from sim.views.drawing.map_view import ALERT, MapView
+from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import ALARM
+from sim.views.scene import ALERT, SceneMaker
 from sim.world.contacts import KINDS, Contact, describe_body
 from sim.world.world import World
 from tracking.geometry.visibility import Forest, Tree
@@ -108,7 +109,7 @@ def test_the_map_says_in_words_what_was_touched(monkeypatch):
     (snapshot,) = synthetic.snapshots(setting, Forest(()), 1)
     touching = dataclasses.replace(snapshot, contacts=(Contact(0, "uav", 1), Contact(2, "ground", 0)))
     monkeypatch.setattr(Labels, "put", lambda self, text, *_, **__: texts.append(text))
-    MapView(setting, Forest(()), (790, 540)).draw(np.zeros((540, 790, 3), dtype=np.uint8), touching)
+    MapView(setting, Forest(()), (790, 540)).draw(SceneMaker(setting).add(touching))
     assert {"touched UAV 1", "touched the ground"} <= set(texts)
 
 
@@ -116,10 +117,9 @@ def test_the_map_marks_a_uav_for_a_second_after_its_contact():
     setting = synthetic.scenario(uavs=2)
     given = list(synthetic.snapshots(setting, Forest(()), 12))
     given = [dataclasses.replace(s, contacts=(Contact(1, "uav", 0),) if k == 2 else ()) for k, s in enumerate(given)]
-    view, marked = MapView(setting, Forest(()), (790, 540)), []
+    view, scenes, marked = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting), []
     for snapshot in given:
-        image = np.zeros((540, 790, 3), dtype=np.uint8)
-        view.draw(image, snapshot)
+        image, _ = view.draw(scenes.add(snapshot))
         centre = np.array([395, 270]) + view.scale * snapshot.poses[1].position[:2] * [1, -1]
         rows, columns = np.nonzero(np.all(image == ALARM, axis=2))
         ring = np.abs(np.hypot(columns + 0.5 - centre[0], rows + 0.5 - centre[1]) - 15.0) < 2.0

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from planning.prediction.response import mean_velocities, response
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.vehicles import vehicle_of
+from sim.sensing.cameras import vehicle_of
 from sim.world.quadrotor import (
     _ATTITUDE_GAINS,
     COMMAND_LAG,

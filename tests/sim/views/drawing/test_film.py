@@ -13,9 +13,9 @@ from msgspec import structs
 
 from sim.facts.metrics.holding import HOLDS
 from sim.views.drawing.film import HEIGHT, WIDTH, Film, Video
+from sim.views.drawing.labels import Labels
 from sim.views.drawing.layout import Box, arrange_parts
-from sim.views.drawing.lettering import TextStyle, measure_width, write
-from sim.views.drawing.map_view import MARGIN, MapView
+from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import (
     CANOPY,
     FAINT,
@@ -23,11 +23,11 @@ from sim.views.drawing.palette import (
     LOST,
     NOT_FOUND_YET,
     PANEL,
-    mix,
     track_colour,
     uav_colour,
     uav_dashes,
 )
+from sim.views.scene import MARGIN, SceneMaker
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -127,10 +127,10 @@ def one_uav(above=(500.0, 500.0), **changes):
 
 
 def mapped(snapshot, holds=None, forest=OPEN, size=(790, 540)):
-    image, view = np.zeros((size[1], size[0], 3), dtype=np.uint8), MapView(ALONE, forest, size)
+    view = MapView(ALONE, forest, size)
     assert view.scale == pytest.approx(SCALE * size[1] / 540)
-    view.draw(image, snapshot, holds)
-    return image
+    holds = np.full(len(snapshot.people), HOLDS.index("held")) if holds is None else holds
+    return view.draw(SceneMaker(ALONE).add(snapshot, holds))[0]
 
 
 def pixel(x, y):
@@ -147,7 +147,7 @@ def test_people_tracks_and_uavs_stand_where_they_are():
     # The ellipse that holds 95 % of a planar Gaussian reaches 2.4477 standard deviations.
     for dx, dy in ((2.4477 * 2.0, 0.0), (0.0, 2.4477)):
         column, row = pixel(40.0 + dx, 20.0 + dy)
-        assert np.abs(image[row, column].astype(int) - track_colour(1)).max() < 60
+        assert np.abs(image[row, column].astype(int) - track_colour(0)).max() < 60
     image = mapped(one_uav((40.0, 20.0)))
     np.testing.assert_array_equal(image[y, x], uav_colour(0))
     edge = image[pixel(40.0, 10.0)[1], x + 20]
@@ -169,30 +169,23 @@ def test_people_are_marked_as_seen_hidden_out_of_view_and_lost(visible, above, h
 def test_a_slow_camera_keeps_no_other_cameras_people_in_view():
     slow, fast = synthetic.scenario(uavs=2).uavs
     setting = structs.replace(synthetic.scenario(uavs=2), uavs=(structs.replace(slow, rate=1), fast))
-    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    view, scenes = MapView(setting, OPEN, (790, 540)), SceneMaker(setting)
     there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1)}
     for k, colour in enumerate((INK, FAINT)):
         above = [Pose.level(-60.0, 0.0, 17.32), Pose.level(10.0 + 50 * k, 5.0, 17.32)]
         shown = np.array([[0], [1 - k]])
-        view.draw(image, empty(2, time=0.2 * k, poses=above, cameras=above, visible=shown, **there))
+        snapshot = empty(2, time=0.2 * k, poses=above, cameras=above, visible=shown, **there)
+        image, _ = view.draw(scenes.add(snapshot))
         x, y = pixel(10.0, 5.0)
         assert np.abs(image[y, x].astype(int) - colour).max() < 60
 
 
-def test_the_name_of_a_uav_does_not_stand_in_the_view_of_another():
-    view, image = MapView(synthetic.scenario(uavs=2), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
-    above = [Pose.level(0.0, 0.0, 17.32), Pose.level(-8.0, 8.0, 17.32)]  # the first one's corner is in the other view
-    view.draw(image, empty(2, poses=above, cameras=above))
-    (left, top), (right, bottom) = pixel(-17.5, 17.5), pixel(1.5, -1.5)
-    name = np.all(image == mix(uav_colour(0), INK, 0.7), axis=2)
-    assert name.sum() > 20 and not name[top:bottom, left:right].any()
-
-
 @pytest.mark.parametrize("uav", [0, 6, 12])
 def test_views_of_one_colour_have_lines_with_different_dashes(uav):
-    view, image = MapView(synthetic.scenario(uavs=13), OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    setting = synthetic.scenario(uavs=13)
     above = [Pose.level(0.0, 0.0, 17.32) if i == uav else Pose.level(500.0, 500.0, 17.32) for i in range(13)]
-    view.draw(image, empty(13, poses=above, cameras=above))
+    scene = SceneMaker(setting).add(empty(13, poses=above, cameras=above))
+    image, _ = MapView(setting, OPEN, (790, 540)).draw(scene)
     (left, top), (right, _) = pixel(-10.0, 10.0), pixel(10.0, 10.0)
     edge = image[top - 1 : top + 3, left + 8 : right - 8].astype(int)
     drawn = (np.abs(edge - uav_colour(uav)).max(axis=2) < 60).any(axis=0)
@@ -202,31 +195,19 @@ def test_views_of_one_colour_have_lines_with_different_dashes(uav):
     assert np.count_nonzero(np.diff(drawn.astype(int)) == 1) == pytest.approx(dashes, abs=1.5)
 
 
-def test_in_a_crowd_uavs_have_names_and_no_two_names_overlap(monkeypatch):
+def test_in_a_crowd_uavs_have_names_before_people_and_tracks(monkeypatch):
     written = []
-
-    def note(image, text, at, style):
-        written.append(
-            (text, at[0], at[1] - style.size / 2, at[0] + measure_width(text, style), at[1] + style.size / 2)
-        )
-
-    monkeypatch.setattr("sim.views.drawing.labels.write", note)
+    monkeypatch.setattr(Labels, "put", lambda self, text, *_, needed=True, **__: written.append((text, needed)))
     rng = np.random.default_rng(3)
     setting = synthetic.scenario(uavs=20, people=80)
-    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
     people = rng.uniform(-45, 45, (80, 2))
     held = tuple(Track(i, Gaussian(np.array([*place, 0, 0]), np.eye(4))) for i, place in enumerate(people + 1.0))
     above = [Pose.level(12.0 * i - 42.0, 20.0 * j - 30.0, 5.0) for i in range(5) for j in range(4)]
     there = {"people": people, "headings": np.zeros(80), "visible": np.zeros((20, 80), int), "tracks": [held] * 20}
     snapshot = empty(20, poses=above, cameras=above, **there)
-    view.draw(image, snapshot, np.full(80, HOLDS.index("lost")))
-    names = [text for text, *_ in written]
-    assert names[:20] == [f"UAV {i}" for i in range(20)]
-    assert any(name.startswith("person") for name in names) and len(names) < 20 + 80 + 80
-    for n, (one, left, top, right, bottom) in enumerate(written):
-        for other, left2, top2, right2, bottom2 in written[:n]:
-            common = max(0.0, min(right, right2) - max(left, left2)) * max(0.0, min(bottom, bottom2) - max(top, top2))
-            assert common <= 20.0, (one, other)
+    MapView(setting, OPEN, (790, 540)).draw(SceneMaker(setting).add(snapshot, np.full(80, HOLDS.index("lost"))))
+    assert written[:20] == [(f"UAV {i}", True) for i in range(20)]
+    assert written[20:] == [*((f"person {m}", False) for m in range(80)), *((str(i), False) for i in range(80))]
 
 
 def test_no_name_covers_a_person():
@@ -252,30 +233,6 @@ def test_porous_crowns_are_paler_the_more_ground_shows_through_them():
     for tree, shade in zip(trees, shades, strict=True):
         cover = 1.0 - math.exp(-0.5 * tree.leaf_area_density * 3.0)
         assert tree.cover == pytest.approx(cover) and np.abs(shade - (cover * full + (1 - cover) * paper)).max() <= 2
-
-
-def test_trees_are_discs_of_the_canopys_size():
-    image = mapped(one_uav(), forest=Forest((Tree(0.0, 0.0, 5.0),)), size=(1580, 1080))
-    green = np.all(np.abs(image.astype(int) - image[540 + 25, 790 + 25]) < 8, axis=2)
-    rows, columns = np.nonzero(green)
-    distance = np.hypot(rows + 0.5 - 540, columns + 0.5 - 790)
-    radius = 5 * 2 * SCALE
-    assert radius - 2 < distance.max() <= radius + 1
-    # All but the trunk and a line of two pixels round the canopy.
-    assert len(rows) == pytest.approx(np.pi * (radius - 1) ** 2, rel=0.03)
-
-
-@pytest.mark.parametrize("options", [{"uavs": 1}, {"uavs": 20, "people": 9}, {"mode": "ideal"}, {"people": 0}])
-@pytest.mark.parametrize("area", [(150.0, 100.0), (60.0, 300.0), (500.0, 50.0)])
-def test_any_team_and_area_can_be_drawn(options, area):
-    setting = synthetic.scenario(area=area, **options)
-    trees = synthetic.forest(setting, 5)
-    film = Film(setting, trees, planner="hover")
-    for snapshot in synthetic.snapshots(setting, trees, 1):
-        frames = synthetic.frames(setting, trees, snapshot) if setting.sensing.mode == "camera" else None
-        image = film.draw(snapshot, frames)
-        assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
-        assert np.mean(np.all(image == PANEL, axis=2)) > 0.02
 
 
 @pytest.mark.parametrize("aspect", [0.2, 0.7, 1.46, 3.0, 8.0])
@@ -310,16 +267,3 @@ def test_a_video_appears_when_it_is_closed_and_never_after_an_error(tmp_path, mi
     assert not (tmp_path / "mission.mp4").exists()
     video.close()
     assert os.listdir(tmp_path) == ["mission.mp4"]
-
-
-@pytest.mark.parametrize("at", [(-50.0, -50.0), (0.0, 20.0), (199.0, 39.0), (500.0, 90.0)])
-def test_text_is_moved_inside_the_image(at):
-    image = np.full((40, 200, 3), 255, dtype=np.uint8)
-    free = np.full((40, 400, 3), 255, dtype=np.uint8)
-    style = TextStyle(14, (0, 0, 0), bold=True)
-    write(image, "UAV 7", at, style)
-    write(free, "UAV 7", (150.0, 20.0), style)
-    assert (255.0 - image).sum() == (255.0 - free).sum() > 0
-    columns = np.flatnonzero((free < 128).any(axis=(0, 2)))
-    # Ink and advance differ by the side bearings: 2 pixels with one version of FreeType, 3 with another.
-    assert abs(columns[-1] + 1 - columns[0] - measure_width("UAV 7", style)) <= 3

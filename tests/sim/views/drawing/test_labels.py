@@ -3,40 +3,29 @@
 import numpy as np
 import pytest
 
-from sim.facts.words import name_track
 from sim.views.drawing.labels import Labels
 from sim.views.drawing.lettering import TextStyle, measure_width
 from sim.views.drawing.palette import INK, PANEL
-from tracking.filter.kalman import Gaussian
-from tracking.track import Track
 
 NAME = TextStyle(13, INK, True, PANEL)
 OWN = np.array([200.0, 100.0, 320.0, 180.0])  # left, top, right, bottom of a view
 
 
-def name_of(view, *, others=(), crowd=()):
+def name_of(view, others):
     """Rows and columns of the name of a view in an image of 300 x 500 pixels."""
     image = np.zeros((300, 500, 3), np.uint8)
     labels = Labels(image, veil=False)
-    for place in crowd:
-        labels.reserve(place, 8.0)
     labels.put_outside("UAV 0", view, NAME, others=np.reshape(others, (-1, 4)))
     rows, columns = np.nonzero(image.any(axis=2))
     assert len(rows) > 50
     return rows, columns
 
 
-@pytest.mark.parametrize("crowd", [0, 5, 40])
-def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
-    rows, columns = name_of(OWN, crowd=np.random.default_rng(crowd).uniform([150, 50], [260, 130], (crowd, 2)))
-    assert not np.any((rows > OWN[1] + 1) & (columns > OWN[0] + 1))
-
-
 @pytest.mark.parametrize("across", [-1, 1])
 @pytest.mark.parametrize("down", [-1, 1])
 def test_the_name_of_a_view_does_not_stand_in_another_view(across, down):
     others = [OWN + (40.0 * across, 40.0 * down) * 2, OWN + (40.0 * across, 0.0) * 2]
-    rows, columns = name_of(OWN, others=others)
+    rows, columns = name_of(OWN, others)
     for left, top, right, bottom in [OWN, *others]:
         assert not np.any((rows > top) & (rows < bottom) & (columns > left) & (columns < right))
 
@@ -83,15 +72,3 @@ def test_names_that_are_not_needed_are_left_out_where_there_is_no_room():
     free = np.zeros((300, 500, 3), np.uint8)
     Labels(free, veil=False).put("person 1", mark, NAME, needed=False)
     assert free.any()
-
-
-@pytest.mark.parametrize("up", [True, False])
-def test_the_name_of_a_view_at_the_edge_stands_inside_the_image(up):
-    rows, _ = name_of(np.array([-60.0, -60.0, 60.0, 60.0]) + (0.0 if up else (0.0, 300.0) * 2))
-    assert rows.min() > 0 and rows.max() < 299
-    assert np.all((rows > 59) if up else (rows < 241))
-
-
-def test_names_of_tracks_that_are_not_reported_have_a_question_mark():
-    belief = Gaussian(np.zeros(4), np.eye(4))
-    assert [name_track(Track(3, belief, r)) for r in (1.0, 0.51, 0.5, 0.01)] == ["3", "3", "3?", "3?"]

@@ -4,7 +4,6 @@ import os
 
 import numpy as np
 import pytest
-from helpers.legends import words
 from matplotlib.colors import to_rgb
 
 from sim.views.drawing.plots import draw_ospa_figure, save
@@ -41,34 +40,11 @@ def test_a_uav_that_breaks_down_ends_its_line_and_leaves_the_mean():
     lines = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.get_lines()}
     assert np.flatnonzero(np.isnan(lines["UAV 1"])).tolist() == list(range(20, 50))
     np.testing.assert_allclose(lines["mean of UAVs"][20:], ospa[20:, ::2, 0].mean(axis=1), rtol=1e-15)
-    assert f"mean {np.nanmean(ospa[:, :, 0]):.2f} m" in axes.get_title(loc="left")
     ends = [c for c in axes.collections if len(c.get_offsets()) == 1 and c.get_linewidth() == 2]
     assert [tuple(c.get_offsets()[0]) for c in ends] == [(times[19], ospa[19, 1, 0])]
 
 
-def test_the_title_tells_mean_median_and_share():
-    times = np.array([0.0, 0.2])
-    ospa = np.zeros((2, 2, 3))
-    ospa[:, :, 0] = [[0.5, 0.25], [0.75, 4.5]]
-    title = draw_ospa_figure(times, ospa).axes[0].get_title(loc="left")
-    assert title == "OSPA: mean 1.50 m, median 0.62 m, under 1 m 75.0 %"
-
-
-def test_the_legend_reads_row_by_row_in_the_order_of_uavs():
-    figure = draw_ospa_figure(*errors(uavs=4))
-    uavs = [f"UAV {i}" for i in range(4)]
-    assert words(figure, figure.axes[0].get_legend()) == ["localisation", "added by cardinality", *uavs, "mean of UAVs"]
-
-
-def test_the_legend_lists_no_line_that_the_means_hides_and_dashes_tell_uavs_of_a_colour_apart():
-    times, ospa = errors(uavs=3)
-    ospa[:, 1] = ospa[:, 2] = ospa[:, 0]
-    figure = draw_ospa_figure(times, ospa)
-    assert words(figure, figure.axes[0].get_legend()) == ["localisation", "added by cardinality", "mean of UAVs"]
-    ospa[30, 2, 0] += 0.5  # which the mean's line does not hide, of the others neither
-    figure = draw_ospa_figure(times, ospa)
-    named = [text for text in words(figure, figure.axes[0].get_legend()) if text.startswith("UAV")]
-    assert named == ["UAV 0", "UAV 1", "UAV 2"]
+def test_dashes_tell_uavs_of_a_colour_apart():
     times, ospa = errors(uavs=30)
     lines = draw_ospa_figure(times, ospa).axes[0].get_lines()[:30]
     assert len({(to_rgb(line.get_color()), line._unscaled_dash_pattern) for line in map(_hashable, lines)}) == 30

@@ -18,18 +18,19 @@ from helpers.html_pages import Page
 from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.catalogue import METRICS
+from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.metric import Outcome
 from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.facts.sightings import make_frame_facts
 from sim.mission.fault_text import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario, encode_scenario
-from sim.scenario.settings_text import format_value, list_changes
+from sim.scenario.settings_text import list_changes
 from sim.sensing.fault import Fault
 from sim.terminal.commands import load_command
 from sim.views.drawing.film import lay_out_parts
+from sim.views.drawing.palette import HIDDEN, HOLD_COLOURS, OUT_OF_VIEW, format_css, pale, uav_colour
 from sim.views.page.data import make_page_data
 from sim.views.page.page import describe_omission, make_page, write_page
 from tracking.errors import InputError
@@ -45,6 +46,12 @@ def text(folder):
 def data_of(text):
     ((_, found),) = Page(text).of("script", type="application/json")
     return json.loads(found)
+
+
+def resolved(marks, looks):
+    """Marks, or rows of a table, with their looks."""
+    marks = [mark if isinstance(mark, list) or mark is None else [mark] for mark in marks]
+    return [mark and [looks[mark[0]], *mark[1:]] for mark in marks]
 
 
 def test_nothing_comes_from_elsewhere_all_is_text_and_every_control_is_named(text):
@@ -98,40 +105,57 @@ def test_commands_name_the_scan_of_an_event_at_any_rate():
 
 
 def test_the_data_are_those_of_the_recording(mission, text):
-    recording = mission
+    recording, history = mission, PeopleFacts(mission)
     data = data_of(text)
     numbers = list(dict.fromkeys(recording.track_ids.tolist()))
     for k, i in np.argwhere(recording.working).tolist():
         scan = data["tracks"][k]
         rows = [scan["rows"][n] for n in scan["held"][i]]
         tracks = recording.tracks_at(k, i)
-        assert [numbers[int(row[0])] for row in rows] == [track.id for track in tracks]
         for row, track in zip(rows, tracks, strict=True):
+            number = numbers.index(track.id)
+            assert data["looks"]["tracks"][int(row[0])][0] == f"{number}{'' if track.reported else '?'}"
             np.testing.assert_allclose(row[1:3], track.belief.mean[:2], atol=0.0051)
             along = np.array([np.cos(row[5]), np.sin(row[5])])
             spread = float(along @ track.belief.covariance[:2, :2] @ along)
-            assert bool(row[6]) == track.reported
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
-        for m, person in enumerate(make_frame_facts(recording, k, i).people):
-            shown = "seen" if person.detected else "hidden" if person.inside else "out of view"
-            state = "absent" if person.status == "absent" else shown
-            assert STATES[data["states"][k][i][m]] == state
-    assert STATES.index("hidden") in {state for rows in data["states"] for row in rows for state in row}
-    assert {row[2][m] for row in data["states"][10:] for m in range(4)} == {BROKEN}
-    assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
-    assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
+    for k, people in enumerate(data["people"]):
+        assert [person is None for person in people] == [not here for here in recording.present[k]]
+        rings = {m: data["looks"]["people"][person[0]][4] for m, person in enumerate(people) if person}
+        assert {m for m, ring in rings.items() if ring == data["colours"]["lost"]} == {
+            m for m, first, last in LOST if first <= k <= last
+        }
+        now = {row[0]: row[1:] for row in (data["looks"]["rows"][n] for n in data["now"][k])}
+        for m in range(4):
+            assert now[m][1] == (history.view_texts(m)[k] or "not there")
+            assert (now[m][0] == "lost") == (now[m][2] == "lost") == (rings.get(m) == data["colours"]["lost"])
+    first = [data["looks"]["rows"][n][0] for n in data["now"][16]]
+    assert first[0] == 0  # the worst off is at the top
+    works = [[data["looks"]["uavs"][uav[0]][3] is None for uav in row] for row in data["uavs"]]
+    assert works == recording.working.tolist() and data["owner"] == [0] * 21
+    assert all(row[2][4:] == [None] * 3 for row in data["uavs"][10:])
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
     assert data["film"]["tiles"] == [
         [b.x, b.y, b.width, b.height] for b in lay_out_parts(recording.setting).tiles.values()
     ]
 
 
-def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
-    five = flown(uavs=5)
-    data = data_of(make_page(Flight(five)))
-    assert len(set(data["colours"]["uavs"][:5])) == 5
-    assert data["holds"] == PeopleFacts(five).hold_states.tolist()
-    assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
+def test_bars_of_the_timeline_are_the_states_of_the_history(mission, text):
+    timeline, history = data_of(text)["timeline"], PeopleFacts(mission)
+    shades = [*timeline["shades"]]
+    for m, row in enumerate(timeline["rows"]):
+        for i, lane in enumerate(row["lanes"]):
+            states = [STATES[state] if state != BROKEN else None for state in history.camera_states[:, i, m]]
+            drawn = {k: shades[bar[0]] for bar in lane for k in range(bar[1], bar[2] + 1)}
+            colours = (OUT_OF_VIEW, HIDDEN, pale(uav_colour(i)), uav_colour(i))
+            known = dict(zip(STATES[1:], map(format_css, colours), strict=True))
+            assert drawn == {k: known[state] for k, state in enumerate(states) if state in known}
+        drawn = {k: shades[bar[0]] for bar in row["holds"] for k in range(bar[1], bar[2] + 1)}
+        holds = {k: HOLDS[hold] for k, hold in enumerate(history.hold_states[:, m]) if HOLDS[hold] != "absent"}
+        assert drawn == {k: format_css(HOLD_COLOURS[hold]) for k, hold in holds.items()}
+
+
+def test_data_take_few_bytes():
     data = make_page_data(Flight(flown(scans=201)), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
@@ -147,15 +171,17 @@ def test_porous_trees_are_on_the_page_with_their_leaves_and_cover(mission):
 
 
 def test_the_page_of_a_long_mission_has_scans_at_equal_gaps_and_says_so(monkeypatch, mission):
-    monkeypatch.setattr("sim.views.page.data.MOST_SCANS", 6)  # of 21: each fourth
+    monkeypatch.setattr("sim.views.page.charts.MOST_SCANS", 6)  # of 21: each fourth
     text = make_page(Flight(mission), video=None)
     data = data_of(text)
     monkeypatch.undo()
     whole = json.loads(json.dumps(make_page_data(Flight(mission), None)))
     assert data["times"] == whole["times"][::4] and data["rate"] == 5 / 4 and data["trail"] == 4
-    for name in ("people", "headings", "uavs", "views", "tracks", "states", "holds", "holders", "works", "ospa"):
+    for name in ("owner", "ospa", "mean"):
         assert data[name] == whole[name][::4], name
-    assert all(len(column) == 6 for column in data["view_texts"])
+    for kind, name in (("people", "people"), ("uavs", "uavs"), ("now", "rows")):
+        for row, other in zip(data[kind], whole[kind][::4], strict=True):
+            assert resolved(row, data["looks"][name]) == resolved(other, whole["looks"][name])
     firsts = {(int(g["data-person"]), int(g["data-first"]), int(g["data-last"]))
               for g, _ in Page(text).of("li") if "data-person" in g}  # fmt: skip
     assert firsts == {(2, 2, 2), (1, 2, 2), (0, 4, 5)}  # scans 5 to 9, 8, and 15 to 20
@@ -225,19 +251,6 @@ def test_settings_other_than_the_defaults_stand_on_the_page():
     assert "All settings are the defaults." in make_page(Flight(plain)).partition("</header>")[0]
 
 
-def test_a_fleet_of_another_size_stands_on_the_page_a_line_for_each_uav():
-    rows = [{"start": [4.0 * i - 20.0, 3.0], "footprint": 18.0 + i} for i in range(10)]
-    rows[3] |= {"mount": "body", "fails_at": 2.5}
-    own = load("forest", ["duration=1", f"uavs={format_value(rows)}"])
-    recording = dataclasses.replace(flown(scans=2, uavs=10), scenario=encode_scenario(own))
-    header = make_page(Flight(recording)).partition("</header>")[0]
-    _, fleet = map(html.unescape, re.findall("<code>(.*?)</code>", header, re.S))
-    lines = fleet.splitlines()
-    assert len(lines) == 12 and max(map(len, lines)) < 100 and load("forest", ["duration=1", fleet]) == own
-    assert lines[1] == '  {"start" = [-20.0, 3.0], "footprint" = 18.0},'
-    assert facts(recording)["UAVs"] == "10, views of 18 to 27 m"
-
-
 def facts(recording):
     """The facts at the top of a recording's page, by their names."""
     header = make_page(Flight(recording)).partition("</header>")[0]
@@ -277,11 +290,6 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
         "fault of the team at 0.6 s: c",
         "1 more kind of fault is listed below.",
     ]
-    faults = [*(Fault(0.0, uav, "a") for uav in (2, 0)), *(Fault(0.2, None, message) for message in "abcd")]
-    header = make_page(Flight(dataclasses.replace(recording, faults=encode_faults(faults)))).partition("</header>")[0]
-    warnings = re.findall(r'<p class="warning">(.*?)</p>', header)
-    assert warnings[0] == "2 faults of UAVs 0 and 2 at 0.0 s: a" and warnings[1] == "fault of the team at 0.2 s: a"
-    assert warnings[3:] == ["2 more kinds of fault are listed below."]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
     header = make_page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]

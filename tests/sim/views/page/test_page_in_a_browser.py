@@ -153,7 +153,7 @@ def _follows_clicks(browser):
             browser.point(x, y, click=True)
             assert now(browser)[0] == k
     # The pointer over a person tells the number.
-    browser.run("follow.value = 'person 1'; follow.dispatchEvent(new Event('change')); map.scrollIntoView()")
+    browser.run("follow.value = 'people 1'; follow.dispatchEvent(new Event('change')); map.scrollIntoView()")
     box = browser.run("(() => { const r = map.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
     browser.point(box[0] + box[2] / 2, box[1] + box[3] / 2)
     assert re.match(r"person 1: .*track \d of ", browser.run("tip.textContent"))
@@ -196,10 +196,10 @@ def _lists_what_is_drawn(browser, flight):
         **{("seen by " if (history.camera_states[:, i] == STATES.index("seen")).any() else "") + f"UAV {i}": True
            for i in range(3)},
         "shown, not detected": "missed" in states,
-        "hidden": "hidden" in states,
+        "in the frame, hidden": "hidden" in states,
         "out of view": "out of view" in states,
         "held by all": "held" in holds,
-        "held by some": "held by some" in holds,
+        "held by some UAVs": "held by some" in holds,
         "lost": "lost" in holds,
         "not found yet": "not found yet" in holds,
         "false track": "false track" in kinds,
@@ -227,7 +227,7 @@ def _names_views_where_no_other_view_is(browser, path):
     )
     room = np.array(data["area"]) + 2 * data["margin"]
     scale = np.min(size / room)
-    views = [np.array(size) / 2 + scale * np.reshape(v, (4, 2)) * (1, -1) for v in data["views"][1]]
+    views = [np.array(size) / 2 + scale * np.reshape(uav[4], (4, 2)) * (1, -1) for uav in data["uavs"][1]]
     for i in range(3):
         ((x, y),) = ([x, y] for text, x, y in words if text == f"UAV {i}")
         low, high = np.array([x - 20, y - 6]), np.array([x + 20, y + 6])

@@ -1,1 +1,0 @@
-"""A recorded mission for the Rerun viewer."""

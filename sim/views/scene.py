@@ -1,0 +1,321 @@
+"""The scene of a mission at one scan: who is drawn, where, in which role, under which name, colour and trouble.
+
+Film, map, page, annotated frames, markers of ROS and Rerun are renderers of scenes: they turn marks into pixels or
+messages, and decide nothing about a mission. Places are in metres.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.facts.metrics.holding import ELLIPSE, HOLDS, Holding, list_reports
+from sim.mission.recording import Recording
+from sim.mission.snapshot import Snapshot
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import true_view_of
+from sim.views.drawing.palette import (
+    ALARM,
+    FAINT,
+    INK,
+    PANEL,
+    UNHELD_COLOURS,
+    Colour,
+    mix,
+    track_colour,
+    uav_colour,
+    uav_dashes,
+)
+from sim.world.contacts import Contact, describe_body
+from tracking.geometry.camera import Camera, Pose, meet_plane
+from tracking.geometry.visibility import at_target_height
+from tracking.numerics.arrays import Array, Indices
+from tracking.track import Scan, Track
+
+MARGIN = 4.0  # m shown beyond the area
+TRAIL = 3.0  # s, length of trails
+ALERT = 1.0  # s, time for which a contact is marked
+_FEW_PEOPLE, _FEW_UAVS = 12, 6  # more are a crowd
+_TURN = np.linspace(0, 2 * np.pi, 48, endpoint=False).tolist()
+_CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in _TURN])
+
+
+class DetectionMark(NamedTuple):
+    """A detection of one camera."""
+
+    place: Array  # (2,) m
+    covariance: Array  # (2, 2) m²
+    pixel: Array | None  # (2,) in the image; None in ideal sensing
+
+
+class TrackMark(NamedTuple):
+    """A track of one UAV."""
+
+    number: int
+    name: str  # with a question mark if the track is not reported
+    colour: Colour
+    reported: bool
+    mean: Array  # (2,) m
+    covariance: Array  # (2, 2) m²
+
+
+class UavMark(NamedTuple):
+    """A UAV with what belongs to it; one that has broken down has neither views nor intent."""
+
+    number: int
+    name: str
+    colour: Colour
+    dashes: tuple[int, ...]  # of its lines
+    trouble: Colour | None  # if it has broken down
+    pose: Pose  # of the body
+    camera: Pose
+    believed: Pose  # of the camera, as the UAV believes
+    view: Array | None  # (N, 2) m, outline of the field of view on the ground; None if it has no bounds nearby
+    believed_view: Array | None  # as the UAV believes; the same as `view` if poses are exact
+    intent: Array | None  # (H + 1, 2) m, the rest of the plan that is flown, from the UAV on
+    touched: str  # the body that the UAV has just touched, in words; "" for none
+    detections: tuple[DetectionMark, ...]
+    tracks: tuple[TrackMark, ...]
+
+    @property
+    def works(self) -> bool:
+        """False if the UAV has broken down."""
+        return self.trouble is None
+
+    @property
+    def place(self) -> Array:
+        """Position (2,) m of the body."""
+        return self.pose.position[:2]
+
+
+class PersonLook(NamedTuple):
+    """The look of a person's mark: a disc, hollow if something hides the person, in a ring if no UAV holds them."""
+
+    colour: Colour
+    hollow: bool
+    trouble: Colour | None  # of the ring
+
+
+class PersonMark(NamedTuple):
+    """A person who is present."""
+
+    number: int
+    name: str
+    place: Array  # (2,) m
+    heading: float  # rad
+    hold: str  # one of `HOLDS`
+    view: str  # in the cameras' last frames: "seen", "hidden" or "out of view"
+
+    @property
+    def look(self) -> PersonLook:
+        """The look of the mark."""
+        return find_person_look(self.view, self.hold)
+
+
+class Trail(NamedTuple):
+    """Where a person or a track was in the last seconds."""
+
+    colour: Colour
+    places: Array  # (N, 2) m
+
+
+class Scene(NamedTuple):
+    """All that is drawn of one scan."""
+
+    time: float  # s
+    error: float  # m, mean OSPA of the working UAVs, or NaN
+    poses_err: bool  # True if UAVs do not know the poses of their cameras
+    crowd: bool  # True if names need room
+    uavs: tuple[UavMark, ...]
+    people: tuple[PersonMark, ...]
+    trails: tuple[Trail, ...]  # of people and of the tracks on the map
+    owner: int | None  # the first UAV that works, whose tracks are on the map
+
+    @property
+    def tracks(self) -> tuple[TrackMark, ...]:
+        """The tracks on the map."""
+        return () if self.owner is None else self.uavs[self.owner].tracks
+
+
+class _Past(NamedTuple):
+    """What is drawn of an earlier scan."""
+
+    people: Array  # (M, 2) m
+    means: dict[int, Array]  # (2,) m, of the tracks on the map, by their numbers
+    contacts: tuple[Contact, ...]
+
+
+class SceneMaker:
+    """Makes the scenes of successive snapshots, in flight or of a recording."""
+
+    def __init__(self, scenario: Scenario, numbers: dict[int, int] | None = None) -> None:
+        """Begin at any scan; numbers: those of tracks by id, by default in the order of their appearance."""
+        self._scenario = scenario
+        self._views = [true_view_of(uav, scenario) for uav in scenario.uavs]
+        self._numbers = {} if numbers is None else dict(numbers)
+        self._holding: Holding | None = None
+        self._past: deque[_Past] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
+        self._alert = round(ALERT * scenario.rates.sensing)
+        self._last: dict[int, Snapshot] = {}  # the snapshot of each camera's last frame
+
+    def add(self, snapshot: Snapshot, holds: Indices | None = None) -> Scene:
+        """The scene of the next snapshot.
+
+        holds (M,): states of people, as indices into `HOLDS`. Without them, they follow from all snapshots so far.
+        """
+        if holds is None:
+            people, uavs = len(snapshot.people), len(snapshot.poses)
+            self._holding = self._holding or Holding(people, uavs, self._scenario.loss_distance)
+            holds = self._holding.step(snapshot.people, list_reports(snapshot.tracks), len(snapshot.working)).states
+        working = snapshot.working
+        self._last |= {i: snapshot for i in working if snapshot.frames[i]}
+        tracks = [self._mark_tracks(held) for held in snapshot.tracks]
+        shown = tracks[working[0]] if working else ()
+        means = {track.number: track.mean for track in shown}
+        self._past.append(_Past(snapshot.people, means, snapshot.contacts))
+        return Scene(
+            time=snapshot.time,
+            error=snapshot.error,
+            poses_err=snapshot.believed is not None,
+            crowd=len(snapshot.people) > _FEW_PEOPLE or len(snapshot.poses) > _FEW_UAVS,
+            uavs=tuple(self._mark_uavs(snapshot, working, tracks)),
+            people=self._mark_people(snapshot, working, holds),
+            trails=self._list_trails(shown),
+            owner=working[0] if working else None,
+        )
+
+    def _mark_tracks(self, held: Sequence[Track]) -> tuple[TrackMark, ...]:
+        numbers = self._numbers
+        return tuple([mark_track(track, numbers.setdefault(track.id, len(numbers))) for track in held])
+
+    def _mark_uavs(
+        self, snapshot: Snapshot, working: Sequence[int], tracks: Sequence[tuple[TrackMark, ...]]
+    ) -> Iterator[UavMark]:
+        touched = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
+        for i, pose in enumerate(snapshot.poses):
+            works, camera = i in working, snapshot.cameras[i]
+            believed = camera if snapshot.believed is None else snapshot.believed[i]
+            view = find_footprint(self._scenario, i, camera) if works else None
+            exact = not works or snapshot.believed is None
+            yield UavMark(
+                number=i,
+                name=f"UAV {i}" if works else f"UAV {i}: broken down",
+                colour=uav_colour(i) if works else FAINT,
+                dashes=uav_dashes(i),
+                trouble=None if works else ALARM,
+                pose=pose,
+                camera=camera,
+                believed=believed,
+                view=view,
+                believed_view=view if exact else find_footprint(self._scenario, i, believed),
+                intent=self._find_intent(snapshot, i) if works else None,
+                touched=describe_body(touched[i].kind, touched[i].other) if i in touched else "",
+                detections=mark_detections(snapshot.scans[i], snapshot.pixels[i]),
+                tracks=tracks[i],
+            )
+
+    def _mark_people(self, snapshot: Snapshot, working: Sequence[int], holds: Indices) -> tuple[PersonMark, ...]:
+        seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
+        for i in working:
+            last = self._last.get(i, snapshot)
+            points = at_target_height(np.nan_to_num(last.people))
+            seen |= last.visible[i] > 0
+            inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
+        views = ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
+        return tuple(
+            PersonMark(m, f"person {m}", snapshot.people[m], float(snapshot.headings[m]), HOLDS[holds[m]], views[m])
+            for m in np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist()
+        )
+
+    def _list_trails(self, shown: Sequence[TrackMark]) -> tuple[Trail, ...]:
+        people = np.array([old.people for old in self._past]).transpose(1, 0, 2)
+        grey = mix(INK, PANEL, 0.45)
+        trails = [Trail(grey, places[~np.isnan(places[:, 0])]) for places in people]
+        for track in shown:
+            means = [old.means[track.number] for old in self._past if track.number in old.means]
+            trails.append(Trail(mix(track.colour, PANEL, 0.7), np.array(means)))
+        return tuple(trails)
+
+    def _find_intent(self, snapshot: Snapshot, uav: int) -> Array | None:
+        if snapshot.flown is None:
+            return None
+        controls = snapshot.flown.plans[uav].controls
+        step = self._scenario.rates.plan_step
+        ends = self._scenario.plan_start(snapshot.flown.made) + step * np.arange(1, len(controls) + 1)
+        left = np.clip(ends - snapshot.time, 0.0, step)  # s, remaining time of each step
+        moves = np.cumsum(controls * left[:, None], axis=0)
+        return np.asarray(snapshot.poses[uav].position[:2] + np.vstack([np.zeros(2), moves]))
+
+
+def make_scenes(recording: Recording, holds: Indices) -> Iterator[Scene]:
+    """The scenes of all scans of a recording; holds (K, M): states of people, as indices into `HOLDS`."""
+    maker = SceneMaker(recording.setting, recording.track_numbers)
+    for k, row in enumerate(holds):
+        yield maker.add(recording.snapshot(k), row)
+
+
+def make_scene(recording: Recording, k: int, holds: Indices) -> Scene:
+    """The scene of scan k of a recording; holds (M,): states of people, as indices into `HOLDS`."""
+    setting = recording.setting
+    maker = SceneMaker(setting, recording.track_numbers)
+    # Trails, contacts and last frames of slow cameras depend on so much of the past.
+    for earlier in range(max(0, k - round(TRAIL * setting.rates.sensing)), k):
+        maker.add(recording.snapshot(earlier), holds)
+    return maker.add(recording.snapshot(k), holds)
+
+
+def mark_track(track: Track, number: int) -> TrackMark:
+    """The mark of a track with this number."""
+    belief, reported = track.belief, track.reported
+    name = str(number) if reported else f"{number}?"
+    return TrackMark(number, name, track_colour(number), reported, belief.mean[:2], belief.covariance[:2, :2])
+
+
+def mark_detections(scan: Scan, pixels: Array) -> tuple[DetectionMark, ...]:
+    """The marks of the detections of a scan at pixels (N, 2), which are none in ideal sensing."""
+    found = zip(scan.measurements, scan.covariances, strict=True)
+    return tuple(DetectionMark(z, R, pixels[n] if n < len(pixels) else None) for n, (z, R) in enumerate(found))
+
+
+def find_person_look(view: str, hold: str) -> PersonLook:
+    """The look of a person; view: "seen", "hidden" or "out of view"; hold: one of `HOLDS`."""
+    return PersonLook(FAINT if view == "out of view" else INK, view == "hidden", UNHELD_COLOURS.get(hold))
+
+
+def measure_map(scenario: Scenario) -> tuple[float, float]:
+    """Width and height of the map [m] with its margin."""
+    return scenario.area.width + 2 * MARGIN, scenario.area.height + 2 * MARGIN
+
+
+def outline_ellipse(mean: Array, covariance: Array) -> Array:
+    """Points (..., 48, 2) m on the 95 % ellipses of planar Gaussians.
+
+    mean (..., 2) m, covariance (..., 2, 2) m².
+    """
+    half, axes = find_half_axes(covariance)
+    return np.asarray(mean[..., None, :] + (_CIRCLE * half[..., None, :]) @ np.swapaxes(axes, -1, -2))
+
+
+def find_half_axes(covariance: Array) -> tuple[Array, Array]:
+    """Half axes (..., 2) m of 95 % ellipses, ascending, and their directions, the columns of (..., 2, 2)."""
+    variances, axes = np.linalg.eigh(covariance)
+    return ELLIPSE * np.sqrt(np.maximum(variances, 0.0)), axes
+
+
+def find_footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
+    """Outline (N, 2) m of a camera's field of view on the ground; None if it has no bounds nearby."""
+    camera = scenario.uavs[uav].true_camera
+    if scenario.sensing.field_of_view == "unlimited":
+        return None
+    rays = camera.rays(pose, camera.outline)
+    return meet_plane(pose, rays) if _point_down(rays) else None
+
+
+def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
+    """True if the rays through pixels (N, 2), by default the image's outline, meet the ground nearby."""
+    return _point_down(camera.rays(pose, camera.outline if pixels is None else pixels))
+
+
+def _point_down(rays: Array) -> bool:
+    return bool(np.all(rays[:, 2] < -0.1))

@@ -1,0 +1,152 @@
+"""Flights from elsewhere: clocks, gaps, pixels, origins, and inputs that are refused in one line."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from sim.exchange.scanned_flight import read_flight
+from sim.exchange.tracked_flight import track_flight
+from tracking.errors import InputError
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.person import TARGET_HEIGHT
+
+SPEED = np.array([1.2, 0.5])  # m/s, of the only person
+CLOCKS = {0: np.arange(0, 10, 0.2).tolist(), 1: (0.07 + np.arange(0, 10, 0.5)).tolist()}  # s, of the frames
+PLACES = ("time_s,x_m,y_m,z_m", "time_s,uav,x_m,y_m,z_m")
+SEEN = "time_s,uav,x_m,y_m"
+
+
+def walk(times, name, *more):
+    """Rows of the person at these times: time, name, place, and more."""
+    return [",".join(map(str, (t, name, *(SPEED * t).tolist(), *more))) for t in times]
+
+
+@pytest.fixture
+def flight(tmp_path):
+    """Writes a flight, and returns its folder: lines of files by name, of a person below two UAVs unless changed."""
+
+    def write(**changes):
+        logged = np.arange(-1, 11, 0.37).tolist()
+        files = {
+            "poses": [PLACES[1], *(f"{t},{i},{2 * i + t},0,{20 + i}" for i in (0, 1) for t in logged)],
+            "detections": [f"{SEEN},xx_m2,xy_m2,yy_m2"],
+            "cameras": ["uav,fov_deg,pixels", "0,60,128", "1,60,128"],
+        }
+        for i, times in CLOCKS.items():
+            files["detections"] += walk(times, i, 0.01, 0, 0.01)
+        for name, lines in (files | changes).items():
+            (tmp_path / (name.replace("_", ".") if "_" in name else f"{name}.csv")).write_text("\n".join(lines) + "\n")
+        return tmp_path
+
+    return write
+
+
+def test_two_clocks_meet_on_scans_of_a_rate_that_fits_both(flight):
+    log = read_flight(flight())
+    times = np.array(log.setting.scan_times)
+    assert log.setting.rates.sensing == 20 and len(times) == len(log.frames)
+    for i, own in CLOCKS.items():
+        np.testing.assert_allclose(times[log.frames[:, i]], own, rtol=0, atol=0.025 + 1e-9)
+    # Poses are those of the frame's own time.
+    k = int(np.flatnonzero(log.frames[:, 1])[3])
+    np.testing.assert_allclose(log.poses[k, 1], [2 + 1.57, 0, 21, 0, 0, 0, 1], atol=1e-9)
+    recording = track_flight(log).recording
+    assert len({track.id for k in range(20, len(times)) for track in recording.tracks_at(k, 0)}) == 1
+    (last,) = recording.tracks_at(len(times) - 1, 1)
+    np.testing.assert_allclose(last.belief.mean, [*SPEED * times[-1], *SPEED], atol=0.2)
+    assert any("frames are at scans of 20 Hz, 20 ms or less" in remark for remark in log.remarks)
+
+
+def test_a_clock_that_is_wrong_by_a_known_time_is_set_right(flight):
+    log = read_flight(flight(cameras=["uav,fov_deg,pixels,clock_offset_s", "0,60,128,", "1,60,128,-0.07"]))
+    assert log.setting.rates.sensing == 10 and log.frames[::5, 1].sum() == 20
+    np.testing.assert_allclose(log.poses[5, 1, 0], 2 + 0.5 + 0.07, atol=1e-9)
+
+
+def test_pixels_become_places_on_the_ground_with_covariances_of_the_camera(flight):
+    camera, pose = Camera(math.radians(60), 128), Pose.level(1.0, 2.0, 20.0)
+    places = np.array([(2.0, 3.0), (-4.0, 6.0)])
+    pixels = camera.project(pose, np.column_stack([places, np.full(2, TARGET_HEIGHT)]))[0].tolist()
+    rows = ["time_s,u_px,v_px", *(f"{t},{u},{v}" for t in (0, 1) for u, v in pixels), "2,,"]
+    poses = [PLACES[0], "0,1,2,20", "2,1,2,20"]
+    folder = flight(detections=rows, poses=poses, cameras=["fov_deg,pixels", "60,128"])
+    first, _, third = (scans[0] for scans in read_flight(folder).scans())
+    np.testing.assert_allclose(first.measurements, places, atol=1e-9)
+    assert (np.linalg.eigvalsh(first.covariances) > 1e-4).all() and len(third.measurements) == 0
+    assert any(
+        "get 0.0" in remark and "--sigma adds errors of poses" in remark for remark in read_flight(folder).remarks
+    )
+    wide = read_flight(folder, sigma=1.5)
+    assert not any("--sigma" in remark for remark in wide.remarks)
+    wider = next(wide.scans())[0]
+    np.testing.assert_allclose(wider.covariances - first.covariances, np.tile(2.25 * np.eye(2), (2, 1, 1)), atol=1e-12)
+
+
+def test_projected_coordinates_have_an_origin(flight):
+    far = flight(
+        poses=[PLACES[0], "0,457100,5428300,30", "3,457100,5428300,30"],
+        detections=["time_s,x_m,y_m", "0,457101,5428302", "1,,"],
+        cameras=["fov_deg,pixels", "60,512"],
+        trees=["x,y,crown_radius,crown_base,height,trunk_radius", "457110,5428310,3,2,9,0.2"],
+    )
+    with pytest.raises(InputError, match=r"9000 m or more from the origin; .* --origin 457100,5428300"):
+        read_flight(far)
+    log = read_flight(far, origin=(457100, 5428300))
+    assert log.observed[0, 0].scan.measurements.tolist() == [[1, 2]]
+    assert log.forest.table[:, :2].tolist() == [[10, 10]]
+    assert (log.setting.area.width, log.setting.area.height) == (40, 40)
+
+
+def test_labels_give_metrics_and_may_begin_tracks(flight):
+    folder = flight(truth=["time_s,id,x_m,y_m", *walk(np.arange(0, 10.5, 0.5).tolist(), "a")])
+    outcome = track_flight(read_flight(folder))
+    recording = outcome.recording
+    assert recording.labelled and recording.people.shape[1] == 1
+    assert recording.matched[recording.frames_taken].mean() > 0.95 and outcome.scores[0].held.mean() > 0.95
+    assert 0 < np.nanmedian(recording.ospa[..., 0]) < 0.2
+    known = track_flight(read_flight(folder, overrides=["tracking.initial_tracks=known"])).recording
+    assert len(known.tracks_at(0, 0)) == 1 and len(recording.tracks_at(0, 0)) == 0
+
+
+def above(row, header=PLACES[1]):
+    """Lines of two poses of each UAV, from a row with the time {t} and the UAV {i}."""
+    return {"poses": [header, *(row.format(t=t, i=i) for t in (0, 9) for i in (0, 1))]}
+
+
+ONE = {"poses": [PLACES[1], "0,1,0,0,9"], "detections": [SEEN, "0,1,1,1"], "cameras": ["uav,fov_deg,pixels", "1,60,9"]}
+TURNED = above("{t},{i},0,0,20,1,0,0,0", f"{PLACES[1]},qx,qy,qz,qw")
+REFUSED = {
+    "are these nanoseconds?": {"detections": [SEEN, "0,0,1,1", "200000000,0,1,1", "0,1,1,1"]},
+    "no pose within 2 s; its poses are from 1700000000 to 1700000009 s": above("170000000{t},{i},0,0,20"),
+    "poses.csv, line 4, column uav: UAV 0 has another pose at 0 s in line 2; number the UAVs apart": {
+        "poses": [PLACES[1], "0,0,0,0,20", "9,0,0,0,20", "0,0,9,0,20"]
+    },
+    "only one of its poses and its cameras has UAV 1": {"poses": [PLACES[1], "0,0,0,0,20"]},
+    "has UAV 1; number UAVs from 0": ONE,
+    "line 3: pixel (600, 64) of UAV 1 is outside its image of 128 × 128 pixels; does cameras.csv": {
+        "detections": ["time_s,uav,u_px,v_px", "0,0,64,64", "0,1,600,64"]
+    },
+    "UAV 0 has two frames 0.2 s apart, at 0 s, in one scan of 2 Hz": {"scenario_toml": ["rates.sensing = 2"]},
+    'initial_tracks: "known" needs the people': {"scenario_toml": ["tracking.initial_tracks = 'known'"]},
+    "UAV 0, column z_m: is 0 m in the median": above("{t},{i},0,0,0"),
+    "looks above the horizon in each of its 2 frames; quaternions are xyzw": {
+        **TURNED,
+        "detections": [SEEN, "0,0,,", "0,1,,", "0.2,0,,"],
+    },
+}
+
+
+@pytest.mark.parametrize("complaint", REFUSED)
+def test_a_flight_that_cannot_be_is_refused_in_one_line(flight, complaint):
+    with pytest.raises(InputError, match=re.escape(complaint)) as told:
+        read_flight(flight(**REFUSED[complaint]))
+    assert "\n" not in str(told.value)
+
+
+def test_a_folder_without_a_flight_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"^FLIGHT: .*nowhere is not a folder; expected one with poses.csv"):
+        read_flight(tmp_path / "nowhere")
+    with pytest.raises(InputError, match=r"^cameras: .*cameras.csv cannot be read: No such file"):
+        read_flight(tmp_path)
