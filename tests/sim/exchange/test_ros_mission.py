@@ -218,7 +218,7 @@ def test_the_scene_has_trees_people_views_intents_and_ellipses(recording, bag):
             )
             assert {*kinds} == {"uav", "names"} | (seen if works else set())
             names = [marker.text for marker in message.markers if marker.ns == "names"]
-            assert names == [f"UAV {i}" if works else f"UAV {i}, broken down"]
+            assert names == [f"UAV {i}" if works else f"UAV {i}: broken down"]
             drawn = [marker for marker in message.markers if marker.ns == "tracks"]
             tracks = recording.tracks_at(k, i)
             for marker, track in zip(drawn, tracks, strict=True):

@@ -144,7 +144,7 @@ def test_wrong_questions_are_answered_in_one_line(flight, ask, reason):
 def test_a_flight_is_shown_by_its_results_in_one_line(flight):
     mine = Flight(dataclasses.replace(flight.recording, planner="mine:Mine"))
     errors = mine.recording.ospa[..., 0]
-    lost, rest = [[loss for loss in mine.history.losses if loss.found is found] for found in (True, False)]
+    lost, rest = [[loss for loss in mine.people.unheld if loss.found is found] for found in (True, False)]
     told = f", and {len(rest)} of people not found before" if rest else ""
     longest = max(loss.last - loss.first + 1 for loss in lost) / 5
     assert repr(mine).startswith("<Flight: mine:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")

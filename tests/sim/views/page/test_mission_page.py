@@ -14,10 +14,9 @@ import pytest
 from helpers.films import decoded
 from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
-from sim.facts.scan_choice import find_scans
 
 from sim.__main__ import COMMANDS
-from sim.facts.flight import Flight
+from sim.facts.flight import Flight, find_scans
 from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.metric import Outcome
