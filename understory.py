@@ -25,75 +25,171 @@ for _package in ("sim", "planning", "tracking"):
     if _places and str(Path(__file__).with_name(_package)) not in _places:
         raise ImportError(f"understory: {_places[0]} hides Understory's package {_package!r}; rename it")
 
+from planning.composed import Composed
+from planning.coordination.decision import Coordination, decide_own_plan
+from planning.objective.nbo import make_objective
+from planning.objective.terms import Term
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.optimizer import make_pursuits
 from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.planner_check import check_planner
-from planning.planner_loading import PlannerError, resolve_planner
+from planning.planner_loading import PlannerError, load_planner, resolve_planner
+from planning.prediction.field_of_view import aim_point, view_quadrangle
+from planning.prediction.intent import expect_plans
+from planning.prediction.propagation import Nominal, nominal_positions
+from planning.prediction.quadrangle import inside, shortest_move
+from planning.prediction.response import mean_velocities, response
+from planning.testing.made_up_teams import make_random_team
 from sim.environments.observations import Observations
-from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.export import EXPORTS, LABELS
+from sim.exchange.export import export as write_export
+from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight, load
+from sim.facts.metrics.metric import Metric, Outcome
 from sim.mission.mission import Mission
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial, prefix_errors
-from sim.running.mission_flight import fly_mission
-from sim.running.results import record, run_mission
+from sim.running.fly import fly_mission, record
+from sim.running.results import run_mission
 from sim.scenario.loading import place_of, resolve_scenario
 from sim.scenario.quantities import WORKERS, parse_integer, parse_seed_and_repeat
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_overrides
 from sim.sensing.detector_check import check_detector
-from sim.study.definition import make_study
+from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup, Shot
+from sim.study.definition import adapt_study, make_study, read_study
 from sim.study.executors import Pool
-from sim.study.scheduler import fly_trials
-from sim.study.store import tabulate_rows
+from sim.study.scheduler import complete, fly_trials
+from sim.study.store import Store, tabulate_rows
 from sim.study.trials import list_trials
+from sim.world.walks import Itinerary
 from tracking.detection.detector import Detections, Detector, Frame
-from tracking.errors import InputError
-from tracking.filter.kalman import Gaussian
+from tracking.errors import InputError, check_known
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.filter.mean_reverting import MeanRevertingVelocity
+from tracking.filter.motion import MotionModel
+from tracking.fusion.consensus import step as step_fleet
 from tracking.fusion.exchange import TrackExchange
 from tracking.fusion.member import Member
 from tracking.fusion.message import Message
+from tracking.fusion.rule import Contribution, FusionRule, KullbackLeiblerAverage, LocalBeliefs
 from tracking.fusion.tracker_check import check_tracker
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest
+from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
+from tracking.geometry.person import TARGET_HEIGHT
+from tracking.geometry.visibility import Forest, visible_samples
+from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import ospa
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.exponential import exp
+from tracking.numerics.matrices import apply
+from tracking.numerics.trigonometry import cos_each, sin_each
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, beliefs_of
+from tracking.tracker import Tracker
 
-__all__ = [
-    "Camera",
-    "Detections",
-    "Detector",
-    "Exchange",
+__all__ = [  # noqa: RUF022 - grouped by who needs the names
+    # Everybody: fly, look at what was flown, take it elsewhere.
     "Flight",
-    "Forest",
-    "Frame",
-    "Gaussian",
     "InputError",
-    "Member",
-    "Message",
+    "Recording",
+    "Scenario",
+    "export",
+    "load",
+    "run",
+    "track",
+    # Who compares planners: missions on the same maps, as data frames.
+    "compare",
+    "fly_study",
+    # Who decides each step: missions in Python, and environments for learning.
     "Mission",
     "Observations",
-    "Plan",
-    "Planner",
-    "Pose",
-    "Recording",
-    "Scan",
-    "Scenario",
-    "Situation",
-    "Track",
-    "TrackExchange",
-    "TrackerParameters",
-    "Vehicle",
-    "check_detector",
-    "check_planner",
-    "check_tracker",
-    "compare",
-    "load",
     "mission",
     "parallel_env",
     "record",
-    "run",
-    "track",
+    # Authors of planners.
+    "Exchange",
+    "Plan",
+    "Planner",
+    "Situation",
+    "Vehicle",
+    "check_planner",
+    "load_planner",
+    "make_random_team",
+    # Authors of detectors, and whoever needs cameras and maps.
+    "Camera",
+    "Detections",
+    "Detector",
+    "Forest",
+    "Frame",
+    "Pose",
+    "TARGET_HEIGHT",
+    "check_detector",
+    "visible_samples",
+    # Authors of trackers, and whoever tracks scans of their own.
+    "Gaussian",
+    "Member",
+    "Message",
+    "Scan",
+    "Track",
+    "TrackExchange",
+    "Tracker",
+    "TrackerParameters",
+    "beliefs_of",
+    "check_tracker",
+    "read_flight",
+    "step_fleet",
+    # Authors of motion models and of fusion rules.
+    "Contribution",
+    "FusionRule",
+    "KullbackLeiblerAverage",
+    "LocalBeliefs",
+    "MeanRevertingVelocity",
+    "MotionModel",
+    "NearlyConstantVelocity",
+    # Authors of metrics.
+    "Metric",
+    "Outcome",
+    "gospa",
+    "ospa",
+    # Authors of sensor modes and of ways of walking.
+    "Itinerary",
+    "SensorMode",
+    "SensorOutput",
+    "SensorSetup",
+    "Shot",
+    # Pieces of the built-in planners; they may change from one version to the next.
+    "Composed",
+    "Coordination",
+    "CrossEntropy",
+    "Grid",
+    "Nominal",
+    "Term",
+    "aim_point",
+    "decide_own_plan",
+    "detectable_share",
+    "expect_plans",
+    "free_share",
+    "inside",
+    "make_objective",
+    "make_pursuits",
+    "mean_velocities",
+    "nominal_positions",
+    "response",
+    "shortest_move",
+    "view_quadrangle",
+    # Arithmetic that gives the same bits on every processor, for planners whose missions are to be repeated elsewhere.
+    "Array",
+    "apply",
+    "compiled",
+    "cos_each",
+    "exp",
+    "length",
+    "sin_each",
 ]
 
 
@@ -128,8 +224,7 @@ def run(
         run_mission(Trial(setting, planner, *numbers, place), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers, place)
-    made = resolve_planner(planner)
-    return Flight(fly_mission(trial, lambda _: nullcontext(lambda snapshot: True), planner=made).recording)
+    return Flight(fly_mission(trial, resolve_planner(planner)).recording)
 
 
 def track(
@@ -152,8 +247,9 @@ def track(
     Raises:
         InputError: If the input is wrong.
     """
-    options = FlightOptions(format_overrides(settings), origin, sigma, detector)
-    return Flight(track_flight(read_flight(folder, options), name=f"flight {Path(folder).resolve().name}").recording)
+    changes = format_overrides(settings)
+    flight = read_flight(folder, overrides=changes, origin=origin, sigma=sigma, detector=detector)
+    return Flight(track_flight(flight, name=f"flight {Path(folder).resolve().name}").recording)
 
 
 def mission(
@@ -218,6 +314,75 @@ def compare(
     listed = list_trials(make_study(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
     with nullcontext(executor) if executor else Pool(processes) as flying:
         return tabulate_rows(fly_trials(listed, flying))
+
+
+def fly_study(
+    study: str | Path,
+    out: str | Path,
+    *,
+    planners: str | Sequence[str] = (),
+    seeds: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    executor: Executor | None = None,
+) -> Any:  # noqa: ANN401 - as `compare`
+    """Fly the trials of a study that its folder lacks, and return a data frame with a row for each trial.
+
+    A script has to call this under `if __name__ == "__main__":`, because other processes import it.
+
+    Args:
+        study: Name of a packaged study, or a .toml file.
+        out: Folder of the study's results, such as that of `understory compare`; finished trials are not flown again.
+        planners: Names of planners in place of the study's.
+        seeds: Maps in place of the study's, as `--seeds` takes them: "0-9" or "0,3,5".
+        settings: Keys of the scenarios to change in all trials.
+        executor: Flies the trials, for example dask's `client.get_executor(pure=False)`; by default, processes of this
+            machine, one per core.
+
+    Returns:
+        A data frame as that of `compare`, with a column for each factor, such as `factor.lambda`.
+
+    Raises:
+        InputError: If an argument cannot be used, or neither pandas nor polars is installed.
+    """
+    tabulate_rows([])  # as in `compare`
+    names = (planners,) if isinstance(planners, str) else tuple(planners)
+    made = adapt_study(read_study(str(study)), planners=names, seeds=seeds, overrides=format_overrides(settings))
+    with Store.open(Path(out), made.name) as store, nullcontext(executor) if executor else Pool() as flying:
+        return tabulate_rows(complete(list_trials(made), store, flying))
+
+
+def export(
+    flights: Flight | Sequence[Flight],
+    to: str,
+    out: str | Path,
+    *,
+    truth: bool = True,
+    every: float = 0.0,
+    splits: Mapping[int, str] | None = None,
+) -> None:
+    """Write a flight for other tools into a new folder, or labelled images of one or several missions.
+
+    Args:
+        flights: What to write; several only as labelled images.
+        to: "csv", "stonesoup", "mot", "parquet" or "rosbag"; for labelled images "coco" or "yolo".
+        out: New folder, written completely or not at all.
+        truth: False to leave people, errors and events out of a bag.
+        every: Least time [s] between two labelled images of one camera.
+        splits: "val" or "test" for labelled images of missions of a seed; all others are for training.
+
+    Raises:
+        InputError: If an argument cannot be used, or a library that writes the format is not installed.
+    """
+    check_known("to", to, [*EXPORTS, *LABELS])
+    given = [flights] if isinstance(flights, Flight) else list(flights)
+    if to in LABELS:
+        if any(flight.recording.frames is not None for flight in given):
+            raise InputError("flights: one was not flown here, so its images cannot be rendered")
+        write_labelled_images((f.recording for f in given), to, Path(out), splits=splits or {}, every=every)
+    elif len(given) != 1:
+        raise InputError(f"flights: {len(given)} are given; {to} takes one")
+    else:
+        write_export(given[0].recording, to, Path(out), truth=truth)
 
 
 def parallel_env(

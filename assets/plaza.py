@@ -14,10 +14,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SEED = 20
-DURATION, STEP, EVERY = 60.0, 0.05, 10  # s, s, steps between two rows
+DURATION = 60.0  # s
+STEP = 0.05  # s
+EVERY = 10  # steps between two rows
 RELAXATION = 0.6  # s, to reach the wanted velocity
-REPULSION, RANGE, BODY = 2.2, 0.5, 0.6  # m/s², m, m between two axes
-COHESION, TOGETHER = 0.9, 1.6  # 1/s² of the gap beyond so many m to a group's centre
+REPULSION = 2.2  # m/s²
+RANGE = 0.5  # m
+BODY = 0.6  # m between two axes
+COHESION = 0.9  # 1/s² of the gap to a group's centre
+TOGETHER = 1.6  # m, gap without cohesion
 NEAR = 1.5  # m, from a place that counts as reached
 FASTEST = 2.6  # m/s
 
@@ -62,8 +67,10 @@ def rows(rng: np.random.Generator) -> list[tuple[float, int, float, float]]:
     """Time [s], person and place [m] of all rows of the file."""
     persons = people(rng)
     positions = np.array([p.places[0] for p in persons])
-    velocities, waits = np.zeros_like(positions), np.zeros(len(persons))
-    goals, there = np.ones(len(persons), dtype=int), np.zeros(len(persons), dtype=bool)
+    velocities = np.zeros_like(positions)
+    waits = np.zeros(len(persons))
+    goals = np.ones(len(persons), dtype=int)
+    there = np.zeros(len(persons), dtype=bool)
     found = []
     for k in range(int(DURATION / STEP) + 1):
         time = k * STEP

@@ -41,7 +41,15 @@ def plantation(rng: np.random.Generator) -> list[str]:
 
 
 def rows(places: Array, dbh: Array, ratios: Array, species: list[str], rng: np.random.Generator) -> list[str]:
-    """Rows of trees at places (T, 2) m with diameters dbh (T,) cm and shares (T,) of their heights that crowns take."""
+    """Rows of the file.
+
+    Args:
+        places: (T, 2) m.
+        dbh: Diameters at breast height (T,) cm.
+        ratios: Shares (T,) of the heights that crowns take.
+        species: One name a tree.
+        rng: Scatter of heights and crowns.
+    """
     log = np.log(dbh)
     heights = np.exp(0.893 + 0.760 * log - 0.0340 * log * log + rng.normal(0.0, SCATTER, len(dbh)))
     crowns = (dbh / 0.557) ** (1 / 0.809) / heights / 2 * np.exp(rng.normal(0.0, SCATTER, len(dbh)))

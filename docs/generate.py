@@ -22,10 +22,10 @@ import msgspec
 
 from planning.catalogue import DEFAULT_PLANNER, PLANNERS
 from sim.scenario.camera_settings import CameraSettings
-from sim.scenario.scenario import Scenario
+from sim.scenario.environment import Appearance
+from sim.scenario.scenario import ScenarioSettings
 from sim.scenario.settings_text import format_value
-from sim.scenario.uavs import Cut, Uav
-from sim.world.appearance import FULL
+from sim.scenario.uavs import Cut, UavSettings
 from tracking.navigation import Navigation
 from tracking.plugins.registry import import_plugin
 
@@ -33,10 +33,11 @@ DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
 _ROWS = {
-    "uavs": ("uavs.0", Uav),
+    "uavs": ("uavs.0", UavSettings),
     "uavs.0.navigation": ("uavs.0.navigation", Navigation),
     "uavs.0.camera": ("uavs.0.camera", CameraSettings),
     "network.cuts": ("network.cuts", Cut),
+    "appearance": ("appearance", Appearance),
 }
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
 
@@ -76,9 +77,9 @@ def generated(markdown: str) -> str:
     return re.sub(mark, made, markdown, flags=re.M | re.S)
 
 
-def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec.structs.FieldInfo, str]]:
+def keys(kind: type = ScenarioSettings, prefix: str = "") -> Iterator[tuple[str, msgspec.structs.FieldInfo, str]]:
     """Every key of a scenario, its field, and the comment on the field in the code."""
-    meanings = _comments(kind)
+    meanings, tables = _comments(kind), []
     for field in msgspec.structs.fields(kind):
         key = prefix + field.encode_name
         if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
@@ -86,18 +87,17 @@ def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec
             continue
         yield key, field, meanings.get(field.name, "")
         if key in _ROWS:
-            place, row = _ROWS[key]
-            yield from keys(row, f"{place}.")
+            tables.append(_ROWS[key])
+    for place, row in tables:
+        yield from keys(row, f"{place}.")
 
 
 def keys_table(*tables: str) -> str:
     """Keys of tables of a scenario, those of none as `mission`: default, bounds, unit and meaning."""
     lines = ["| key | default | allowed | unit and meaning |", "|---|---|---|---|"]
     for key, field, meaning in keys():
-        table = key.rpartition(".")[0] or ("uavs" if key == "uavs" else "mission")
+        table = key.rpartition(".")[0] or (key if key in _ROWS else "mission")
         if table in tables:
-            full = FULL.get(field.name) if table == "appearance" else None
-            meaning += f"; full strength: `{str(full).lower()}`" if full is not None else ""
             lines.append(f"| `{key}` | {_default(key, field)} | {_limits(field.type)} | {meaning} |")
     return "\n".join(lines)
 
@@ -199,21 +199,27 @@ def field_comment(lines: list[str], first: int, last: int) -> str:
             break
         found.insert(0, line.strip().removeprefix("# "))
     code, mark, behind = lines[last - 1].rpartition("  # ")
-    return " ".join([*found, *([behind.partition("  # noqa")[0]] if mark and code else [])])
+    text = behind.partition("  # noqa")[0] if mark and code and not behind.startswith("type: ignore") else ""
+    return " ".join([*found, *([text] if text else [])])
 
 
 def _comments(kind: type) -> dict[str, str]:
-    """The comment on each field of a class."""
-    source = textwrap.dedent(inspect.getsource(kind))
-    (node,) = ast.parse(source).body
-    fields = [field for field in node.body if isinstance(field, ast.AnnAssign)]
-    return {f.target.id: field_comment(source.splitlines(), f.lineno, f.end_lineno) for f in fields}
+    """The comment on each field of a class; that of a class before those of its bases."""
+    found: dict[str, str] = {}
+    for part in reversed(kind.__mro__):
+        if "__annotations__" not in vars(part) or part.__module__.startswith("msgspec"):
+            continue
+        source = textwrap.dedent(inspect.getsource(part))
+        (node,) = ast.parse(source).body
+        for field in [field for field in node.body if isinstance(field, ast.AnnAssign)]:
+            found[field.target.id] = field_comment(source.splitlines(), field.lineno, field.end_lineno)
+    return found
 
 
 def _default(key: str, field: msgspec.structs.FieldInfo) -> str:
     if key in _WRITTEN_OUT:
         return "below"
-    if field.default in (msgspec.NODEFAULT, msgspec.UNSET, None) or field.default != field.default:
+    if field.default in (msgspec.NODEFAULT, None):
         return ""
     return f"`{format_value(field.default) if not isinstance(field.default, str) else json.dumps(field.default)}`"
 

@@ -1,4 +1,4 @@
-"""Planners by name, built-in ones and those of other packages, and a catalogue of them for display."""
+"""Planners by name, built-in ones and planners of other packages, and a catalogue of them for display."""
 
 import inspect
 from collections.abc import Mapping
@@ -80,7 +80,7 @@ GROUP = "understory.planners"  # of entry points
 
 @cache
 def find_planners() -> dict[str, PlannerSpec]:
-    """Planners by name: built-in ones, then those of installed packages; the first of a name counts."""
+    """Planners by name: built-in ones, then planners of installed packages; the first of a name counts."""
     found = dict(PLANNERS)
     for point in _find_entry_points():
         found.setdefault(point.name, PlannerSpec(point.value, {}, source=_find_package(point)))

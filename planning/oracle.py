@@ -22,7 +22,7 @@ from tracking.track import Track, beliefs_of
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
 FOUND = 1.0  # m, distance of a track at which its person counts as found
 _MOMENT = 0.1  # s
-_REACH = 20.0  # m, root of the trace of `_UNKNOWN`: a track that is farther away tells less than none about a person
+_REACH = 20.0  # m, root of the trace of `_UNKNOWN`: a track that is farther away is worse than no track
 _ABOUT = 0.5  # m: standard deviation along each axis of the five places at which a person's visibility is judged
 
 
@@ -72,8 +72,8 @@ class FoundOracle(Composed):
     """Planner as `Composed` that knows the present states of the people who have been found, and nobody else's.
 
     A person counts as found from the first decision at which a UAV has a track within `FOUND` m. So this bounds what
-    planning can do about people whom the fleet lost, without a bound on the search for those whom nobody has seen:
-    these are searched for as `Composed` does, and where people go is predicted by the tracker's motion model.
+    planning can do about people whom the fleet has lost. It does not bound the search for people whom nobody has seen:
+    `Composed` searches for them as usual. The tracker's motion model predicts where people go.
     """
 
     def knowing(self, people: TruePositions) -> Planner:
@@ -100,10 +100,10 @@ class _KnowingFound(_Knowing):
 
 
 def correct_tracks(situation: Situation, people: TruePositions, found: Collection[int]) -> tuple[Track, ...]:
-    """Tracks of the people `found` who are present, as in `make_true_tracks`, then those that are assigned to nobody.
+    """Tracks of the people `found` who are present, as in `make_true_tracks`, then tracks that are assigned to nobody.
 
-    A track is assigned to a person within `_REACH` m at most, as others may be of people who have not been found.
-    A velocity is the mean over `_MOMENT` s, so that it tells nothing of turns to come.
+    A track is assigned to a person within `_REACH` m at most; tracks farther away may be of people not found yet.
+    A velocity is the mean over `_MOMENT` s, so that it does not give away later turns.
     """
     here = people(situation.time)
     persons = np.array(sorted(person for person in found if not np.isnan(here[person, 0])), dtype=int)
@@ -145,9 +145,9 @@ def _hide(belief: PredictedBelief, rows: Flags) -> PredictedBelief:
 def make_true_tracks(situation: Situation, people: TruePositions, horizon: int) -> tuple[Track, ...]:
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
-    The assignment has the least total distance. A true velocity is the mean over the next step. Only the error of a
-    track's position adds to its covariance, not that of its velocity. People that appear within `horizon` steps have
-    tracks, too, at rest where they will appear.
+    The assignment has the least total distance. A true velocity is the mean over the next step. The error of a
+    track's position adds to its covariance; the error of its velocity does not. People that appear within `horizon`
+    steps have tracks, too, at rest where they will appear.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
     first = here

@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from planning.made_up_teams import break_contact, keep_contact, lose_plans, make_flying_team, slow_down
 from planning.planner import Plan, Planner, Situation, check_count, copy_plan
 from planning.planner_loading import load_planner, make_planner, read_exchange, reset_planner
+from planning.testing.made_up_teams import break_contact, keep_contact, lose_plans, make_flying_team, slow_down
 from tracking.errors import InputError, spell
 from tracking.geometry.visibility import Forest
 from tracking.plugins.findings import Finding, Untried, describe_time, require, require_untouched, try_checks

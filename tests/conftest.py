@@ -18,9 +18,10 @@ def pytest_collection_finish():
 @pytest.fixture
 def random_team():
     """Makes situations of a team with the same beliefs in all its members, in a random forest."""
-    from planning import made_up_teams  # not at the top, as the process that only hands out the tests needs none of it
+    # Not at the top, as the process that only hands out the tests needs none of it.
+    from planning.testing.made_up_teams import make_random_team
 
-    return made_up_teams.make_random_team
+    return make_random_team
 
 
 @pytest.fixture
@@ -28,7 +29,7 @@ def without_pictures(monkeypatch):
     """Figures of runs and reports are made, but not laid out, and their files are empty: a third of a second each."""
     monkeypatch.setattr("matplotlib.figure.Figure.draw_without_rendering", lambda figure: None)
     monkeypatch.setattr("sim.study.report.figures.pictures.encode_figure", lambda figure, kind: b"")
-    monkeypatch.setattr("sim.running.result_files.save_figure", lambda figure, path: path.touch())
+    monkeypatch.setattr("sim.running.results.save_figure", lambda figure, path: path.touch())
 
 
 @pytest.fixture

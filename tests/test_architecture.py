@@ -24,6 +24,7 @@ LAYERS = {
             "detection",
             "parameters",
             "track",
+            "testing",
             "registration",
         ),
         *("association", "measurement_update", "account", "management", "fusion", "metrics", "tracker"),
@@ -31,7 +32,7 @@ LAYERS = {
     ),
     "planning": (
         *("planner", "catalogue", "planner_loading", "options", "prediction", "objective", "optimizers"),
-        *("coordination", "composed", "baselines", "rivals", "oracle", "made_up_teams", "planner_check"),
+        *("coordination", "composed", "baselines", "rivals", "oracle", "testing", "planner_check"),
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "mission", "facts.metrics", "facts"),
@@ -52,7 +53,7 @@ PLANNING = {
     "sim/mission/mission.py",
     "sim/mission/compilation.py",
     "sim/mission/warmup.py",
-    "sim/running/mission_flight.py",
+    "sim/running/fly.py",
     "sim/running/results.py",
     "sim/study/analysis/labels.py",
     "sim/study/analysis/normalised_score.py",
@@ -166,7 +167,7 @@ FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 LIBRARIES |= {"filterpy.common.Q_discrete_white_noise"}  # called for a step of 1 s alone: all powers of 1 are exact
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
-BESIDE = {"planning/made_up_teams.py", "planning/planner_check.py"}
+BESIDE = {"planning/testing/made_up_teams.py", "planning/planner_check.py"}
 
 
 def path_of_a_mission() -> list[Path]:

@@ -3,12 +3,12 @@
 import importlib
 import runpy
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 
 import numpy as np
 import pytest
 from helpers.commands import called
-from helpers.pages import Here
 
 import understory
 from sim.mission.archive import compute_digest
@@ -78,7 +78,7 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path, without
         ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
         ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected `float` >= 0"),
         (
-            {"scenario": Scenario(people=People(group=object))},
+            {"scenario": Scenario(people=People(stay=object))},
             "scenario: <class 'object'> is not allowed; expected plain values",
         ),
         ({"planner": dict}, "planner: dict is a class; give an object of it"),
@@ -146,8 +146,7 @@ def test_an_error_of_a_planner_names_no_scenario_file(tmp_path):
         ({"workers": 0}, "workers: 0 is not allowed"),
     ],
 )
-def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message, monkeypatch):
-    monkeypatch.setattr(understory, "Pool", Here)
+def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message):
     with pytest.raises(understory.InputError, match=f"^{message}"):
         understory.compare(**{"planners": "hover", "settings": SHORT, **arguments})
 
@@ -165,15 +164,34 @@ def test_a_scenario_made_in_python_is_that_of_the_command():
     assert made.scenario == given.scenario and encode_scenario(made.scenario) == encode_scenario(given.scenario)
 
 
-def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monkeypatch):
-    monkeypatch.setattr(understory, "Pool", Here)
+def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path):
     other = tmp_path / "other.toml"
     other.write_text("trees.density = 5")
     scenarios = ["forest", str(other)]
-    table = understory.compare(["hover", "greedy"], scenarios, seeds=range(2), settings=SHORT, workers=1)
+    with ThreadPoolExecutor(1) as executor:
+        table = understory.compare(["hover", "greedy"], scenarios, seeds=range(2), settings=SHORT, executor=executor)
     assert len(table) == 8 and set(table["status"]) == {"done"}
     assert table.groupby(["planner", "factor.scenario"]).size().tolist() == [2] * 4
     assert table["ospa.mean_m"].notna().all()
     alone = understory.run("forest", "greedy", seed=1, settings=SHORT)
     (row,) = table[(table.planner == "greedy") & (table.scenario == "forest") & (table.seed == 1)].to_dict("records")
     assert row["recording"] == compute_digest(alone.recording)
+
+
+def test_an_export_is_that_of_the_command_and_only_images_take_several_flights(tmp_path, monkeypatch, capsys):
+    flight = understory.run(planner="hover", settings=SHORT)
+    flight.save(tmp_path / "flown.npz")
+    understory.export(flight, "csv", tmp_path / "python")
+    words = ["export", str(tmp_path / "flown.npz"), "--to", "csv", "--out", str(tmp_path / "command")]
+    assert called(words, monkeypatch, capsys)[0] == 0
+    for path in (tmp_path / "command").iterdir():
+        assert path.read_bytes() == (tmp_path / "python" / path.name).read_bytes()
+    tracked = understory.track(tmp_path / "python")
+    for flights, to, message in (
+        ([flight, flight], "mot", "flights: 2 are given; mot takes one"),
+        (flight, "cocoa", "to: 'cocoa' .*coco"),
+        ([flight, tracked], "coco", "flights: one was not flown here"),
+    ):
+        with pytest.raises(understory.InputError, match=f"^{message}"):
+            understory.export(flights, to, tmp_path / "none")
+    assert not (tmp_path / "none").exists()

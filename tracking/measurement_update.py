@@ -74,8 +74,8 @@ def predict_scan(
 def _compute_unresolved_probability(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
-    Without it, one of two people that pass each other would be taken for a false track. Source: [Koch97], nearest only.
-    Note: in one place it is 0.12, not 1, because people keep apart: two tracks that stay in one place are of one.
+    Without it, one of two people who pass each other would look like a false track. Source: [Koch97], nearest only.
+    Note: in one place it is 0.12, not 1, because people keep apart; two tracks that stay in one place are one person.
     """
     nearest = np.zeros(len(means))
     for a in range(len(means)):

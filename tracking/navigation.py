@@ -12,7 +12,8 @@ from tracking.settings import DAY
 
 _Metres = Annotated[float, Meta(ge=0, le=1000)]
 _Degrees = Annotated[float, Meta(ge=0, le=45)]
-_TimeConstant = Annotated[float, Meta(ge=0.01, le=DAY)]
+POSITION_TIME = 300.0  # s, time constant of the drift of a position
+ATTITUDE_TIME = 60.0  # s, time constant of the drift of tilt and yaw
 
 
 class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
@@ -25,16 +26,13 @@ class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
     vertical_noise: _Metres = 0.0  # m, of the altitude
     horizontal_drift: _Metres = 0.0  # m, of the position
     vertical_drift: _Metres = 0.0  # m, of the altitude
-    position_time: _TimeConstant = 300.0  # s, time constant of the drift of the position
     velocity_noise: Annotated[float, Meta(ge=0, le=10)] = 0.0  # m/s, which the control of velocities follows
     tilt_bias_deg: _Degrees = 0.0  # deg, about the axes to the east and to the north
     tilt_drift_deg: _Degrees = 0.0  # deg, about the same axes
     yaw_bias_deg: _Degrees = 0.0  # deg, of the heading
     yaw_drift_deg: _Degrees = 0.0  # deg, of the heading
-    attitude_time: _TimeConstant = 60.0  # s, time constant of the drift of tilt and yaw
     # s, deviation of the clock offset, which is drawn once: a pose with this offset is of so much later than its image
     clock_deviation: Annotated[float, Meta(ge=0, le=DAY)] = 0.0
-    clock_offset: Annotated[float, Meta(ge=-DAY, le=DAY)] | None = None  # s, in place of one that is drawn
 
     @property
     def noises(self) -> Array:
@@ -53,9 +51,10 @@ class Navigation(Struct, frozen=True, forbid_unknown_fields=True):
             self.horizontal_drift, self.vertical_drift, self.tilt_drift_deg, self.yaw_drift_deg
         )
 
-    def kept(self, elapsed: float) -> Array:
+    @staticmethod
+    def kept(elapsed: float) -> Array:
         """Correlation (6,) of the drifts with those `elapsed` s before."""
-        return np.repeat([exp(-elapsed / time) for time in (self.position_time, self.attitude_time)], 3)
+        return np.repeat([exp(-elapsed / time) for time in (POSITION_TIME, ATTITUDE_TIME)], 3)
 
     @staticmethod
     def _list_deviations(horizontal: float, vertical: float, tilt_deg: float, yaw_deg: float) -> Array:

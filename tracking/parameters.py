@@ -1,4 +1,4 @@
-"""Settings of a tracker, and the parameters with which one is made."""
+"""Settings of a tracker, and the parameters that make one."""
 
 from functools import cache, cached_property
 from typing import Annotated, Any, Literal, NamedTuple
@@ -93,7 +93,7 @@ class LossRule(NamedTuple):
 
 
 class TrackerParameters:
-    """What a tracker is told besides its camera and the map of trees.
+    """What a tracker is given besides its camera and the map of trees.
 
     Attributes:
         motion: Motion model, over one scan; `settings.motion` is its name.
@@ -132,13 +132,13 @@ class TrackerParameters:
 
     @cached_property
     def loss(self) -> LossRule:
-        """The rule by which tracks are lost."""
+        """The rule that decides which tracks are lost."""
         after = self.settings.reacquire_after - self.motion.dt / 2  # half a scan less, against rounding
         return LossRule(max(after, 0.0), self.settings.max_speed)
 
     @cached_property
     def measurement_gate(self) -> float:
-        """Squared distance within which a person's measurement is with `gate_probability` (two degrees of freedom)."""
+        """Squared distance that a person's measurement stays below with `gate_probability` (two degrees of freedom)."""
         return -2.0 * log(1.0 - self.settings.gate_probability)
 
     @cached_property
@@ -158,7 +158,7 @@ class TrackerParameters:
 
 @cache  # because each UAV has its own parameters
 def _find_match_gate(gate: float) -> float:
-    """The squared distance in four dimensions whose probability to be exceeded is that of `gate` in two."""
+    """The squared distance that is exceeded in four dimensions as often as `gate` is in two."""
     # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
     wider, before = gate, 0.0
     while abs(wider - before) > 1e-15 * wider:

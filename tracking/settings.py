@@ -34,7 +34,9 @@ def read_settings(data: Mapping[str, Any], kind: type[_Struct]) -> _Struct:
 def _explain(message: str, data: Any, kind: type[msgspec.Struct]) -> str:  # noqa: ANN401 - plain data
     """A message of msgspec, "What is wrong - at `$.path`", with the field first, its value and the nearest names."""
     reason, _, path = message.partition(" - at `$")
-    parts, value, allowed = re.findall(r"[\w-]+", path), data, inspect.type_info(kind)
+    parts = re.findall(r"[\w-]+", path)
+    value = data
+    allowed = inspect.type_info(kind)
     for part in parts:
         value, allowed = value[int(part) if isinstance(value, list | tuple) else part], _type_of_part(allowed, part)
     field = ".".join(parts)

@@ -56,7 +56,7 @@ class Track:
         """True if the person more likely exists than not.
 
         Less likely tracks are still hypotheses: planners weight them, and a measurement may confirm them.
-        Source: [GarciaFernandez18], the first of its estimators, with the threshold of GOSPA for small errors.
+        Source: [GarciaFernandez18], its first estimator, with the threshold of GOSPA for small errors.
         """
         return self.existence > UNLIKELY
 
@@ -93,7 +93,7 @@ def beliefs_of(tracks: Sequence[Track]) -> Beliefs:
 
 @dataclass(eq=False)  # a frozen one takes four times as long to make
 class TrackTable:
-    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` those of both."""
+    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` all of both."""
 
     ids: Indices  # (T,)
     means: Array  # (T, 4)

@@ -57,7 +57,7 @@ class Tracker:
     `initial` tracks are of the time of the first scan, and have ids below one million.
 
     Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `management` = "m_of_n" does. This tracker
-    adds `negative_information`, re-acquisition (`reacquire_after`), and, as the paper's code, deletion at very
+    adds `negative_information`, re-acquisition (`reacquire_after`) and, like the paper's code, deletion at very
     large covariance (`max_variance`). With "existence" it merges tracks of one person; with "m_of_n" only one of them
     gets detections, so that the others end. Detection always depends on the view.
     """

@@ -63,7 +63,7 @@ class UndetectedIntensity:
         self._tracks: dict[int, Gaussian] = {}
 
     def step(self, time: float, frames: Sequence[Look], tracks: Sequence[Track], forest: Forest) -> None:
-        """Predict to a time [s] and thin by frames (camera and pose each), whose detections are among the tracks."""
+        """Predict to a time [s] and thin by frames (camera and pose each); tracks contain the frames' detections."""
         elapsed, self._time = time - self._time, time
         people = self.belief.people
         if elapsed > 0.0 and people.any():

@@ -38,9 +38,7 @@ class Coordination(Protocol):
 
     Example:
         ```python
-        from planning.coordination.decision import decide_own_plan
-        from planning.planner import Exchange, Plan
-        from planning.prediction.intent import expect_plans
+        from understory import Exchange, Plan, decide_own_plan, expect_plans
 
         class Parallel:
             exchange = Exchange()

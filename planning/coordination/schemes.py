@@ -17,9 +17,9 @@ Order = Literal["fixed", "random", "worst-first"]
 
 @dataclass(frozen=True)
 class Sequential:
-    """UAVs decide one after another; each knows the plans of those before it, [Li22] Algorithm 3.
+    """UAVs decide one after another; each knows the plans of the UAVs before it, [Li22] Algorithm 3.
 
-    A UAV expects those after it to follow their policy of intent or, from the second sweep on, their last plans. It
+    A UAV expects the UAVs after it to follow their policy of intent or, from the second sweep on, their last plans. It
     expects the same of UAVs before it whose plans do not reach it. A plan is sent once and not forwarded.
     """
 

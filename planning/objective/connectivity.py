@@ -20,7 +20,7 @@ class Connectivity:
     """Cost of `weight` [m²] for each step and each UAV that no chain of links joins to the deciding UAV.
 
     UAVs are linked within the radio's range, whatever links the network has. UAVs that are not in the situation do not
-    count, such as those that have been out of contact for longer than their last plans. In joint plans the mean over
+    count, such as UAVs that have been out of contact for longer than their last plans. In joint plans the mean over
     the deciding UAVs counts.
     """
 
@@ -114,7 +114,7 @@ def _move(places: Array, velocities: Array, step: float) -> tuple[float, float, 
 def _add_unreached(found: Array, places: Array, box: Array, others: _Others, h: int, reach: float) -> None:
     """Add to `found` (N,) the others that no chain of links joins at step h to a UAV at places (N, 3) m.
 
-    Their box (4,) m, as from `_move`, tells most groups that are linked to all of the places, or to none.
+    The box (4,) m of the places, as from `_move`, decides most groups: linked to all of the places, or to none.
     """
     n, groups, sizes = len(others.paths), others.groups[h], others.sizes[h]
     west, east, south, north = box

@@ -31,7 +31,7 @@ LATEST = SECONDS * (FUTURE.shape[1] - 1)  # s until a target can be in view, fro
 
 
 class CostToGo(NamedTuple):
-    """Weight of the cost-to-go, and what tells how soon each of n UAVs can have a place in view."""
+    """Weight of the cost-to-go, and how soon each of n UAVs can have a place in view."""
 
     weight: float  # 0: no cost-to-go
     radii: Array  # (n,) m: of the largest circle in view about a UAV's aim point
@@ -42,7 +42,7 @@ NO_COST_TO_GO = CostToGo(0.0, np.empty(0), np.empty(0))
 
 
 def cost_to_go(vehicles: Sequence[Vehicle], weight: float) -> CostToGo:
-    """Cost-to-go of the targets of these UAVs; weight one stands for the errors of the 15 s that follow a plan."""
+    """Cost-to-go of the targets of these UAVs; with weight one it is the errors in the 15 s after a plan."""
     if weight == 0.0:
         return NO_COST_TO_GO
     radii = radius_in_view(np.array([view_quadrangle(v) for v in vehicles]))

@@ -256,7 +256,7 @@ def _penalise(belief: PredictedBelief, others: _Others, own: Array, finals: Arra
 def _look_ahead(belief: PredictedBelief, others: _Others, own: Array, finals: Array, sums: Array) -> None:
     """Set `sums` (LANES,) to the weighted cost-to-go [m² s] of the targets; arguments as of `_penalise`.
 
-    A target's time until it can be in view is that of its mean, and its trace the mean over its trajectories.
+    The time until a target can be in view is computed for its mean; its trace is the mean over its trajectories.
     """
     ahead, count = others.measure.ahead, belief.points.shape[2]
     seconds, trace = np.empty(LANES), np.empty(LANES)

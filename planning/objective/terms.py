@@ -1,4 +1,4 @@
-"""The objective, which optimisers minimise, and its terms besides that of tracks: separation, and search, compiled."""
+"""The objective, which optimisers minimise, and its terms besides the tracks: separation and search, compiled."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -50,8 +50,8 @@ _PRICE = 1e6  # m² per m and step, above any gain in knowledge
 class Separation:
     """Penalty far above any gain in knowledge for plans that bring UAVs nearer than `distance` [m] in space.
 
-    UAVs are taken to fly straight between steps. If all plans come too near, the one that keeps the most distance costs
-    least.
+    UAVs are assumed to fly straight between steps. If all plans come too near, the plan that keeps the most distance
+    costs least.
     """
 
     distance: float
@@ -118,7 +118,7 @@ class _Visibility(NamedTuple):
 
 
 class _Seeing(NamedTuple):
-    """Whose views V places have, and the fields of view of the n UAVs."""
+    """The UAV at each of V places, and the fields of view of the n UAVs."""
 
     uavs: Indices  # (V,)
     views: Array  # (n, 5, 3), see `field_of_view.view_quadrangle`
@@ -216,7 +216,7 @@ def _make_sights(views: Array, ways: Sequence[float]) -> _Sights:
 def _count_steps_to_go(places: Array, uav: int, ends: Array, cells: _Cells, sights: _Sights) -> Array:
     """Steps from places (V, 3) m of a UAV until people can be in view, summed over people; the others are at `ends`.
 
-    ends (n, 3) m. Cells beyond `LEAST_RADIUS` to which another UAV is certain to be nearer are left out.
+    ends (n, 3) m. Cells beyond `LEAST_RADIUS` are left out if another UAV is certain to be nearer to them.
     """
     total = np.zeros(len(places))
     east, north = places[:, 0] + sights.aims[uav, 0], places[:, 1] + sights.aims[uav, 1]

@@ -61,8 +61,8 @@ def view_quadrangle(vehicle: Vehicle) -> Array:
     """The field of view (5, 3): four half-planes (a, b, c) and, in the last row, x and y [m] of its aim point.
 
     A point (dx, dy) m from the vehicle is inside if a dx + b dy <= c for all four; (a, b) has length 1. A camera
-    sees points between its `bounds` times their depth; at constant height that is linear. Of the view through a lens,
-    whose edges are bent, this is the upright rectangle inside it, so that no point is claimed that is not seen.
+    sees points between its `bounds` times their depth; at constant height that is linear. The view
+    through a lens has bent edges: this is the upright rectangle inside it, so every point in it is seen.
     """
     return _view_of(vehicle).quadrangle.copy()
 

@@ -30,7 +30,7 @@ class Propagation(Protocol):
 
     Example:
         ```python
-        from planning.prediction.propagation import Nominal
+        from understory import Nominal
 
         class Cautious(Nominal):
             def predict(self, situation, horizon, rng):
@@ -47,8 +47,8 @@ class Propagation(Protocol):
 class Nominal:
     """Nominal belief-state optimisation (NBO): undisturbed trajectories of the means, [Li22] Algorithm 1, step 1.
 
-    With `expected`, a target has five equally probable trajectories through its predicted beliefs rather than that of
-    the mean alone. Each has its own visibility and trace, and the mean of the traces counts.
+    With `expected`, a target has five equally probable trajectories through its predicted beliefs rather than the mean
+    trajectory alone. Each has its own visibility and trace, and the mean of the traces counts.
     """
 
     expected: bool = False

@@ -1,4 +1,4 @@
-"""Decentralised Monte Carlo tree search (Dec-MCTS): a tree of own sequences, distributions over those of the others."""
+"""Decentralised Monte Carlo tree search (Dec-MCTS): a tree of own sequences, distributions over the others' ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ class DecMCTS:
     In each of `rounds` rounds a UAV grows its tree, with the others' sequences drawn from the distributions that it
     has received; gives a few promising sequences probabilities by their gain in mutual information; and sends them. The
     distributions become sharper from round to round. In the end the UAV flies its most probable sequence, or its policy
-    of intent if no sequence gains anything. UAVs from which nothing arrives are assumed to fly their policy of intent.
+    of intent if no sequence gains anything. UAVs that are not heard are assumed to fly their policy of intent.
     Within a round UAVs take turns, like UAVs that send whenever they are ready: if all answered the last round at once,
     they would all go to one place, or all leave it.
     Source: [Best19], with D-UCT and Algorithm 3.
 
-    Note: each sequence is sent as a plan, which may be lost; the eight bytes of its probability are not counted. A node
-    of the tree stands for the best of its rollouts, but in the paper for the first. Gradient steps converge in each
-    round, but the paper makes one step between two messages.
+    Note: each sequence is sent as a plan, which may be lost; the eight bytes of its probability are not counted. The
+    value of a node is its best rollout; in the paper it is the first. Gradient steps converge in each round; the paper
+    makes one step between two messages.
     """
 
     horizon: Annotated[int, Range(1, 8)] = 5  # steps of a plan

@@ -36,7 +36,7 @@ def draw_information(team: Team, draws: Array) -> Array:
 
 @compiled
 def compute_gains(team: Team, sequences: Array, draws: Array) -> Array:
-    """Mean gain (S,) of a UAV's own sequences, whose information is (S, H, B, 3 LANES).
+    """Mean gain (S,) of a UAV's own sequences, given by their information (S, H, B, 3 LANES).
 
     The mean is over sequences of the other UAVs, drawn by `draws` (D, n - 1).
     """

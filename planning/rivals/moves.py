@@ -1,4 +1,4 @@
-"""Sequences of a few controls, and the places to which they lead."""
+"""Sequences of a few controls, and the places that they reach."""
 
 from functools import cache
 from typing import NamedTuple

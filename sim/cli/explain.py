@@ -162,7 +162,7 @@ def _explain_fades(flight: Flight, recorded: Path) -> None:
 
 
 def _find_other_events(flight: Flight) -> list[Event]:
-    """Events other than losses, by time; links that are lost again and again are told of in few."""
+    """Events other than losses, by time; links that are lost again and again are summarised."""
     return summarise_outages(flight.events, flight.recording.times, also=(*UNMATCHED, *IDENTITIES, *INCIDENTS))
 
 

@@ -1,22 +1,21 @@
 """`understory export`: a recorded mission for other tools, and labelled images of recordings or scenarios."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sim.exchange.export import TARGETS
+from sim.exchange.export import EXPORTS, LABELS
 from sim.exchange.export import export as write_export
-from sim.exchange.labelled_images import LABELS, write_labelled_images
+from sim.exchange.labelled_images import write_labelled_images
 from sim.mission.archive import find_recording
 from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording
 from sim.mission.trial import Trial
 from sim.mission.warmup import announce_compilation
-from sim.running.mission_flight import fly_mission
+from sim.running.fly import fly_mission
 from sim.scenario.loading import SCENARIOS, load, place_of
 from sim.scenario.quantities import parse_duration, parse_integers
 from sim.terminal.commands import Duration, Overrides, find_folder, merge_overrides
@@ -33,7 +32,8 @@ _Recorded = Annotated[
     typer.Argument(metavar="DIR...", help="A run's folder or mission.npz; for coco and yolo several, or scenarios."),
 ]
 _To = Annotated[
-    str, typer.Option(metavar="FORMAT", help="csv, stonesoup, mot, parquet, rosbag; or images with labels: coco, yolo.")
+    str,
+    typer.Option(metavar="FORMAT", help=f"{', '.join(EXPORTS)}; or images with labels: {', '.join(LABELS)}."),
 ]
 _Out = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR, or under runs/.")]
 _Truth = Annotated[bool, typer.Option("--truth/--no-truth", help="People, errors and events in a bag, or not.")]
@@ -66,17 +66,22 @@ def export(
     overrides: Overrides = None,
 ) -> None:
     """Write a recorded mission for other tools, or labelled images of missions, also straight from scenarios."""
-    check_known("--to", to, [*TARGETS, *LABELS])
+    check_known("--to", to, [*EXPORTS, *LABELS])
     if not truth and to != "rosbag":
         raise InputError(f"--no-truth: not allowed together with --to {to}; it belongs to --to rosbag")
     flying = {"--planner": planner, "--duration": duration, "--set": overrides}
     if to not in LABELS:
         labelling = {"--every": every, "--val": val, "--test": test, "--seeds": seeds, **flying}
         _check_unused(labelling, f"not allowed together with --to {to}; it belongs to --to coco and yolo")
-        _export_recording(recorded, to, out, truth=truth)
+        if len(recorded) > 1:
+            raise InputError(f"DIR: {recorded[1]!r} is one too many; --to {to} takes one recording")
+        recording = find_recording(Path(recorded[0]))
+        with claim_place(out, find_folder(Path(recorded[0])) / f"export-{to}") as folder:
+            write_export(recording, to, folder, truth=truth)
+        show_files(folder)
         return
     apart = 0.0 if every is None else parse_duration(every, "--every", DAY)
-    flights: Sequence[Recording | Trial]
+    flights: list[Recording | Trial]
     if seeds is None:
         _check_unused(flying, "only allowed together with --seeds, by which scenarios are flown")
         flights = [_find_mission(name) for name in recorded]
@@ -103,16 +108,6 @@ def _check_unused(options: Mapping[str, object], why: str) -> None:
     for name, value in options.items():
         if value is not None:
             raise InputError(f"{name}: {why}")
-
-
-def _export_recording(recorded: Sequence[str], to: str, out: Path | None, *, truth: bool) -> None:
-    if len(recorded) > 1:
-        raise InputError(f"DIR: {recorded[1]!r} is one too many; --to {to} takes one recording")
-    path = Path(recorded[0])
-    recording = find_recording(path)
-    with claim_place(out, find_folder(path) / f"export-{to}") as folder:
-        write_export(recording, to, folder, truth=truth)
-    show_files(folder)
 
 
 def _find_mission(name: str) -> Recording:
@@ -143,6 +138,6 @@ def _fly(flights: Sequence[Recording | Trial], show: Show) -> Iterator[Recording
     for done, flight in enumerate(flights):
         show(done, len(flights), f"{done} of {len(flights)} flights")
         if isinstance(flight, Trial):
-            yield fly_mission(flight, lambda _: nullcontext(lambda snapshot: True)).recording
+            yield fly_mission(flight).recording
         else:
             yield flight

@@ -114,7 +114,8 @@ def _make_film(recording: Recording, scans: list[int], path: Path, *, layout: st
 
 
 def _make_page(recording: Recording, folder: Path, path: Path) -> None:
-    beside, left_out = folder / "mission.mp4", describe_omission(recording)
+    beside = folder / "mission.mp4"
+    left_out = describe_omission(recording)
     film: bytes | Path | None = None if left_out else beside
     if film and not beside.is_file():
         with show_counted_progress(len(recording.times), "scans") as progress:

@@ -15,7 +15,7 @@ from sim.facts.words import name_fleet
 from sim.mission.atomic_files import PlaceTaken, claim_place
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks
-from sim.running.mission_flight import is_built_in
+from sim.running.fly import is_built_in
 from sim.running.results import run_mission
 from sim.running.timed_run import run_with_timeout
 from sim.scenario.loading import load, place_of
@@ -81,7 +81,7 @@ def run(
         elif is_built_in(trial) and not metric:
             summary = run_mission(trial, folder, **options)
         else:
-            with plugin_call(passing=(InputError, PlaceTaken)):  # an exception of a plug-in is told in a line
+            with plugin_call(passing=(InputError, PlaceTaken)):  # an exception of a plug-in is one line of text
                 summary = run_mission(trial, folder, **options)
     show_run(summary, folder)
 

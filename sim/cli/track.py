@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight
 from sim.facts.metrics.summary import make_results_table
 from sim.mission.atomic_files import claim_place, make_new_folder
 from sim.mission.recording import Recording
-from sim.running.result_files import Results, write_results, write_summary
+from sim.running.results import Results, write_results, write_summary
 from sim.scenario.quantities import parse_number, parse_seed_and_repeat
 from sim.terminal.commands import Overrides
 from sim.terminal.console import console, print_remarks, say, show_files, show_place
@@ -44,15 +44,16 @@ def track(
     video: _Video = True,
 ) -> None:
     """Track people in a flight from elsewhere. A new folder gets its recording, summary, film, page and timeline."""
-    options = FlightOptions(overrides or (), _parse_origin(origin), _parse_sigma(sigma), detector)
+    centre = _parse_origin(origin)
+    error = _parse_sigma(sigma)
     drawn, _ = parse_seed_and_repeat(seed, "0", "--")
-    log = read_flight(flight, options)
-    print_remarks(*log.remarks)
+    scanned = read_flight(flight, overrides=overrides or (), origin=centre, sigma=error, detector=detector)
+    print_remarks(*scanned.remarks)
     name = flight.resolve().name
     with claim_place(out, Path("runs") / f"track-{name}") as place, make_new_folder(place) as folder:
-        scans = len(log.frames)
+        scans = len(scanned.frames)
         with show_counted_progress(scans, "scans") as progress:
-            outcome = track_flight(log, name=f"flight {name}", seed=drawn, progress=progress)
+            outcome = track_flight(scanned, name=f"flight {name}", seed=drawn, progress=progress)
         results = Results(folder, place, video, ())
         if video:
             with show_counted_progress(scans, "pictures") as progress:

@@ -12,7 +12,7 @@ from sim.facts.flight import Flight
 from sim.facts.metrics.holding import FAR
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot, find_reported_positions
-from sim.running.results import record
+from sim.running.fly import record
 from sim.scenario.scenario import Scenario
 from sim.views.drawing.film import Film
 from tracking.metrics.gospa import gospa
@@ -56,7 +56,8 @@ class Episode:
             self._flown.append(mission.step())
             self._keep_frames()
         self.team = {situation.own.id: situation for situation in team}
-        self.now, self.over = mission.present, not team or mission.time >= self._last
+        self.now = mission.present
+        self.over = not team or mission.time >= self._last
         while self.over and not mission.over:
             self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
 

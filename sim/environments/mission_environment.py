@@ -54,7 +54,7 @@ class MissionEnvironment:
         observe: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """Check the arguments, which are those of `understory.parallel_env`; InputError says what is wrong."""
+        """Check the arguments, as `understory.parallel_env` has them; InputError says what is wrong."""
         self._scenario = resolve_scenario(scenario, settings)
         self._place = place_of(scenario, settings)
         rows = _complete(observe)

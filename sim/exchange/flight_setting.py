@@ -1,4 +1,4 @@
-"""The scenario of a flight from elsewhere: its own settings of trackers and network, and what its files tell."""
+"""The scenario of a flight from elsewhere: its own settings of trackers and network, and what its files contain."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.exchange.flight_files import FlightFiles
-from sim.exchange.flight_tables import Fleet
+from sim.exchange.values import LoggedFlight, LoggedUav
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from tracking.errors import InputError, spell
@@ -19,53 +18,55 @@ from tracking.numerics.arrays import Array
 # which no UAV has two frames in a scan.
 _RATES = (1, 2, 4, 5, 8, 10, 15, 16, 20, 24, 25, 30)
 _FINE_RATES = (20, 25, 30, 40, 50, 60, 100, 120, 200, 250, 500, 1000)
-EXACT = 1e-3  # periods, by which times may differ from a multiple
+EXACT = 1e-3  # periods, largest difference of times from a multiple
 _PHYSICS = 240  # Hz, or a multiple of the rate of scans; nothing is simulated
 _MARGIN = 10.0  # m of the area beyond all places
 _SIMULATED = ("dynamics", "wind", "appearance", "first_decision")  # keys without a meaning for a flight
 
 
-def find_rate(given: Mapping[str, Any], fleet: Fleet) -> int:
+def _find_rate(given: Mapping[str, Any], uavs: Sequence[LoggedUav]) -> int:
     """Rate [Hz] of a flight's scans: that of `rates.sensing`, or one that fits the times of frames.
 
     InputError if a UAV has two frames in one scan.
     """
-    times = {uav: np.array([frame.time for frame in frames]) for uav, frames in fleet.items()}
-    every = np.concatenate([*times.values()])
+    times = [np.array([frame.time for frame in uav.frames]) for uav in uavs]
+    every = np.concatenate(times)
     asked = given.get("rates", {}).get("sensing")
-    if isinstance(asked, int) and asked > 0:
-        fitting = [asked] * (_find_crowded(times, asked) is None)
-    else:
-        fitting = [r for r in _RATES if np.abs(every * r - np.round(every * r)).max() <= EXACT]
-        fitting = [r for r in (*fitting, *_FINE_RATES) if _find_crowded(times, r) is None]
-    if not fitting:
-        rate = asked if isinstance(asked, int) else _FINE_RATES[-1]
-        uav, time, gap = _find_crowded(times, rate) or (0, 0.0, 0.0)
-        two = f"UAV {uav} has two frames {spell(gap, 3)} s apart, at {spell(time)} s, in one scan of {rate} Hz"
-        raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV")
-    return fitting[0]
+    fitting = [r for r in _RATES if np.abs(every * r - np.round(every * r)).max() <= EXACT]
+    for rate in [asked] if isinstance(asked, int) and asked > 0 else [*fitting, *_FINE_RATES]:
+        crowded = _find_crowded(times, rate)
+        if crowded is None:
+            return int(rate)
+    assert crowded
+    uav, time, gap = crowded
+    two = f"UAV {uav} has two frames {spell(gap, 3)} s apart, at {spell(time)} s, in one scan of {rate} Hz"
+    raise InputError(f"rates.sensing: {two}; allowed are rates at which each scan has one frame of a UAV")
 
 
-def _find_crowded(times: Mapping[int, Array], rate: int) -> tuple[int, float, float] | None:
+def _find_crowded(times: Sequence[Array], rate: int) -> tuple[int, float, float] | None:
     """UAV, time and gap [s] of two frames in one scan; None if there are none."""
-    for uav, own in times.items():
+    for uav, own in enumerate(times):
         same = np.flatnonzero(np.diff(np.round(own * rate)) == 0)
         if len(same):
             return uav, float(own[same[0]]), float(own[same[0] + 1] - own[same[0]])
     return None
 
 
-def make_setting(folder: Path, given: Mapping[str, Any], files: FlightFiles, *, rate: int, end: float) -> Scenario:
-    """The scenario of a flight of `end` s, from the tables of its `scenario.toml` and from its files."""
+def make_setting(folder: Path, given: Mapping[str, Any], flight: LoggedFlight) -> Scenario:
+    """The scenario of a flight from the tables of its `scenario.toml`, and from its other files."""
+    rate = _find_rate(given, flight.uavs)
+    end = given.get("duration", max(uav.frames[-1].time for uav in flight.uavs))
     data = _leave_out(given, *_SIMULATED)
     tracking = {"initial_tracks": "none", **data.get("tracking", {})}
-    if tracking["initial_tracks"] == "known" and files.labels is None:
+    if tracking["initial_tracks"] == "known" and flight.labels is None:
         hint = 'set it to "none", or add truth.csv'
         raise InputError(f'tracking.initial_tracks: "known" needs the people, and {folder} has no truth.csv; {hint}')
-    width, height = (20 * np.ceil((np.abs(files.places).max(axis=0) + _MARGIN) / 10)).tolist()
+    width, height = (20 * np.ceil((np.abs(flight.places).max(axis=0) + _MARGIN) / 10)).tolist()
     area = data.get("area", {"width": width, "height": height})
-    walked = {"start": files.start, "origin": files.origin, "outside": "clip"}
-    people = {**data.get("people", {}), **walked, "trajectories": os.path.abspath(files.labels)} if files.labels else {}
+    walked = {"start": flight.start, "origin": flight.origin, "outside": "clip"}
+    people: dict[str, Any] = {"count": 0}
+    if flight.labels:
+        people = {**data.get("people", {}), **walked, "trajectories": os.path.abspath(flight.labels)}
     stems = folder / "trees.csv"
     return decode(
         {
@@ -74,8 +75,8 @@ def make_setting(folder: Path, given: Mapping[str, Any], files: FlightFiles, *, 
             "dynamics": "kinematic",
             "area": area,
             "trees": {"file": os.path.abspath(stems)} if stems.exists() else {"density": 0},
-            "people": people or {"count": 0},
-            "uavs": list(_list_uavs(data.get("uavs", ()), files)),
+            "people": people,
+            "uavs": list(_list_uavs(data.get("uavs", ()), flight)),
             "rates": {**data.get("rates", {}), "sensing": rate, "physics": rate * -(-_PHYSICS // rate)},
             "sensing": {
                 **{key: value for key, value in data.get("sensing", {}).items() if key != "detector"},
@@ -87,10 +88,10 @@ def make_setting(folder: Path, given: Mapping[str, Any], files: FlightFiles, *, 
     )
 
 
-def _list_uavs(given: Sequence[Mapping[str, Any]], files: FlightFiles) -> Iterator[dict[str, Any]]:
+def _list_uavs(given: Sequence[Mapping[str, Any]], flight: LoggedFlight) -> Iterator[dict[str, Any]]:
     """Tables of UAVs, with their usual altitudes; of those that are given, breakdowns and navigation are kept."""
-    for i, camera in files.cameras.items():
-        altitude = float(np.median(files.poses[i].rows[:, 2]))
+    for i, uav in enumerate(flight.uavs):
+        altitude = float(np.median(uav.poses.rows[:, 2]))
         if altitude <= TARGET_HEIGHT:
             above = "heights are above the ground below, and cameras above people"
             raise InputError(f"poses: UAV {i}, column z_m: is {spell(altitude, 3)} m in the median; {above}")
@@ -98,7 +99,7 @@ def _list_uavs(given: Sequence[Mapping[str, Any]], files: FlightFiles) -> Iterat
         kept = {key: own[key] for key in ("fails_at", "navigation") if key in own}
         # Where a UAV starts is not used; with a radius, all may do so at one place.
         view = {"start": (0.0, 0.0), "start_radius": 1.0, "altitude": altitude}
-        yield {**view, **camera.view, **kept}
+        yield {**view, **uav.camera.view, **kept}
 
 
 def _leave_out(table: Mapping[str, Any], *keys: str) -> dict[str, Any]:

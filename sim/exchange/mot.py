@@ -1,14 +1,29 @@
-"""Sequences of MOTChallenge: detections and people of each frame, in images or on the ground."""
+"""Sequences of MOTChallenge: detections and people of each frame, in images or on the ground; and our tracks."""
 
 import configparser
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
-from sim.exchange.flight_tables import CameraFrames, Detection, LoggedFrame
-from sim.scenario.csv_tables import Row, read_csv
+import numpy as np
+
+from sim.exchange.csv_files import write_table
+from sim.exchange.values import (
+    CameraFrames,
+    Columns,
+    LoggedDetection,
+    LoggedFrame,
+    list_measurements,
+    list_rows,
+    list_tracks,
+    list_truth,
+)
+from sim.mission.recording import Recording
+from sim.scenario.csv_tables import TableRow, read_csv
 from sim.scenario.quantities import parse_number
-from sim.scenario.text_files import read_spreadsheet_text
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError, one_line, spell
+from tracking.numerics.arrays import Flags, Indices
 
 _COLUMNS = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
 _TRUTH_COLUMNS = (*_COLUMNS[:7], "class", "visibility")  # of nine columns
@@ -22,6 +37,11 @@ def find_sequences(folder: Path) -> dict[int, Path]:
     return {int(path.name[3:]): path for path in found if path.name[3:].isdigit()}
 
 
+def read_sequences(folder: Path) -> dict[int, CameraFrames]:
+    """Frames of the sequence of each UAV."""
+    return {uav: read_sequence(path) for uav, path in find_sequences(folder).items()}
+
+
 def read_sequence(folder: Path) -> CameraFrames:
     """Frames of a sequence with `det/det.txt`, `seqinfo.ini` and maybe `gt/gt.txt`, the first at 0 s.
 
@@ -32,7 +52,7 @@ def read_sequence(folder: Path) -> CameraFrames:
     info = folder / "seqinfo.ini"
     parser = configparser.ConfigParser()
     try:
-        parser.read_string(read_spreadsheet_text(info, "seqinfo"))
+        parser.read_string(read_text(info, "seqinfo"))
         facts = {key: parse_number(text) for key, text in parser["Sequence"].items()}
     except (configparser.Error, KeyError) as error:
         raise InputError(f"seqinfo: {info}: has no readable table [Sequence]: {one_line(error)}") from error
@@ -47,21 +67,21 @@ def read_sequence(folder: Path) -> CameraFrames:
         raise InputError(f"detections: {folder / 'det' / 'det.txt'}: holds no frame")
     size = (int(facts["imwidth"]), int(facts["imheight"])) if {"imwidth", "imheight"} <= {*facts} else None
 
-    def make_frame(number: int, detections: list[Detection]) -> LoggedFrame:
+    def make_frame(number: int, detections: list[LoggedDetection]) -> LoggedFrame:
         return LoggedFrame((number - 1) / rate, f"detections: {folder}, frame {number}", detections)
 
     return CameraFrames(
-        detections=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
+        frames=[make_frame(number, found.get(number, [])) for number in range(1, last + 1)],
         people=[make_frame(number, people[number]) for number in sorted(people)],
         size=size,
     )
 
 
-def _read_rows(path: Path, field: str) -> dict[int, list[Detection]]:
+def _read_rows(path: Path, field: str) -> dict[int, list[LoggedDetection]]:
     """Rows of a text file by frame."""
-    found: defaultdict[int, list[Detection]] = defaultdict(list)
+    found: defaultdict[int, list[LoggedDetection]] = defaultdict(list)
     seen: dict[tuple[int, str], int] = {}
-    text = read_spreadsheet_text(path, field)
+    text = read_text(path, field)
     if not text.strip():
         return found
     count = text.lstrip().partition("\n")[0].count(",") + 1
@@ -80,12 +100,36 @@ def _read_rows(path: Path, field: str) -> dict[int, list[Detection]]:
     return found
 
 
-def _read_box(row: Row, person: str) -> Detection:
+def _read_box(row: TableRow, person: str) -> LoggedDetection:
     """The middle of a box in the image, whose first pixel has the coordinates 1, or a place on the ground."""
     left, top, width, height = (row.number(name) for name in _COLUMNS[2:6])
     if width > 0 and height > 0:
-        return Detection(pixel=(left - 1 + width / 2, top - 1 + height / 2), person=person)
+        return LoggedDetection(pixel=(left - 1 + width / 2, top - 1 + height / 2), person=person)
     if "x" not in row.values or "y" not in row.values:
         size = f"{spell(width)} × {spell(height)}"
         raise row.error("width", f"a box of {size} pixels is none, and there is no place x, y on the ground")
-    return Detection(place=(row.number("x"), row.number("y")), person=person)
+    return LoggedDetection(place=(row.number("x"), row.number("y")), person=person)
+
+
+def write_mot(recording: Recording, folder: Path) -> None:
+    """Files in MOTChallenge's 3-D text format: a sequence for each UAV, boxes -1, positions on the ground in m."""
+    truth = list_truth(recording)
+    found = list_measurements(recording)
+    tracks = list_tracks(recording)
+    for uav, settings in enumerate(recording.setting.uavs):
+        sequence = folder / f"uav{uav}"
+        write_table(sequence / "gt" / "gt.txt", (), _list_rows(truth, truth["person"] + 1))
+        seen = found["uav"] == uav
+        write_table(sequence / "det" / "det.txt", (), _list_rows(found, np.full(len(seen), -1), seen))
+        reported = (tracks["uav"] == uav) & tracks["reported"]
+        write_table(folder / "tracks" / f"uav{uav}.txt", (), _list_rows(tracks, tracks["id"] + 1, reported))
+        width, height = settings.true_camera.size
+        facts = [f"name=uav{uav}", "imDir=img1", f"frameRate={recording.setting.rates.sensing}"]
+        facts += [f"seqLength={len(recording.times)}", f"imWidth={width}", f"imHeight={height}", "imExt=.png"]
+        (sequence / "seqinfo.ini").write_text("\n".join(["[Sequence]", *facts]) + "\n", encoding="utf-8")
+
+
+def _list_rows(table: Columns, ids: Indices, where: Flags | None = None) -> Iterator[list[float]]:
+    """Rows of frame (from 1), id (from 1, or -1), box -1, confidence 1, position on the ground."""
+    for k, id_, x, y in list_rows({**table, "id": ids}, ("scan", "id", "x", "y"), where):
+        yield [k + 1, id_, -1, -1, -1, -1, 1, x, y, 0]

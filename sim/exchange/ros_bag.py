@@ -1,14 +1,23 @@
-"""A bag of ROS 2 that is being written, with MCAP as its storage and standard types of messages; needs no ROS."""
+"""Bags of ROS 2: names of topics and of standard types, and files that are read and written without ROS."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tracking.errors import InputError
+from tracking.errors import InputError, one_line
 
-Message = dict[str, Any] | Sequence[Any]  # a message's fields by name, where others are zero, or all in order
+CAMERA = "sensor_msgs/msg/CameraInfo"
+IMAGE = "sensor_msgs/msg/CompressedImage"
+IN_IMAGE = "vision_msgs/msg/Detection2DArray"
+LOG = "rcl_interfaces/msg/Log"
+MARKERS = "visualization_msgs/msg/MarkerArray"
+NUMBER = "std_msgs/msg/Float64"
+ODOMETRY = "nav_msgs/msg/Odometry"
+ON_GROUND = "vision_msgs/msg/Detection3DArray"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+VELOCITY = "geometry_msgs/msg/TwistStamped"
 # Definitions of vision_msgs 4, which the library does not have.
 _VISION = {
     "Point2D": "float64 x\nfloat64 y\n",
@@ -23,8 +32,63 @@ for _size in ("2D", "3D"):
     _VISION[f"Detection{_size}"] = f"{_detection}vision_msgs/BoundingBox{_size} bbox\nstring id\n"
     _VISION[f"Detection{_size}Array"] = f"std_msgs/Header header\nvision_msgs/Detection{_size}[] detections\n"
 
+RosMessage = dict[str, Any] | Sequence[Any]  # fields by name, where others are zero, or all in order
 
-class _Field(NamedTuple):
+
+class Topic(NamedTuple):
+    """A topic; who subscribes late to a latched one gets its last message."""
+
+    name: str  # `{}` stands for the number of a UAV
+    kind: str  # type of its messages
+    latched: bool = False
+
+
+# The topics of a mission's bag, which docs/how-to/tracking.md describes.
+FOREST = Topic("/forest", MARKERS, latched=True)
+PEOPLE = Topic("/people", MARKERS)
+FRAMES = Topic("/tf", TRANSFORMS)
+EVENTS = Topic("/events", LOG)
+FLEET_ERRORS = {name: Topic(f"/{name}", NUMBER) for name in ("ospa", "gospa")}
+ERRORS = {name: Topic(f"/uav{{}}/{name}", NUMBER) for name in FLEET_ERRORS}
+BYTES_SENT = Topic("/uav{}/bytes_sent", NUMBER)
+BODY = Topic("/uav{}/odometry", ODOMETRY)
+TRUE_BODY = Topic("/uav{}/odometry_true", ODOMETRY)
+COMMAND = Topic("/uav{}/command", VELOCITY)
+CAMERA_INFO = Topic("/uav{}/camera/camera_info", CAMERA, latched=True)
+IMAGES = Topic("/uav{}/camera/image/compressed", IMAGE)
+IMAGE_DETECTIONS = Topic("/uav{}/camera/detections", IN_IMAGE)
+DETECTIONS = Topic("/uav{}/detections", ON_GROUND)
+TRACKS = Topic("/uav{}/tracks", ON_GROUND)
+UAV_MARKERS = Topic("/uav{}/markers", MARKERS)
+
+
+class ReadTopic(NamedTuple):
+    """The messages of a topic in a bag."""
+
+    kind: str
+    messages: list[Any]
+
+
+def read_topics(path: Path, kinds: Collection[str]) -> dict[str, ReadTopic]:
+    """The topics of these types in a bag, by name; InputError if it cannot be read."""
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise InputError(f"bag: {path}: needs rosbags: pip install 'rosbags>=0.11'") from error
+    found: dict[str, ReadTopic] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            known = [connection for connection in reader.connections if connection.msgtype in kinds]
+            for connection, _, raw in reader.messages(known):
+                topic = found.setdefault(connection.topic, ReadTopic(connection.msgtype, []))
+                topic.messages.append(reader.deserialize(raw, connection.msgtype))
+    except (AnyReaderError, OSError, ValueError, KeyError) as error:
+        raise InputError(f"bag: {path}: cannot be read: {one_line(error)}") from error
+    return found
+
+
+class _Part(NamedTuple):
     """A field of a type of messages."""
 
     place: int
@@ -32,16 +96,16 @@ class _Field(NamedTuple):
     several: bool
 
 
-class _Form(NamedTuple):
+class _MessageType(NamedTuple):
     """A type of messages, its fields by name, and the values of a message of zeros."""
 
     make: Any
-    fields: dict[str, _Field]
+    parts: dict[str, _Part]
     zeros: list[Any]
 
 
 class RosBag:
-    """A bag that is being written into a new folder; messages have to come in order of time."""
+    """A bag that is being written into a new folder, with MCAP as its storage; messages come in order of time."""
 
     def __init__(self, folder: Path) -> None:
         try:
@@ -54,8 +118,8 @@ class RosBag:
             self._store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
         self._writer: Any = Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP)  # which Humble reads, too
         self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        self._topics = dict[str, Any]()
-        self._forms = dict[str, _Form]()
+        self._connections = dict[str, Any]()
+        self._types = dict[str, _MessageType]()
 
     def __enter__(self) -> "RosBag":
         self._writer.open()
@@ -64,42 +128,40 @@ class RosBag:
     def __exit__(self, *error: object) -> None:
         self._writer.__exit__(*error)
 
-    def write(self, topic: str, kind: str, time: float, message: Message, *, latched: bool = False) -> None:
-        """Write a message at a time [s]; who subscribes late to a latched topic gets its last message.
-
-        kind: as `std_msgs/msg/Float64`.
-        """
-        if topic not in self._topics:
-            offered = _offer_latched() if latched else []
+    def write(self, topic: Topic, time: float, message: RosMessage, uav: int | None = None) -> None:
+        """Write a message at a time [s]; uav: the number in the topic's name, if it has one."""
+        name = topic.name.format(uav)
+        if name not in self._connections:
+            offered = _offer_latched() if topic.latched else []
             connect = self._writer.add_connection
-            self._topics[topic] = connect(topic, kind, typestore=self._store, offered_qos_profiles=offered)
-        content = self._store.serialize_cdr(self._build(kind, message), kind)
-        self._writer.write(self._topics[topic], round(time * 1e9), content)
+            self._connections[name] = connect(name, topic.kind, typestore=self._store, offered_qos_profiles=offered)
+        content = self._store.serialize_cdr(self._build(topic.kind, message), topic.kind)
+        self._writer.write(self._connections[name], round(time * 1e9), content)
 
-    def _build(self, kind: str, message: Message) -> Any:  # noqa: ANN401 - types are made as the program runs
-        form = self._forms.get(kind) or self._find_form(kind)
-        values = form.zeros.copy()
-        for name, value in message.items() if isinstance(message, dict) else zip(form.fields, message, strict=True):
-            place, inner, several = form.fields[name]
+    def _build(self, kind: str, message: RosMessage) -> Any:  # noqa: ANN401 - types are made as the program runs
+        known = self._types.get(kind) or self._find_type(kind)
+        values = known.zeros.copy()
+        for name, value in message.items() if isinstance(message, dict) else zip(known.parts, message, strict=True):
+            place, inner, several = known.parts[name]
             if not inner:
                 values[place] = value
             else:
                 values[place] = [self._build(inner, one) for one in value] if several else self._build(inner, value)
-        return form.make(*values)
+        return known.make(*values)
 
-    def _find_form(self, kind: str) -> _Form:
+    def _find_type(self, kind: str) -> _MessageType:
         from rosbags.interfaces import Nodetype
 
-        form = self._forms[kind] = _Form(self._store.types[kind], {}, [])
+        found = self._types[kind] = _MessageType(self._store.types[kind], {}, [])
         for place, (name, (node, what)) in enumerate(self._store.fielddefs[kind][1]):
             several = node in (Nodetype.ARRAY, Nodetype.SEQUENCE)
             (inner, of), count = what if several else ((node, what), 0)
             if inner == Nodetype.NAME:
-                form.zeros.append([] if several else self._build(of, {}))
+                found.zeros.append([] if several else self._build(of, {}))
             else:
-                form.zeros.append(np.zeros(count, of[0]) if several else {"string": "", "bool": False}.get(of[0], 0))
-            form.fields[name] = _Field(place, of if inner == Nodetype.NAME else "", several)
-        return form
+                found.zeros.append(np.zeros(count, of[0]) if several else {"string": "", "bool": False}.get(of[0], 0))
+            found.parts[name] = _Part(place, of if inner == Nodetype.NAME else "", several)
+        return found
 
 
 def _offer_latched() -> list[Any]:

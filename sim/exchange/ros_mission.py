@@ -1,16 +1,19 @@
-"""A recorded mission as a bag of ROS 2."""
+"""A recorded mission as a bag of ROS 2, with a layout of Foxglove for it."""
 
+import json
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from sim.exchange.bag import CAMERA, IN_IMAGE, ODOMETRY, ON_GROUND, OPTICAL, TRANSFORMS
-from sim.exchange.ros_bag import Message, RosBag
-from sim.exchange.ros_scene import LEVEL, draw_forest, draw_people, draw_uav, head, stamp
+from sim.exchange import ros_bag as ros
+from sim.exchange.csv_files import write_map_and_settings, write_truth
+from sim.exchange.ros_flight import flip
+from sim.exchange.ros_scene import LEVEL, WORLD, draw_forest, draw_people, draw_uav, head, stamp
 from sim.facts.event import Event
 from sim.facts.flight import Flight
 from sim.facts.metrics.holding import FAR
@@ -18,48 +21,67 @@ from sim.facts.rerender import Rerenderer
 from sim.mission.recording import Recording
 from sim.mission.snapshot import Snapshot, find_reported_positions
 from sim.views.scene import SceneMaker
+from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
+from tracking.geometry.quaternions import rotation
 from tracking.metrics.gospa import gospa
-from tracking.numerics.arrays import Array, Image
+from tracking.numerics.arrays import Array
 
-_MARKERS, _IMAGE = "visualization_msgs/msg/MarkerArray", "sensor_msgs/msg/CompressedImage"
-_COMMAND, _NUMBER, _LOG = "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64", "rcl_interfaces/msg/Log"
-_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 90]
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _INFO = 20  # level of messages of a log
 _BODY = PERSON_SIZE * (np.array(list(product((0, 1), repeat=3))) - (0.5, 0.5, 0.0))  # (8, 3) m, corners about the place
+_PLOTS = {"OSPA [m]": ros.ERRORS["ospa"], "GOSPA [m]": ros.ERRORS["gospa"], "Bytes sent": ros.BYTES_SENT}
+_MOST = 4  # panels of the layout in a row or column
 
 
-def write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
-    """Write the bag of a mission into a new folder; docs/how-to/tracking.md describes its topics.
+def write_rosbag(recording: Recording, folder: Path, *, truth: bool = True) -> None:
+    """Write a bag, a layout of Foxglove for it, and what `track` needs besides: trees, settings and truth.
 
     truth: False to leave out what UAVs do not know: people, true odometry, errors and events.
     """
+    _write_bag(recording, folder / "bag", truth=truth)
+    layout = _make_layout(recording.uav_count, recording.setting.area.width)
+    (folder / "foxglove.json").write_text(json.dumps(layout, indent=1), encoding="utf-8")
+    write_map_and_settings(recording, folder)
+    if truth:
+        write_truth(recording, folder)
+
+
+def _write_bag(recording: Recording, folder: Path, *, truth: bool) -> None:
     flight = Flight(recording)
     scenes = SceneMaker(recording.setting, recording.track_numbers)
     events = list(flight.events) if truth else []
-    odometry = {"odometry": _find_believed_bodies(recording)} | ({"odometry_true": recording.poses} if truth else {})
-    with RosBag(folder) as bag, ExitStack() as stack:
+    odometry = {ros.BODY: _find_believed_bodies(recording)} | ({ros.TRUE_BODY: recording.poses} if truth else {})
+    with ros.RosBag(folder) as bag, ExitStack() as stack:
         # A flight from elsewhere has images of its own, which a recording does not contain.
         again = stack.enter_context(Rerenderer(recording)) if recording.frames is None else None
-        bag.write("/forest", _MARKERS, 0.0, draw_forest(recording), latched=True)
+        bag.write(ros.FOREST, 0.0, draw_forest(recording))
         for k, time in enumerate(recording.times.tolist()):
-            while events and events[0].time <= time:
-                _write_event(bag, events.pop(0))
+            _write_events(bag, [event for event in events if event.time <= time])
+            events = [event for event in events if event.time > time]
             snapshot = recording.snapshot(k)
             scene = scenes.add(snapshot, flight.people.hold_states[k])
-            _write_poses(bag, recording, k, odometry)
+            bag.write(ros.FRAMES, time, (_list_frames(recording, k, odometry[ros.BODY][k]),))
             for i, uav in enumerate(scene.uavs):
-                _write_camera(bag, snapshot, i, recording.setting.uavs[i].true_camera, first=k == 0)
-                if again and snapshot.frames[i]:
-                    _write_image(bag, time, i, again.image(k, i))
-                _write_tracks(bag, snapshot, i, recording.track_numbers)
-                bag.write(f"/uav{i}/markers", _MARKERS, time, draw_uav(time, uav))
+                for topic, poses in odometry.items():
+                    bag.write(topic, time, _describe_motion(recording, k, i, poses), i)
+                bag.write(ros.COMMAND, time, (head(time), {"linear": (*recording.commands[k, i].tolist(), 0.0)}), i)
+                camera = recording.setting.uavs[i].true_camera
+                if k == 0 or snapshot.frames[i]:
+                    bag.write(ros.CAMERA_INFO, time, _describe_camera(time, i, camera), i)
+                if snapshot.frames[i]:
+                    _write_detections(bag, snapshot, i, camera)
+                    if again:
+                        content = cv2.imencode(".jpg", again.image(k, i)[..., ::-1], _JPEG)[1]
+                        bag.write(ros.IMAGES, time, (head(time, _name_camera(i)), "jpeg", content), i)
+                if i in snapshot.working:
+                    _write_tracks(bag, snapshot, i, recording.track_numbers)
+                bag.write(ros.UAV_MARKERS, time, draw_uav(time, uav), i)
             if truth and recording.labelled:
-                bag.write("/people", _MARKERS, time, draw_people(scene))
+                bag.write(ros.PEOPLE, time, draw_people(scene))
                 _write_errors(bag, snapshot)
-        for event in events:
-            _write_event(bag, event)
+        _write_events(bag, events)
 
 
 def _find_believed_bodies(recording: Recording) -> Array:
@@ -67,47 +89,51 @@ def _find_believed_bodies(recording: Recording) -> Array:
     if recording.believed is None:
         return recording.poses
     own, true, believed = (rows.reshape(-1, 7) for rows in (recording.poses, recording.cameras, recording.believed))
-    body, camera, told = (Rotation.from_quat(rows[:, 3:]) for rows in (own, true, believed))
-    turned = told * camera.inv() * body
-    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned.as_quat()]).reshape(recording.poses.shape)
+    back = true[:, 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse turn
+    turned = _multiply(_multiply(believed[:, 3:], back), own[:, 3:])
+    return np.hstack([own[:, :3] + believed[:, :3] - true[:, :3], turned]).reshape(recording.poses.shape)
 
 
-def _write_poses(bag: RosBag, recording: Recording, k: int, odometry: dict[str, Array]) -> None:
-    """Transforms of bodies and cameras, odometry and commands.
+def _multiply(p: Array, q: Array) -> Array:
+    """Products (N, 4) of quaternions xyzw (N, 4), without the rounding by which scipy normalises them."""
+    (a, b, c, d), (x, y, z, w) = p.T, q.T
+    east = d * x + a * w + b * z - c * y
+    north = d * y - a * z + b * w + c * x
+    return np.column_stack([east, north, d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z])
 
-    A camera's frame is one of the world, not of its body, as one on a gimbal keeps its attitude. odometry: poses
-    (K, n, 7) of the bodies by names of topics, believed ones first.
+
+def _list_frames(recording: Recording, k: int, bodies: Array) -> list[ros.RosMessage]:
+    """Transforms of bodies, at poses (n, 7), and of cameras at scan k.
+
+    A camera's frame is one of the world, not of its body, as one on a gimbal keeps its attitude.
     """
-    time, cameras = float(recording.times[k]), recording.believed_cameras[k]
-    header, links = head(time), list[Message]()
-    turned = Rotation.from_quat(cameras[:, 3:]) * Rotation.from_quat(OPTICAL).inv()
-    optical = np.hstack([cameras[:, :3], turned.as_quat()])
-    for name, poses in odometry.items():
-        moved = (poses[k] - poses[max(k - 1, 0)])[:, :3] * recording.setting.rates.sensing
-        for i, (row, velocity) in enumerate(zip(poses[k], moved, strict=True)):
-            told: Message = {
-                "header": header,
-                "child_frame_id": f"uav{i}/base_link",
-                "pose": {"pose": (row[:3].tolist(), row[3:].tolist())},
-                "twist": {"twist": {"linear": Rotation.from_quat(row[3:]).apply(velocity, inverse=True).tolist()}},
-            }
-            bag.write(f"/uav{i}/{name}", ODOMETRY, time, told)
-    for i, (body, camera) in enumerate(zip(odometry["odometry"][k], optical, strict=True)):
-        for frame, row in ((f"uav{i}/base_link", body), (_name_camera(i), camera)):
-            links.append((header, frame, (row[:3].tolist(), row[3:].tolist())))
-        command: Message = (header, {"linear": (*recording.commands[k, i].tolist(), 0.0)})
-        bag.write(f"/uav{i}/command", _COMMAND, time, command)
-    bag.write("/tf", TRANSFORMS, time, (links,))
+    cameras = recording.believed_cameras[k]
+    optical = np.hstack([cameras[:, :3], flip(-cameras[:, 3:])])
+    links = list[ros.RosMessage]()
+    for i, (body, camera) in enumerate(zip(bodies, optical, strict=True)):
+        for frame, row in ((_name_body(i), body), (_name_camera(i), camera)):
+            links.append((head(float(recording.times[k])), frame, (row[:3].tolist(), row[3:].tolist())))
+    return links
 
 
-def _write_camera(bag: RosBag, snapshot: Snapshot, uav: int, camera: Camera, *, first: bool) -> None:
-    """A frame's CameraInfo and detections; CameraInfo also if it is the first scan."""
-    time, header = snapshot.time, head(snapshot.time, _name_camera(uav))
+def _describe_motion(recording: Recording, k: int, uav: int, bodies: Array) -> ros.RosMessage:
+    """Odometry at scan k, by poses (K, n, 7) of the bodies, with the mean velocity since the scan before."""
+    row = bodies[k, uav]
+    velocity = (row - bodies[max(k - 1, 0), uav])[:3] * recording.setting.rates.sensing
+    return {
+        "header": head(float(recording.times[k])),
+        "child_frame_id": _name_body(uav),
+        "pose": {"pose": (row[:3].tolist(), row[3:].tolist())},
+        "twist": {"twist": {"linear": (rotation(row[3:]).T @ velocity).tolist()}},
+    }
+
+
+def _describe_camera(time: float, uav: int, camera: Camera) -> ros.RosMessage:
+    """A CameraInfo as OpenCV has it, by which the centre of the first pixel is (0, 0)."""
     o = camera.optics
-    # As OpenCV has it, by which the centre of the first pixel is (0, 0).
     matrix = np.array([[o.fx, 0.0, o.cx - 0.5], [0.0, o.fy, o.cy - 0.5], [0.0, 0.0, 1.0]])
-    info = {
-        "header": header,
+    return {
+        "header": head(time, _name_camera(uav)),
         "height": o.height,
         "width": o.width,
         "distortion_model": "plumb_bob",
@@ -116,62 +142,60 @@ def _write_camera(bag: RosBag, snapshot: Snapshot, uav: int, camera: Camera, *, 
         "r": np.eye(3).ravel(),
         "p": np.hstack([matrix, np.zeros((3, 1))]).ravel(),
     }
-    if first or snapshot.frames[uav]:
-        bag.write(f"/uav{uav}/camera/camera_info", CAMERA, time, info, latched=True)
-    if snapshot.frames[uav]:
-        scan, pixels = snapshot.scans[uav], snapshot.pixels[uav]
-        places = [_place(time, *pair) for pair in zip(scan.measurements, scan.covariances, strict=True)]
-        bag.write(f"/uav{uav}/detections", ON_GROUND, time, (head(time), places))
-        people = scan.measurements[: len(pixels), None]  # in ideal sensing there are no pixels
-        corners = _BODY + np.concatenate([people, np.zeros((len(people), 1, 1))], axis=2)
-        sizes = np.ptp(camera.project(scan.pose, corners.reshape(-1, 3))[0].reshape(-1, 8, 2), axis=1)
-        boxes = [
-            {"header": header, "bbox": ((pixel, 0.0), *size)}
-            for pixel, size in zip(pixels.tolist(), sizes.tolist(), strict=True)
-        ]
-        bag.write(f"/uav{uav}/camera/detections", IN_IMAGE, time, (header, boxes))
 
 
-def _write_image(bag: RosBag, time: float, uav: int, image: Image) -> None:
-    made, content = cv2.imencode(".jpg", image[..., ::-1], _QUALITY)
-    assert made
-    message = (head(time, _name_camera(uav)), "jpeg", content)
-    bag.write(f"/uav{uav}/camera/image/compressed", _IMAGE, time, message)
+def _write_detections(bag: ros.RosBag, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+    """A frame's detections as places and, if it has pixels, as boxes of a person's size around them."""
+    time = snapshot.time
+    scan = snapshot.scans[uav]
+    pixels = snapshot.pixels[uav]
+    places = [_place(time, Gaussian(z, R)) for z, R in zip(scan.measurements, scan.covariances, strict=True)]
+    bag.write(ros.DETECTIONS, time, (head(time), places), uav)
+    people = scan.measurements[: len(pixels), None]  # in ideal sensing there are no pixels
+    corners = _BODY + np.concatenate([people, np.zeros((len(people), 1, 1))], axis=2)
+    sizes = np.ptp(camera.project(scan.pose, corners.reshape(-1, 3))[0].reshape(-1, 8, 2), axis=1)
+    header = head(time, _name_camera(uav))
+    boxes = [
+        {"header": header, "bbox": ((pixel, 0.0), *size)}
+        for pixel, size in zip(pixels.tolist(), sizes.tolist(), strict=True)
+    ]
+    bag.write(ros.IMAGE_DETECTIONS, time, (header, boxes), uav)
 
 
-def _write_tracks(bag: RosBag, snapshot: Snapshot, uav: int, numbers: dict[int, int]) -> None:
-    """A working UAV's tracks, with their existence as scores, and the bytes that it sent."""
-    if uav in snapshot.working:
-        held, time = snapshot.tracks[uav], snapshot.time
-        tracks = [
-            _place(time, t.belief.mean[:2], t.belief.covariance[:2, :2], score=t.existence, name=str(numbers[t.id]))
-            for t in held
-        ]
-        bag.write(f"/uav{uav}/tracks", ON_GROUND, time, (head(time), tracks))
-        bag.write(f"/uav{uav}/bytes_sent", _NUMBER, time, (float(snapshot.bytes_sent[uav]),))
+def _write_tracks(bag: ros.RosBag, snapshot: Snapshot, uav: int, numbers: Mapping[int, int]) -> None:
+    """A UAV's tracks, with their existence as scores, and the bytes that it sent."""
+    time = snapshot.time
+    tracks = [_place(time, t.belief, t.existence, str(numbers[t.id])) for t in snapshot.tracks[uav]]
+    bag.write(ros.TRACKS, time, (head(time), tracks), uav)
+    bag.write(ros.BYTES_SENT, time, (float(snapshot.bytes_sent[uav]),), uav)
 
 
-def _write_errors(bag: RosBag, snapshot: Snapshot) -> None:
+def _write_errors(bag: ros.RosBag, snapshot: Snapshot) -> None:
     """OSPA and GOSPA [m] of each UAV that works, and their means."""
     people = snapshot.people[~np.isnan(snapshot.people[:, 0])]
-    parts = {i: gospa(find_reported_positions(snapshot.tracks[i]), people, FAR) for i in snapshot.working}
-    errors = {"ospa": {i: float(snapshot.ospa[i, 0]) for i in parts}, "gospa": {i: parts[i].distance for i in parts}}
+    tracked = {i: find_reported_positions(snapshot.tracks[i]) for i in snapshot.working}
+    errors = {
+        "ospa": {i: float(snapshot.ospa[i, 0]) for i in tracked},
+        "gospa": {i: gospa(places, people, FAR).distance for i, places in tracked.items()},
+    }
     for name, own in errors.items():
         for i, error in own.items():
-            bag.write(f"/uav{i}/{name}", _NUMBER, snapshot.time, (error,))
+            bag.write(ros.ERRORS[name], snapshot.time, (error,), i)
         if own:
-            bag.write(f"/{name}", _NUMBER, snapshot.time, (sum(own.values()) / len(own),))
+            bag.write(ros.FLEET_ERRORS[name], snapshot.time, (sum(own.values()) / len(own),))
 
 
-def _write_event(bag: RosBag, event: Event) -> None:
-    log = {"stamp": stamp(event.time), "level": _INFO, "name": event.kind, "msg": event.sentence}
-    bag.write("/events", _LOG, event.time, log)
+def _write_events(bag: ros.RosBag, events: Iterable[Event]) -> None:
+    for event in events:
+        log = {"stamp": stamp(event.time), "level": _INFO, "name": event.kind, "msg": event.sentence}
+        bag.write(ros.EVENTS, event.time, log)
 
 
-def _place(time: float, mean: Array, covariance: Array, *, score: float = 1.0, name: str = "") -> Message:
-    """A person on the ground, at a place (2,) m with a covariance (2, 2) m²."""
-    entries, pose = np.zeros((6, 6)), ((*mean.tolist(), TARGET_HEIGHT), LEVEL)
-    entries[:2, :2] = covariance
+def _place(time: float, belief: Gaussian, score: float = 1.0, name: str = "") -> ros.RosMessage:
+    """A person on the ground, by a belief of the place [m] and maybe more, of a track's number as name."""
+    pose = ((*belief.mean[:2].tolist(), TARGET_HEIGHT), LEVEL)
+    entries = np.zeros((6, 6))
+    entries[:2, :2] = belief.covariance[:2, :2]
     return {
         "header": head(time),
         "results": [(("person", score), (pose, entries.ravel()))],
@@ -180,6 +204,58 @@ def _place(time: float, mean: Array, covariance: Array, *, score: float = 1.0, n
     }
 
 
+def _name_body(uav: int) -> str:
+    """The frame of a UAV's body."""
+    return f"uav{uav}/base_link"
+
+
 def _name_camera(uav: int) -> str:
     """The frame of a UAV's camera: x to the right, y down, z ahead."""
     return f"uav{uav}/camera_optical_frame"
+
+
+def _make_layout(uavs: int, width: float) -> dict[str, Any]:
+    """Scene, cameras, errors and events in Foxglove, for a number of UAVs above an area of a width [m]."""
+    markers = [ros.UAV_MARKERS.name.format(i) for i in range(uavs)]
+    panels: dict[str, Any] = {
+        "3D!scene": {
+            "cameraState": {"distance": width, "perspective": True, "phi": 50, "thetaOffset": 0},
+            "followMode": "follow-none",
+            "followTf": WORLD,
+            "scene": {"transforms": {"showLabel": False, "axisSize": 1}},
+            "topics": {topic: {"visible": True} for topic in (ros.FOREST.name, ros.PEOPLE.name, *markers)},
+        },
+        "RosOut!events": {"topicToRender": ros.EVENTS.name, "minLogLevel": 1, "searchTerms": []},
+    }
+    images = [f"Image!uav{i}" for i in range(uavs)]
+    for i, name in enumerate(images):
+        topics = {"imageTopic": ros.IMAGES.name.format(i), "calibrationTopic": ros.CAMERA_INFO.name.format(i)}
+        panels[name] = {
+            "foxglovePanelTitle": f"Camera of uav{i}",
+            "imageMode": topics,
+            "topics": {markers[i]: {"visible": True, "namespaces": {"view": {"visible": False}}}},
+        }
+    plots = {f"Plot!{topic.name.split('/')[-1]}": (title, topic.name) for title, topic in _PLOTS.items()}
+    for name, (title, topic) in plots.items():
+        lines = [{"value": f"{topic.format(i)}.data", "label": f"uav{i}", "enabled": True} for i in range(uavs)]
+        panels[name] = {"foxglovePanelTitle": title, "paths": lines, "showLegend": True}
+    below = _arrange(["RosOut!events", *plots], "row")
+    left = {"direction": "column", "first": "3D!scene", "second": below, "splitPercentage": 70}
+    layout = {"direction": "row", "first": left, "second": _arrange(images, "column"), "splitPercentage": 75}
+    return {"configById": panels, "globalVariables": {}, "userNodes": {}, "layout": layout}
+
+
+def _arrange(panels: list[str], direction: str) -> Any:  # noqa: ANN401 - a panel, or a split of panels
+    """Panels of equal sizes in a row or column, in two of them if there are many."""
+    if len(panels) == 1:
+        return panels[0]
+    if len(panels) > _MOST:
+        half = len(panels) // 2
+        across = {"row": "column", "column": "row"}[direction]
+        return {
+            "direction": across,
+            "first": _arrange(panels[:half], direction),
+            "second": _arrange(panels[half:], direction),
+        }
+    rest = _arrange(panels[1:], direction)
+    return {"direction": direction, "first": panels[0], "second": rest, "splitPercentage": 100 / len(panels)}

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sim.exchange.ros_bag import Message
+from sim.exchange.ros_bag import RosMessage
 from sim.mission.recording import Recording
 from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten
 from sim.views.scene import Scene, UavMark, find_half_axes
@@ -15,7 +15,7 @@ Place = tuple[float, float, float]  # m
 WORLD = "map"  # the frame of REP 105, with x to the east, y to the north and z up
 LEVEL = (0.0, 0.0, 0.0, 1.0)  # quaternion xyzw
 _CYLINDER, _LINE_STRIP, _LINE_LIST, _TEXT = 3, 4, 5, 9  # types of markers
-_DELETE_ALL: Message = {"action": 3}
+_DELETE_ALL: RosMessage = {"action": 3}
 _SEE_THROUGH = 0.6  # opacity of opaque canopies
 _LETTERS = 1.5  # m, height of names
 
@@ -39,7 +39,7 @@ def head(time: float, frame: str = WORLD) -> tuple[tuple[int, int], str]:
     return stamp(time), frame
 
 
-def draw_forest(recording: Recording) -> Message:
+def draw_forest(recording: Recording) -> RosMessage:
     """The edge of the area, trunks and canopies."""
     area, trees = recording.setting.area, recording.forest.trees
     x, y = area.width / 2, area.height / 2
@@ -54,7 +54,7 @@ def draw_forest(recording: Recording) -> Message:
     return {"markers": found}
 
 
-def draw_people(scene: Scene) -> Message:
+def draw_people(scene: Scene) -> RosMessage:
     """The people present, with names of those whom no UAV holds."""
     found = [_DELETE_ALL]
     for person in scene.people:
@@ -68,7 +68,7 @@ def draw_people(scene: Scene) -> Message:
     return {"markers": found}
 
 
-def draw_uav(time: float, uav: UavMark) -> Message:
+def draw_uav(time: float, uav: UavMark) -> RosMessage:
     """A UAV where it believes to be: its name, view, intent, detections and tracks; if it is broken, only its name."""
     x, y, z = uav.believed.position.tolist()  # cameras are where their bodies are
     ink = _Ink("uav", uav.number, uav.trouble or uav.colour)
@@ -100,7 +100,7 @@ def _list_edges(eye: Place, ground: Sequence[Place]) -> list[Place]:
     return [end for pair in (*edges, *sides) for end in pair]
 
 
-def _draw_ellipse(time: float, ink: _Ink, mean: Array, covariance: Array) -> Message:
+def _draw_ellipse(time: float, ink: _Ink, mean: Array, covariance: Array) -> RosMessage:
     """The 95 % ellipse of a Gaussian, flat at the mid-height of people; mean (2,) m, covariance (2, 2) m²."""
     half, axes = find_half_axes(covariance)
     turn, size = math.atan2(axes[1, 0], axes[0, 0]) / 2, (2 * half).tolist()
@@ -110,16 +110,16 @@ def _draw_ellipse(time: float, ink: _Ink, mean: Array, covariance: Array) -> Mes
 
 def _draw_cylinder(
     time: float, ink: _Ink, place: Sequence[float], size: Sequence[float], turn: Sequence[float] = LEVEL
-) -> Message:
+) -> RosMessage:
     """An upright cylinder in the middle of a place; size: both diameters, and height [m]."""
     return {**_begin(time, ink, _CYLINDER), "pose": (place, turn), "scale": size}
 
 
-def _draw_line(time: float, ink: _Ink, points: Sequence[Sequence[float]], *, kind: int = _LINE_STRIP) -> Message:
+def _draw_line(time: float, ink: _Ink, points: Sequence[Sequence[float]], *, kind: int = _LINE_STRIP) -> RosMessage:
     return {**_begin(time, ink, kind), "scale": (0.1, 0.0, 0.0), "points": points}
 
 
-def _write(time: float, ink: _Ink, place: Sequence[float], text: str) -> Message:
+def _write(time: float, ink: _Ink, place: Sequence[float], text: str) -> RosMessage:
     return {**_begin(time, ink, _TEXT), "pose": (place, LEVEL), "scale": (0.0, 0.0, _LETTERS), "text": text}
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.exchange.flight_log import FlightLog
+from sim.exchange.scanned_flight import ScannedFlight
 from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.score import owners_of
 from sim.mission.radio import draw_links
@@ -15,7 +15,7 @@ from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_initial_tracks
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import encode_scenario
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height, detectable_shares
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import squared_distance
@@ -25,45 +25,47 @@ _OWN = 13.8  # largest squared distance of a detection from its person: 99.9 % o
 
 
 def track_flight(
-    log: FlightLog, *, name: str = "flight", seed: int = 0, progress: Callable[[int], None] = lambda k: None
+    flight: ScannedFlight, *, name: str = "flight", seed: int = 0, progress: Callable[[int], None] = lambda k: None
 ) -> Outcome:
     """Give a flight to the trackers of its scenario; the outcome has a recording like that of a mission.
 
     name: in place of a planner. seed: decides which messages a network with losses loses. Where people are unknown, the
     recording has none. `progress` is called with each scan.
     """
-    begun, setting, network = clock.perf_counter(), log.setting, log.setting.network
+    begun = clock.perf_counter()
+    setting = flight.setting
     uavs = range(len(setting.uavs))
-    truth = [log.people.at(time) if log.people else (np.zeros((0, 2)), np.zeros(0)) for time in setting.scan_times]
+    nothing = np.zeros((0, 2))
+    truth = [flight.people.at(time) if flight.people else (nothing, np.zeros(0)) for time in setting.scan_times]
     people = [positions for positions, _ in truth]
     initial = make_initial_tracks(setting, people[0], people[min(1, len(people) - 1)])
-    trackers = TrackerFleet(setting, log.forest, initial)
-    cameras, radio, recorder = log.cameras, stream(seed, "network"), Recorder()
+    trackers = TrackerFleet(setting, flight.forest, initial)
+    radio = stream(seed, "network")
+    recorder = Recorder()
     for k, time in enumerate(setting.scan_times):
-        poses = [Pose(row[:3], row[3:]) for row in log.poses[k]]
+        poses = [Pose(row[:3], row[3:]) for row in flight.poses[k]]
         working = [i for i in uavs if setting.works(i, time)]
-        scans = {i: log.observed[k, i][0] for i in working if log.frames[k, i]}
-        links = draw_links(network, time, log.poses[k, :, :3], radio)
+        scans = {i: flight.observed[k, i].scan for i in working if flight.frames[k, i]}
+        links = draw_links(setting.network, time, flight.poses[k, :, :3], radio)
         sent = trackers.step(time, scans, links, working)
         tracks = [trackers[i].tracks if i in working else () for i in uavs]
-        views = [_find_people(log, cameras[i], scans.get(i), people[k]) for i in uavs]
-        nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        seen = [scans.get(i) or Scan(i, time, poses[i], nothing, np.zeros((0, 2, 2))) for i in uavs]
         snapshot = Snapshot(
             time=time,
             people=people[k],
             headings=truth[k][1],
             poses=poses,
             cameras=poses,
-            frames=log.frames[k],
+            frames=flight.frames[k],
             commands=np.zeros((len(uavs), 2)),
-            scans=[scans.get(i) or Scan(i, time, poses[i], *nothing) for i in uavs],
-            pixels=[log.observed[k, i][1] if i in scans else nothing[0] for i in uavs],
+            scans=seen,
+            pixels=[flight.observed[k, i].pixels if i in scans else nothing for i in uavs],
             tracks=tracks,
             plans=None,
             # Where people are unknown, zeros; NaN of UAVs that do not work.
-            ospa=(1.0 if log.people else 0.0) * measure_errors(tracks, working, people[k]),
-            visible=np.array([shown for shown, _ in views], dtype=np.int64),
-            matched=np.array([found for _, found in views]),
+            ospa=(1.0 if flight.people else 0.0) * measure_errors(tracks, working, people[k]),
+            visible=np.array([_find_shown(flight, i, scans.get(i), people[k]) for i in uavs], dtype=np.int64),
+            matched=np.array([_find_detected(scan, people[k]) for scan in seen]),
             bytes_sent=sent,
             plan_bytes=np.zeros(len(uavs), dtype=np.int64),
             plan_rounds=0,
@@ -71,21 +73,26 @@ def track_flight(
         recorder.add(snapshot)
         progress(k)
     recording = recorder.recording(
-        scenario=encode_scenario(setting), planner=name, seed=seed, forest=log.forest, frames=log.frames
+        scenario=encode_scenario(setting), planner=name, seed=seed, forest=flight.forest, frames=flight.frames
     )
     return Outcome(recording, wall_s=clock.perf_counter() - begun)
 
 
-def _find_people(log: FlightLog, camera: Camera, scan: Scan | None, people: Array) -> tuple[Flags, Flags]:
-    """Masks (M,) of the people in plain view of a scan's camera, as far as the map tells, and of those it detected."""
-    shown, found = np.zeros((2, len(people)), dtype=np.bool_)
+def _find_shown(flight: ScannedFlight, uav: int, scan: Scan | None, people: Array) -> Flags:
+    """Mask (M,) of the people in plain view of a UAV's scan, as far as the map tells."""
     if scan is None or not len(people):
-        return shown, found
-    points, there = at_target_height(np.nan_to_num(people)), ~np.isnan(people[:, 0])
-    free = detectable_shares(log.forest.free_shares(scan.pose.position, points)[0])
-    shown = there & camera.sees(scan.pose, points) & (free >= 0.5)
-    owners = owners_of(scan.measurements, people, np.flatnonzero(there))
+        return np.zeros(len(people), dtype=np.bool_)
+    points = at_target_height(np.nan_to_num(people))
+    free = detectable_shares(flight.forest.free_shares(scan.pose.position, points)[0])
+    shown = flight.cameras[uav].sees(scan.pose, points) & (free >= 0.5)
+    return np.asarray(shown & ~np.isnan(people[:, 0]))
+
+
+def _find_detected(scan: Scan, people: Array) -> Flags:
+    """Mask (M,) of the people whom a scan detected."""
+    found = np.zeros(len(people), dtype=np.bool_)
+    owners = owners_of(scan.measurements, people, np.flatnonzero(~np.isnan(people[:, 0])))
     for j in np.flatnonzero(owners >= 0).tolist():
         off = scan.measurements[j] - people[owners[j]]
         found[owners[j]] = squared_distance(off, scan.covariances[j]) <= _OWN
-    return shown, found
+    return found

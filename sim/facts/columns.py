@@ -10,6 +10,7 @@ from sim.facts.event import Event, find_ends
 from sim.facts.metrics.score import estimate_velocities
 from sim.facts.people import STATES, PeopleFacts
 from sim.mission.recording import Recording
+from sim.world.stem_map import TREE_COLUMNS
 
 Column = NDArray[Any]
 Columns = dict[str, Column]
@@ -126,10 +127,8 @@ def _list_plans(r: Recording) -> Columns:
 
 
 def _list_trees(r: Recording) -> Columns:
-    parts = ["x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m"]
-    parts += ["leaf_area_density_m2_per_m3"]
-    rows = np.column_stack([r.trees, np.full(len(r.trees), np.inf)])[:, : len(parts)]  # recorded if any is porous
-    return {"tree": np.arange(len(rows)), **dict(zip(parts, rows.T, strict=True))}
+    rows = np.column_stack([r.trees, np.full(len(r.trees), np.inf)])[:, : len(TREE_COLUMNS)]  # recorded if porous
+    return {"tree": np.arange(len(rows)), **dict(zip(TREE_COLUMNS, rows.T, strict=True))}
 
 
 def _split_xy(prefix: str, unit: str, values: Column) -> Columns:

@@ -1,6 +1,6 @@
 """One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns.
 
-A scan represents the time from its own instant to that of the next scan; the last scan lasts as long as the previous
+A scan represents the time until the next scan; the last scan lasts as long as the previous
 one. A state at the scans k to m therefore lasts m - k + 1 scans, from the instant of scan k to that of scan m + 1.
 Timeline, page, `understory explain`, tables, Rerun and film all follow this rule.
 """
@@ -93,7 +93,7 @@ def make_lasting_event(times: Array, span: tuple[int, int], kind: str, text: str
 
 
 def find_lasting_ends(times: Array, first: int, last: int) -> tuple[float, float]:
-    """Beginning and end [s] as for texts: the end is infinite if the last scan is that of the mission."""
+    """Beginning and end [s] as for texts: the end is infinite if the last scan is the last of the mission."""
     begin, end = find_ends(times, first, last)
     return begin, math.inf if last == len(times) - 1 else end
 
@@ -127,7 +127,7 @@ def assign_lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
 
 
 def summarise_outages(events: Sequence[Event], times: Array, also: Collection[str] = ()) -> list[Event]:
-    """Events, sorted by time, that tell all times without a link; pairs of UAVs with the same times share one.
+    """Events of all times without a link, sorted by time; pairs of UAVs with the same times share one.
 
     Of more than ten such events the nine with the longest times are kept, and one is about all other pairs. events:
     those of a mission, of which the kinds `also` are added; times (K,) s.
@@ -152,7 +152,7 @@ def summarise_outages(events: Sequence[Event], times: Array, also: Collection[st
 
 
 def list_outages_at(events: Sequence[Event], times: Array, k: int) -> list[Event]:
-    """Events that tell which UAVs have no link at scan k, and from when to when, the longest first."""
+    """Events of UAVs without a link at scan k, and from when to when, the longest first."""
     now = defaultdict(list)
     for pair, outages in _find_outages(events, times).items():
         for first, last in outages:

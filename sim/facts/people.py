@@ -75,7 +75,7 @@ class PeopleFacts:
 
     @property
     def tracks(self) -> Indices:
-        """Id (K, n, M) of the track by which each UAV holds each person; -1 for none."""
+        """Id (K, n, M) of each UAV's track of each person; -1 for none."""
         return self.holding.tracks
 
     @property

@@ -74,7 +74,7 @@ class FrameFacts:
 
     @property
     def believed(self) -> Pose:
-        """The camera's pose as the UAV believes it, from which measurements and tracks are seen."""
+        """The camera's pose as the UAV believes it; pictures show measurements and tracks from there."""
         return (self.snapshot.believed or self.snapshot.cameras)[self.uav]
 
 

@@ -82,7 +82,7 @@ def write_whole(path: Path) -> Iterator[Path]:
 def make_new_folder(out: Path) -> Iterator[Path]:
     """Yield a temporary folder, which is renamed to `out` when the block ends, and removed if the block raises.
 
-    If another program has made `out` meanwhile, the folder gets the next unused name, and PlaceTaken tells it.
+    If another program has made `out` meanwhile, the folder gets the next unused name, which PlaceTaken names.
     """
     if not out.name:
         raise InputError(f"--out: {str(out)!r} cannot be the name of a new folder")

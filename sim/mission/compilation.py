@@ -16,13 +16,13 @@ from numba.core import event
 
 from planning.catalogue import DEFAULT_PLANNER
 from planning.composed import Composed
-from planning.made_up_teams import make_flying_team
 from planning.objective.nbo import Measure, make_objective
 from planning.planner import Situation
 from planning.planner_loading import load_planner
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import find_targets_in_reach
+from planning.testing.made_up_teams import make_flying_team
 from sim.installation import ROOT
 from sim.mission.tracker_fleet import make_trackers
 from sim.mission.tracker_setup import make_planned_motion
@@ -30,7 +30,7 @@ from sim.mission.world_setup import make_forest_and_people
 from sim.processes.workers import count_cores
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
-from sim.sensing.detector_check import FOREST, stage_frames
+from sim.sensing.detector_check import stage_frames
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.filter.kalman import Gaussian
@@ -38,7 +38,8 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.member import Member
 from tracking.geometry.camera import Pose
 from tracking.numerics.compiled import code_folder, find_uncompiled, functions, take_code
-from tracking.track import Scan, Track
+from tracking.testing.stage import FOREST, make_scan
+from tracking.track import Track
 
 _MANY = 40  # functions, which take longer to compile than processes take to start
 _WORKER = "import sys; sys.path[0] = sys.argv[1]; from sim.mission.compilation import work; work()"
@@ -69,7 +70,8 @@ def _run_workers(count: int, home: Path, done: Callable[[str], None]) -> None:
 
     Each keeps its code in a folder of its own, because Numba confuses what two processes write at once for a function.
     """
-    new, started = home / "new", []
+    new = home / "new"
+    started: list[subprocess.Popen[bytes]] = []
     shutil.rmtree(new, ignore_errors=True)  # what a killed process left
     (parts, offered), (names, told) = os.pipe(), os.pipe()
     try:
@@ -98,7 +100,7 @@ class _Teller(event.Listener):
     """Writes the names of our functions that are compiled to standard output."""
 
     def on_start(self, _: event.Event) -> None:
-        """Nothing is told."""
+        """Nothing is shown."""
 
     def on_end(self, ended: event.Event) -> None:
         if name := name_compiled(ended):
@@ -155,7 +157,7 @@ def _associate() -> None:
     """A tracker's update with a scan."""
     for tracker in _make_trackers():
         z = np.array([(0.5, 0.0), (6.0, 6.0)])
-        tracker.step(Scan(tracker.uav, 0.0, Pose.level(0.0, 0.0, 20.0), z, np.tile(0.05 * np.eye(2), (2, 1, 1))))
+        tracker.step(make_scan(tracker.uav, 0.0, Pose.level(0.0, 0.0, 20.0), z))
 
 
 def _fuse() -> None:

@@ -19,7 +19,7 @@ def encode_faults(faults: Sequence[Fault]) -> str:
     """Faults as JSON text: a list of objects with `time` [s], `uav` (null: the whole team) and `message`.
 
     Messages become one line of at most `LONGEST` printable characters without memory addresses. If there are more than
-    `MOST` faults, the last one that is kept tells the number of the others. `summary.json` has all faults with their
+    `MOST` faults, the last one that is kept says how many others there were. `summary.json` has all faults with their
     traces, which name files and therefore differ between machines.
     """
     kept = [replace(fault, message=one_line(_ADDRESS.sub("0x...", fault.message), LONGEST)) for fault in faults[:MOST]]

@@ -12,9 +12,8 @@ from sim.mission.teammates import make_teammates
 from sim.mission.tracker_fleet import TrackerFleet
 from sim.mission.tracker_setup import make_planned_motion
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import view_of
+from sim.sensing.cameras import vehicle_of, view_of
 from sim.sensing.sensors import Reading
-from sim.sensing.vehicles import vehicle_of
 from tracking.geometry.camera import Look, Pose
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Indices

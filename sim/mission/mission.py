@@ -14,8 +14,7 @@ from sim.mission.plan_check import ask_planner, check_plans, copy_situation
 from sim.mission.radio import draw_links
 from sim.mission.snapshot import FlownPlans, Snapshot, measure_errors
 from sim.mission.tracker_setup import make_initial_tracks
-from sim.mission.wind import Air
-from sim.mission.world_setup import draw_starts, make_forest_and_people
+from sim.mission.world_setup import Air, draw_starts, make_forest_and_people
 from sim.scenario.quantities import parse_seed_and_repeat
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
@@ -44,7 +43,9 @@ class Mission:
 
     def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
         """Build the world, reset a stateful planner and take the first scan; ValueError if that is impossible."""
-        self.seed, self.repeat = seed, repeat = parse_seed_and_repeat(seed, repeat)
+        seed, repeat = parse_seed_and_repeat(seed, repeat)
+        self.seed = seed
+        self.repeat = repeat
         self.scenario = scenario = draw_starts(scenario, seed)
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
@@ -125,7 +126,8 @@ class Mission:
 
     def close(self) -> None:
         """End the mission and free its world."""
-        self._k, self._situations = len(self._times), []
+        self._k = len(self._times)
+        self._situations = []
         self._world.close()
 
     def __enter__(self) -> "Mission":
@@ -136,7 +138,8 @@ class Mission:
 
     def _sense_and_track(self) -> None:
         """Take the present scan: sense, communicate and track, and find out what each UAV knows if it has to decide."""
-        k, time = self._k, self.time
+        k = self._k
+        time = self.time
         faults = self._break_down(time)
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
@@ -150,8 +153,8 @@ class Mission:
             shot = Shot(i, k, time, pose, people, believed[i] if self._errors[i] else None)
             readings.append(self._sensors.take(shot) if takes[i] else self._sensors.rest(shot))
         faults += [fault for reading in readings for fault in reading.faults]
-        network, places = self.scenario.network, np.array([body.position for body in bodies])
-        links = draw_links(network, time, places, self._radio)
+        places = np.array([body.position for body in bodies])
+        links = draw_links(self.scenario.network, time, places, self._radio)
         with self.clock.measure("tracking"):
             tracks, sent = self._knowledge.track(time, readings, links, self._working)
         if self._working and self.scenario.decides(k):
@@ -206,7 +209,7 @@ class Mission:
 
         A UAV that has broken down has an empty plan.
         """
-        team, count = self._situations, len(self.scenario.uavs)
+        team = self._situations
         if not team:
             if given is not None:
                 check_plans(given, team)  # an error unless empty
@@ -221,7 +224,7 @@ class Mission:
                 raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)} plans")
         plans = dict(zip(self._working, made, strict=True))
         sent = self._knowledge.teammates.send(plans)
-        every = [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)]
+        every = [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(self.scenario.uavs))]
         self.faults += faults
         self._command(every)
         return replace(

@@ -30,7 +30,7 @@ class RadioLinks(NamedTuple):
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
     def find_heard(self, uav: int, *, takes_time: bool) -> Flags:
-        """UAVs (n,) whose present frames a UAV knows of at a decision: its own, and those of UAVs in contact.
+        """UAVs (n,) whose present frames a UAV knows at a decision: its own, and those of UAVs in contact.
 
         In a network that takes time, nobody knows yet what others see now. This is the home of the rule.
         """
@@ -81,7 +81,8 @@ class Sender:
     """A UAV's transmitter, which sends one message after the other at `network.rate`."""
 
     def __init__(self, network: Network) -> None:
-        self._rate, self._patience = network.rate, network.holds
+        self._rate = network.rate
+        self._patience = network.holds
         self._free = 0.0  # s, from when on nothing waits to be sent
 
     def send(self, time: float, size: int) -> float | None:

@@ -1,6 +1,5 @@
 """One mission as plain arrays: truth, measurements, tracks and commands at each scan."""
 
-import json
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +10,7 @@ import numpy as np
 from planning.planner import Plan
 from sim.mission.fault_text import decode_faults
 from sim.mission.snapshot import FlownPlans, Snapshot
-from sim.scenario.loading import decode
+from sim.scenario.loading import decode_recorded
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
@@ -96,7 +95,7 @@ class Recording:
     def setting(self) -> Scenario:
         """The scenario of the mission; InputError if this program cannot read it, or it contradicts the recording."""
         try:
-            found = decode(json.loads(self.scenario))
+            found = decode_recorded(self.scenario)
         except (ValueError, RecursionError, OverflowError) as error:
             other = "made by another understory? its summary.json names the version that reads it"
             raise InputError(f"recording: its scenario: {one_line(error, 400)}; {other}") from error

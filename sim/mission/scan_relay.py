@@ -44,8 +44,9 @@ class ScanRelay:
         self.received: list[list[Sent]] = [[] for _ in range(uavs)]  # new to each UAV at the last scan
 
     def receive(self, uav: int, time: float) -> list[Sent]:
-        """What has arrived at a UAV by `time` s, without what it knows and what is too old."""
-        self.received[uav], known = [], self._known[uav]
+        """Messages that have arrived at a UAV by `time` s, without those that it knows and those that are too old."""
+        self.received[uav] = []
+        known = self._known[uav]
         for message in self._inboxes[uav].take(time):
             for sent in message:
                 name = sent.k, sent.uav, type(sent.content)
@@ -78,9 +79,10 @@ class ScanRelay:
             size = 8 * _OF_MESSAGE
             for sent in told:
                 size += sent.size
-        done, contact = self.senders[uav].send(time, size), links.contact
+        done = self.senders[uav].send(time, size)
         if done is None:
             return 0
+        contact = links.contact
         for i in hearing:
             if contact[i, uav]:
                 jitter = 0.0 if links.jitter is None else float(links.jitter[i, uav])

@@ -34,7 +34,7 @@ class Snapshot:
     cameras: list[Pose]
     believed: list[Pose] | None = None  # poses that UAVs believe their cameras to have; None if they are the true ones
     frames: Flags  # (n,) True where the camera took a frame
-    commands: Array  # (n, 2) m/s, with which the UAVs flew to this scan
+    commands: Array  # (n, 2) m/s, commands on the way to this scan
     scans: list[Scan]
     pixels: list[Array]  # (N_i, 2) positions of the measurements in each image; empty in ideal sensing
     tracks: list[tuple[Track, ...]]

@@ -34,11 +34,14 @@ class Teammates:
 
     def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:
         """Begin without knowledge; `exchange` says how plans are sent, and `rng` decides which of them are lost."""
-        self._loss, self._exchange, self._rng = network.loss, exchange, rng
+        self._loss = network.loss
+        self._exchange = exchange
+        self._rng = rng
         self.own: dict[int, Plan] = {}  # the last plan of each UAV
         self._known: dict[tuple[int, int], _Teammate] = {}  # by receiver and sender
         self._fleet: Sequence[Vehicle] = ()
-        self._contact = self._up = np.zeros((0, 0), dtype=np.bool_)
+        self._contact = np.zeros((0, 0), dtype=np.bool_)
+        self._up = np.zeros((0, 0), dtype=np.bool_)
         self._received: list[Flags] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
 
     def update(
@@ -47,7 +50,9 @@ class Teammates:
         """Go on to the next decision, `step` s after the last: drop failed UAVs, and predict those out of contact."""
         works = np.isin(np.arange(len(fleet)), working)
         both = works[:, None] & works
-        self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
+        self._fleet = fleet
+        self._up = links.up & both
+        self._contact = links.contact & both
         self.own = {i: plan for i, plan in self.own.items() if works[i]}
         before = self._known
         self._known = {  # UAVs out of contact are assumed to have flown as planned
@@ -60,7 +65,8 @@ class Teammates:
         self._received = self._draw_receptions()
 
     def _draw_receptions(self) -> list[Flags]:
-        rounds, n = self._exchange.rounds, len(self._fleet)
+        rounds = self._exchange.rounds
+        n = len(self._fleet)
         if self._loss == 0.0 or self._exchange.centre:
             return [self._up] * rounds
         return [self._up & (draw >= self._loss) for draw in self._rng.random((rounds, n, n))]
@@ -107,7 +113,7 @@ class Teammates:
 
 
 class _Report(NamedTuple):
-    """What a UAV tells the others at a decision."""
+    """The message of a UAV to the others at a decision."""
 
     time: float  # s
     vehicle: Vehicle
@@ -117,7 +123,7 @@ class _Report(NamedTuple):
 class LateTeammates(Teammates):
     """The same in a network that takes time.
 
-    At each decision each UAV sends one message with its position, velocity and plan, if the planner sends plans. Nobody
+    At each decision each UAV sends one message with its position, velocity and plan, if the planner sends plans. No UAV
     receives a plan of this instant. A UAV knows from each other one the latest message that has arrived. It predicts
     the sender to the present by that plan, or without one at the velocity of then for `network.hold`.
     Note: with `Exchange.centre` plans arrive at once; their bytes keep other messages waiting.
@@ -127,7 +133,8 @@ class LateTeammates(Teammates):
         self, network: Network, exchange: Exchange, rng: np.random.Generator, senders: Sequence[Sender]
     ) -> None:
         super().__init__(network, exchange, rng)
-        self._network, self._senders = network, senders
+        self._network = network
+        self._senders = senders
         self._inboxes = [Inbox[_Report]() for _ in senders]
         self._heard: dict[tuple[int, int], _Report] = {}  # latest message, by receiver and sender
         self._time = 0.0  # s
@@ -136,7 +143,8 @@ class LateTeammates(Teammates):
         self, time: float, fleet: Sequence[Vehicle], links: RadioLinks, working: Sequence[int], step: float
     ) -> None:
         """As `Teammates.update`; takes in what has arrived."""
-        self._time, self._fleet = time, fleet
+        self._time = time
+        self._fleet = fleet
         works = np.isin(np.arange(len(fleet)), working)
         self._up = links.up & works[:, None] & works
         self._contact = np.zeros_like(self._up)
@@ -159,7 +167,9 @@ class LateTeammates(Teammates):
 
     def send(self, plans: Mapping[int, Plan]) -> Indices:
         """As `Teammates.send`."""
-        self.own, (n, _), silent = dict(plans), self._up.shape, not self._exchange.rounds or self._exchange.centre
+        self.own = dict(plans)
+        n = len(self._up)
+        silent = not self._exchange.rounds or self._exchange.centre
         arrives = self._up & (self._rng.random((n, n)) >= self._network.loss) if self._network.loss else self._up
         jitter = draw_jitter(self._network, n, self._rng)
         sent = self._count_bytes(plans) if self._exchange.centre else np.zeros(n, dtype=np.int64)

@@ -31,8 +31,10 @@ class TrackerFleet:
     """The trackers of all UAVs, which agree in each scan by consensus or, if the network takes time, by late scans."""
 
     def __init__(self, scenario: Scenario, forest: Forest, initial: Sequence[Track]) -> None:
-        self._network, self._trackers = scenario.network, make_trackers(scenario, forest, initial)
-        self.relay, self._k = ScanRelay(self._network, len(self._trackers)), 0  # number of the next scan
+        self._network = scenario.network
+        self._trackers = make_trackers(scenario, forest, initial)
+        self.relay = ScanRelay(self._network, len(self._trackers))
+        self._k = 0  # number of the next scan
         start = FleetState(self._trackers)
         hold = max(round(self._network.holds * scenario.rates.sensing), 1)
         uavs = range(len(self._trackers) if self._network.takes_time else 0)
@@ -57,7 +59,8 @@ class TrackerFleet:
                         self._logs[i].add_report(received.k, received.uav, received.content)
                 self._logs[i].step(time, scans.get(i))
             for i in working:
-                own, report = [Sent(self._k, i, scans[i])] if i in scans else [], self._logs[i].report
+                own = [Sent(self._k, i, scans[i])] if i in scans else []
+                report = self._logs[i].report
                 if report:
                     own.append(Sent(report[0], i, report[1]))
                 sent[i] += self.relay.send(i, time, own, links, working)

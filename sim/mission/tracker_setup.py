@@ -20,18 +20,18 @@ def make_tracker_parameters(scenario: Scenario, uav: int = 0) -> TrackerParamete
 
 
 def make_planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
-    """Motion model of people with which planners predict over a planning step, scan by scan as the trackers do.
+    """Motion model of people for planners: it predicts over a planning step, scan by scan as the trackers do.
 
     learned: the present motion model of a UAV's tracker, if it has one.
 
     Note: planners know only the built-in models; in place of any other they assume nearly constant velocity.
     """
-    rates, name = scenario.rates, scenario.tracking.motion
+    name = scenario.tracking.motion
     if isinstance(learned, NearlyConstantVelocity):
         model = learned
     else:
         model = _make_motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
-    return replace(model, dt=rates.plan_step, scans=rates.plan_scans)
+    return replace(model, dt=scenario.rates.plan_step, scans=scenario.rates.plan_scans)
 
 
 def _make_motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`

@@ -18,12 +18,11 @@ from sim.scenario.environment import Trees, Wind
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
 from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.detector import Frame
 from tracking.filter.negative_information import negative_information_update
-from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
 from tracking.numerics.compiled import find_uncompiled, functions, not_kept
 from tracking.parameters import Tracking
+from tracking.testing.stage import paint_frame
 
 _BEFORE = "Compiling the numerical code, which takes about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
@@ -33,8 +32,11 @@ class _Watch(event.Listener):
     """Reports the start of the first compilation and each of our functions that is compiled, not those loaded."""
 
     def __init__(self, say: Say, progress: Callable[[Compilation], None]) -> None:
-        self._say, self._progress = say, progress
-        self._depth, self._began, self.seconds = 0, 0.0, 0.0
+        self._say = say
+        self._progress = progress
+        self._depth = 0  # of compilations that call for others
+        self._began = 0.0
+        self.seconds = 0.0
         self._done: set[str] = set()
         self._total = 0
 
@@ -86,8 +88,6 @@ def warm_up() -> None:
             pass
     # Negative information does not occur within 0.6 s in every forest.
     negative_information_update(np.zeros((1, 4)), np.eye(4)[None], np.linspace(0.1, 1.0, len(SAMPLES))[None])
-    image = np.zeros((64, 64, 3), dtype=np.uint8)
-    image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
-    under = Forest((Tree(4.0, 0.0),))
-    BlobDetector(under).detect(Frame(0, 0.0, Camera(1.0, 64), Pose.level(0.0, 0.0, 20.0), image))  # only images need it
+    beside = Forest((Tree(4.0, 0.0),))  # the person in the middle of the frame
+    BlobDetector(beside).detect(paint_frame())  # only images need it
     gc.freeze()  # a compiler's objects stay; else each full collection goes through them all

@@ -1,10 +1,12 @@
-"""Set-up of a mission's world from its seed: the forest, and the people who walk in it."""
+"""Set-up of a mission's world from its seed: the forest, the people who walk in it, and the air."""
 
+import math
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from sim.scenario.environment import Wind
 from sim.scenario.random_streams import stream
 from sim.scenario.remarks import find_remarks
 from sim.scenario.scenario import Scenario, is_clear
@@ -15,7 +17,10 @@ from sim.world.trajectories import Trajectories
 from sim.world.walkers import walk
 from tracking.errors import InputError
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.exponential import exp
+from tracking.numerics.normal import standard_normal
 
 _TRIES = 10_000  # places that are drawn for one UAV
 
@@ -94,3 +99,27 @@ def _read_recorded_people(scenario: Scenario) -> Trajectories | None:
 def _find_duration(scenario: Scenario) -> float:
     """Time [s] that trajectories cover: at least two scans, because a velocity needs two positions."""
     return max(scenario.duration, 1 / scenario.rates.sensing)
+
+
+class Air:
+    """The velocity of the air at each physics step: first-order Gauss-Markov gusts around the mean.
+
+    The two components are independent, with the scenario's standard deviation and correlation time. The process starts
+    in its steady state and is discretised exactly, so that its statistics do not depend on the rate. All UAVs meet the
+    same gust at the same time, because eddies that last for seconds are larger than a fleet.
+    """
+
+    def __init__(self, wind: Wind, rate: int, rng: np.random.Generator) -> None:
+        self._wind = wind
+        self._kept = exp(-1.0 / (rate * wind.gust_time))
+        self._rng = rng
+        self._gust = wind.gust * standard_normal(rng, 2)
+
+    def steps(self, count: int) -> Array:
+        """Velocities (count, 2) m/s of the air, east and north, in the next physics steps."""
+        drawn = self._wind.gust * math.sqrt(1.0 - self._kept * self._kept) * standard_normal(self._rng, (count, 2))
+        gusts = np.empty((count, 2))
+        for k in range(count):
+            gusts[k] = self._gust
+            self._gust = self._kept * self._gust + drawn[k]
+        return np.asarray(gusts + self._wind.velocity)

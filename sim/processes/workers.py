@@ -131,7 +131,7 @@ def _end_with_parent() -> None:
 
 
 def _run_traced(trace: Path, limit: float | None, work: Callable[[], Result]) -> Result:
-    """Run a task; if it crashes or is about to be killed, the file `trace` tells what it was doing."""
+    """Run a task; if it crashes or is about to be killed, the file `trace` says what it was doing."""
     with open(trace, "w") as file:
         faulthandler.enable(file, all_threads=False)
         if limit is not None:

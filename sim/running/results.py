@@ -1,26 +1,37 @@
-"""One mission and its folder: recording, summary, video, page, OSPA curve and timeline."""
+"""A folder of results, of a mission or of a flight from elsewhere: recording, summary, film, page and plots."""
 
+import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from planning.planner_loading import load_planner
 from sim.facts.flight import Flight
 from sim.facts.metrics.catalogue import find_metric
-from sim.facts.metrics.summary import format_planner_title
+from sim.facts.metrics.metric import Outcome
+from sim.facts.metrics.summary import format_planner_title, summarise
+from sim.mission.archive import save
 from sim.mission.atomic_files import make_new_folder
-from sim.mission.mission import Mission
-from sim.mission.recorder import Recorder
-from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
-from sim.running.mission_flight import fly_mission, make_recording
-from sim.running.result_files import Results, write_results, write_summary
+from sim.running.fly import FlyingMission, fly
 from sim.views.drawing.film import Film, Video
+from sim.views.drawing.plots import save as save_figure
+from sim.views.page.page import describe_omission, write_page
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a mission leaves in its folder."""
+
+    folder: Path
+    final: Path  # name of the folder when it is complete
+    video: bool  # False: neither mission.mp4 nor mission.html
+    metrics: Sequence[str]  # import strings of plug-in metrics for the summary
 
 
 class Stop(Protocol):
@@ -41,80 +52,69 @@ def run_mission(
 ) -> dict[str, Any]:
     """Fly a mission, leave its results in the new folder `out`, and return the summary.
 
-    video: False for neither film nor page. metrics: import strings of plug-in metrics for the summary. `progress` is
-    called for each function that is compiled and at each scan, and `say` with messages about compilation.
-
     The folder appears when it is complete. Ctrl-C in flight ends the mission after the present scan; the scans flown so
     far are kept and marked as interrupted. A second Ctrl-C, or one before take-off, is a KeyboardInterrupt and leaves
     nothing. InputError if the input is wrong.
+
+    Args:
+        trial: The mission.
+        out: The folder.
+        video: False for neither film nor page.
+        metrics: Import strings of plug-in metrics for the summary.
+        progress: Called for each function that is compiled and at each scan.
+        say: Called with messages about compilation, and about what the page leaves out.
     """
     with make_new_folder(out) as folder:
         results = Results(folder, out, video, metrics)
-        return fly_into(results, trial, stopping=stop_request, progress=progress, say=say)
+        with take_off(results, trial, progress, say) as flying, stop_request() as stop:
+            return fly_into(results, flying, stop, progress, say)
 
 
-def fly_into(
-    results: Results,
-    trial: Trial,
-    *,
-    stopping: Callable[[], AbstractContextManager[Stop]],
-    progress: Progress,
-    say: Say,
-) -> dict[str, Any]:
-    """Fly a mission like `run_mission`, into a folder that exists.
-
-    stopping: a context from take-off until all files are written; its value says when the mission should end.
-    """
-    _check_plug_ins(trial, results.metrics)
-    film = results.folder / "mission.mp4" if results.video else None
-    with ExitStack() as from_take_off:
-
-        @contextmanager
-        def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
-            stop = from_take_off.enter_context(stopping())
-            with _open_film(trial, mission, film) as add:
-
-                def watch(snapshot: Snapshot) -> bool:
-                    add(snapshot)
-                    progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
-                    return not stop.is_set()
-
-                yield watch
-
-        outcome = fly_mission(trial, watching, announce_compilation(say, progress)(warm_up))
-        start = time.perf_counter()
-        write_results(results, Flight(outcome.recording))
-        spent = time.perf_counter() - start
-        outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
-        return write_summary(results, outcome, say)
-
-
-def _check_plug_ins(trial: Trial, metrics: Sequence[str]) -> None:
-    """InputError if a plug-in cannot be imported or made, before anything is compiled."""
+def take_off(results: Results, trial: Trial, progress: Progress, say: Say) -> FlyingMission:
+    """The mission at its first scan, after compilation; InputError if a plug-in cannot be used, before compilation."""
     for registry, name in trial.scenario.plugins:
         if name not in registry.built_in:
             registry.find(name)
     load_planner(trial.planner)
-    for name in metrics:
+    for name in results.metrics:
         find_metric(name)
+    begun = time.perf_counter()
+    with announce_compilation(say, progress):
+        warm_up()
+    return fly(trial, begun=begun)
+
+
+def fly_into(results: Results, flying: FlyingMission, stop: Stop, progress: Progress, say: Say) -> dict[str, Any]:
+    """Fly a mission, or the part before `stop` is set, into a folder that exists; return the summary."""
+    mission = flying.mission
+    with _open_video(results, flying) as video:
+        for snapshot in flying:
+            if video:
+                with mission.clock.measure("video"):
+                    video.add(snapshot, mission.frames)
+            progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
+            if stop.is_set():
+                break
+    outcome = flying.land()
+    start = time.perf_counter()
+    write_results(results, Flight(outcome.recording))
+    spent = time.perf_counter() - start
+    outcome = replace(outcome, seconds={**outcome.seconds, "page": spent}, wall_s=outcome.wall_s + spent)
+    return write_summary(results, outcome, say)
 
 
 @contextmanager
-def _open_film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callable[[Snapshot], None]]:
-    """Yield a function that adds snapshots to the film at `path`, if any; its time counts as that of the video."""
-    if path is None:
-        yield lambda snapshot: None
+def _open_video(results: Results, flying: FlyingMission) -> Iterator[Video | None]:
+    """The film of a mission, if it has one, which is finished at the end of the block."""
+    if not results.video:
+        yield None
         return
-    title = format_planner_title(trial.planner, mission.sees_truth)
-    film = Film(trial.scenario, mission.forest, planner=title)
-    video = Video(path, film, fps=trial.scenario.rates.sensing)
-
-    def add(snapshot: Snapshot) -> None:
-        with mission.clock.measure("video"):
-            video.add(snapshot, mission.frames)
-
+    trial = flying.trial
+    mission = flying.mission
+    film = Film(trial.scenario, mission.forest, planner=format_planner_title(trial.planner, mission.sees_truth))
+    video = Video(results.folder / "mission.mp4", film, fps=trial.scenario.rates.sensing)
     try:
-        yield add
+        yield video
     except BaseException:
         video.discard()
         raise
@@ -122,12 +122,21 @@ def _open_film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Ca
         video.close()
 
 
-def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from outside") -> Flight:
-    """A mission flown by `Mission.step`, with tables and figures; marked as interrupted if it was not flown to the end.
+def write_results(results: Results, flight: Flight) -> None:
+    """Write the files of a mission except its film, which is there, and its summary."""
+    folder = results.folder
+    save(flight.recording, folder / "mission.npz")
+    if flight.recording.labelled:
+        save_figure(flight.ospa_figure(), folder / "ospa.png")
+        save_figure(flight.timeline_figure(), folder / "timeline.png")
+    if results.video:
+        write_page(flight, folder / "mission.html", video=folder / "mission.mp4", place=str(results.final))
 
-    snapshots: all snapshots that its steps returned, in order. planner: a name to show for the planner.
-    """
-    recorder = Recorder(mission.repeat)
-    for snapshot in snapshots:
-        recorder.add(snapshot)
-    return Flight(make_recording(mission, recorder, planner))
+
+def write_summary(results: Results, outcome: Outcome, say: Say) -> dict[str, Any]:
+    """Write the summary and return it; `say` what the page leaves out."""
+    summary = summarise(outcome, results.metrics)
+    (results.folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    if results.video and (left_out := describe_omission(outcome.recording)):
+        say(left_out)
+    return summary

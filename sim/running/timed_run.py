@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event
@@ -14,8 +14,7 @@ from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announce_compilation, warm_up
 from sim.processes.signals import stop_request
 from sim.processes.workers import CONTEXT, LOST, start_workers
-from sim.running.result_files import Results
-from sim.running.results import fly_into
+from sim.running.results import Results, fly_into, take_off
 from tracking.errors import InputError
 from tracking.plugins.plugin_error import PluginError, plugin_call
 
@@ -89,5 +88,5 @@ def _prepare(messages: Connection, stop: Event) -> None:
 def _fly(trial: Trial, results: Results) -> dict[str, Any]:
     """Fly in the process; exceptions of plug-ins become PluginErrors, because not all exceptions can be pickled."""
     tell = _parent.messages.send
-    with plugin_call(passing=(InputError,)):
-        return fly_into(results, trial, stopping=lambda: nullcontext(_parent.stop), progress=tell, say=tell)
+    with plugin_call(passing=(InputError,)), take_off(results, trial, tell, tell) as flying:
+        return fly_into(results, flying, _parent.stop, tell, tell)

@@ -83,7 +83,8 @@ def make_camera(settings: CameraSettings, *, believed: bool = False) -> Camera:
     cx, cy = belief.centre or settings.centre or (width / 2 - _CENTRE, height / 2 - _CENTRE)
     size = _scale_size(settings)
     across, down = size[0] / width, size[1] / height
-    lengths, centre = (focal[0] * across, focal[1] * down), ((cx + _CENTRE) * across, (cy + _CENTRE) * down)
+    lengths = (focal[0] * across, focal[1] * down)
+    centre = ((cx + _CENTRE) * across, (cy + _CENTRE) * down)
     return Camera.calibrated(*size, lengths, centre, bend)
 
 
@@ -94,7 +95,8 @@ def _scale_size(settings: CameraSettings) -> tuple[int, int]:
 def read_camera(name: str) -> CameraSettings:
     """A packaged camera, or that of a TOML file or of ROS's camera_info in YAML; InputError if there is none."""
     if name.endswith((".yaml", ".yml")):
-        path, data = Path(name), _read_camera_info(Path(name))
+        path = Path(name)
+        data = _read_camera_info(path)
     else:
         path = find_toml_file(name, CAMERAS, "camera")
         data = read_toml(path, "camera")

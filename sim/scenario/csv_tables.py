@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 
 from sim.scenario.quantities import parse_number
-from sim.scenario.text_files import read_spreadsheet_text
+from sim.scenario.text_files import read_text
 from tracking.errors import InputError
 
 MOST_BYTES = 2**28  # largest size of a file, enough for rows at 10 Hz for as long as people may walk
@@ -21,7 +21,7 @@ _DIGITS = 18  # most digits of an integer, so that it fits into 64 bits
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """One row of a table."""
 
     where: str  # file and line, with which errors begin
@@ -64,7 +64,7 @@ class Row:
 
 
 class RowErrors:
-    """Errors of a table's rows, collected so that one error tells of all."""
+    """Errors of a table's rows, collected so that one error names all of them."""
 
     def __init__(self, name: str) -> None:
         """Errors begin with a name, which is removed from all but the first."""
@@ -99,16 +99,22 @@ def read_csv(
     *,
     nameless: bool = False,
     hints: Mapping[str, str] | None = None,
-) -> Iterator[Row]:
+) -> Iterator[TableRow]:
     """Rows of a table that has these columns once each, and maybe others; empty lines are skipped.
 
     Entries are separated by commas, semicolons, tabs or spaces, as the first line shows. Unless they are separated by
-    commas, numbers may have a decimal comma. aliases: other names of columns. nameless: a first line that consists of
-    numbers, as many as there are `columns`, is a row. hints: what to do if a column is missing. InputError begins with
-    `field` and names file, line and column.
+    commas, numbers may have a decimal comma. InputError begins with `field` and names file, line and column.
+
+    Args:
+        path: The file.
+        field: What errors begin with, such as the key of a scenario that names the file.
+        columns: Names of the columns that the table must have.
+        aliases: Other names of columns.
+        nameless: True if a first line of numbers, as many as there are `columns`, is a row.
+        hints: What to do if a column is missing, by column.
     """
     name = f"{field}: {path}"
-    found = read_spreadsheet_text(path, field, MOST_BYTES)
+    found = read_text(path, field, MOST_BYTES)
     if not found.strip():
         raise InputError(f"{name}: is empty; its first line must name the columns {','.join(columns)}")
     delimiter = _find_delimiter(found)
@@ -119,7 +125,8 @@ def read_csv(
         given = [entry.strip() for entry in next(table)]
         rows: Iterable[list[str]] = table
         if nameless and len(given) == len(columns) and _are_numbers(given):
-            rows, given = chain([given], table), list(columns)
+            rows = chain([given], table)
+            given = list(columns)
         header = _read_header(given, name, columns, aliases or {}, hints or {})
         names = {column: own for column, own in zip(header, given, strict=True) if column != own}
         for entries in rows:
@@ -130,7 +137,7 @@ def read_csv(
                 raise InputError(f"{where}: has {len(entries)} entries, not {len(header)} as line 1")
             if any(entries):
                 values = dict(zip(header, map(str.strip, entries), strict=True))
-                yield Row(where, table.line_num, values, names, decimal_comma=delimiter != ",")
+                yield TableRow(where, table.line_num, values, names, decimal_comma=delimiter != ",")
     except csv.Error as error:  # an entry is longer than Python's reader allows
         raise InputError(f"{name}, line {table.line_num}: {error}") from error
 

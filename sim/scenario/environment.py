@@ -25,8 +25,6 @@ WALKS = Registry(
 )
 TRAJECTORIES = {path.stem: path for path in sorted((ASSETS / "trajectories").glob("*.csv"))}
 STANDS = {path.stem: path for path in sorted((ASSETS / "stands").glob("*.csv"))}
-
-
 MOST_LEAVES = 5.0  # m²/m³; three metres of such a crown hide all but a thousandth
 Height = Annotated[float, Meta(ge=2, le=40)]  # m, of a tree
 
@@ -50,9 +48,8 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     canopy_top: Length = 6.0  # m, height above ground; below every UAV, by more than 1 m if images are rendered
     trunk_radius: Length = 0.2  # m; people walk round trunks
     # m, within 2 to 40: range `[low, high]` of uniform random heights, in place of the sizes above; [Jucker17] and
-    # [Chave14] give the radii of crowns and trunks
+    # [Chave14] give the radii of crowns and trunks, and crowns take half of the height
     height: tuple[Height, Height] | None = None
-    crown_ratio: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.5  # share of `height` that the crown takes
     overlap: bool = False  # true if crowns may overlap; trunks are then 1 m apart
     # m²/m³, leaf area in the volume of a crown, which then is random clusters of leaves; by default crowns are opaque
     leaf_area_density: Annotated[float, Meta(ge=0, le=MOST_LEAVES)] | None = None
@@ -85,7 +82,6 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
         if self.largest_radius is not None and self.largest_radius < self.canopy_radius:
             text = f"canopy_radius {self.canopy_radius:g}, the smallest"
             raise ValueError(f"largest_radius {self.largest_radius:g} must not be below {text}")
-
         if self.height is not None and self.height[0] > self.height[1]:
             raise ValueError(f"height {list(self.height)} has to be [low, high], the least height first")
 
@@ -103,7 +99,7 @@ DEFAULT_PATHS: Paths = (
 )
 
 
-FILE_KEYS = ("fps", "start", "origin", "outside", "max_gap")  # keys of people that say how to read `trajectories`
+FILE_KEYS = ("fps", "start", "origin", "outside")  # keys of people that say how to read `trajectories`
 
 
 class People(Struct, frozen=True, forbid_unknown_fields=True):
@@ -111,20 +107,17 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
 
     count: Count = 4  # number of people, late ones included
     # ways of walking; people are divided evenly among them, in this order: `"levy"`: along `paths`, else wandering;
-    # `"waypoints"`: to one place after another; `"stop-and-go"`: the same, with stops; `"groups"`: the same together,
+    # `"waypoints"`: to one place after another; `"stop-and-go"`: the same, with stops; `"groups"`: the same in threes,
     # until the group parts
     walks: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)] = ("levy",)
     # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, shifted a little at random by the seed; the others
     # wander
     paths: Paths = DEFAULT_PATHS
-    group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
     # s, mean time for which a person is present (0.5 to 1.5 times as long); people appear and leave anywhere, evenly
     # over the mission; by default all are present throughout
     stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
-    # step lengths have a density proportional to length^-exponent between the two speeds
-    levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
     # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
     trajectories: str = ""
     # Hz, frames in a second, if the file has the column frame in place of time
@@ -133,8 +126,6 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     origin: tuple[Projected, Projected] = (0.0, 0.0)  # m, place in the file that is the centre of the area
     # `"refuse"` rows of the file outside the area, or `"clip"`: people are absent while they are there
     outside: Literal["refuse", "clip"] = "refuse"
-    # s, longest time between two rows in which a person stays; in longer gaps the person is absent
-    max_gap: Annotated[float, Meta(gt=0, le=DAY)] | None = None
 
     @property
     def trajectory_file(self) -> Path | None:
@@ -147,21 +138,17 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
-    """Strengths of random variations of images; a strength that is not given is zero, or full with `randomise`."""
+    """Strengths of random variations of images."""
 
-    randomise: bool = False  # vary everything below
-    light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # deg, largest angle of the sun from the zenith
-    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share of diffuse light: 0.75 plus or minus this
-    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # largest relative change of red, green and blue
-    ground_moved: bool | None = None  # true if the ground's texture is shifted and turned
-    # largest relative change of the forest's colour, and of each tree's brightness
-    canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None
-    # deg, hue of each person's clothes: 16 plus or minus this
-    clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None
-    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # largest share by which clothes are darker
-    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # x: each camera's gain lies in 1 / (1 + x) to 1 + x
-    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation of Gaussian blur
-    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation of Gaussian noise
+    # share of full strength with which light, ground, leaves, clothes and cameras vary; `true` is 1
+    randomise: bool | Annotated[float, Meta(ge=0, le=1)] = False
+    # pixels, standard deviation of Gaussian blur, in place of that share of the full 0.5
+    blur: Annotated[float, Meta(ge=0, le=5)] | None = None
+    # grey levels, standard deviation of Gaussian noise, in place of that share of the full 4
+    noise: Annotated[float, Meta(ge=0, le=100)] | None = None
+
+
+APPEARANCES = {"none": Appearance(), "mild": Appearance(randomise=0.5), "full": Appearance(randomise=True)}
 
 
 class Wind(Struct, frozen=True, forbid_unknown_fields=True):

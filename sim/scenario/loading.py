@@ -1,5 +1,6 @@
 """Loading of scenario files: from TOML to a valid `Scenario` or an error of one line."""
 
+import json
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ import msgspec
 from sim.installation import ASSETS
 from sim.scenario.environment import STANDS, TRAJECTORIES
 from sim.scenario.overrides import apply_overrides
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, ScenarioSettings, leave_out_removed_keys
 from sim.scenario.settings_text import format_overrides
 from sim.scenario.text_files import find_toml_file, read_toml
 from tracking.errors import InputError, did_you_mean
@@ -92,7 +93,16 @@ def decode(data: Mapping[str, Any]) -> Scenario:
     for key in data:
         if key in _ELSEWHERE:
             raise InputError(f"{key}: unknown key; it is not part of a scenario, but {_ELSEWHERE[key]}")
-    return read_settings(data, Scenario)
+    settings = read_settings(data, ScenarioSettings)
+    try:
+        return settings.complete()
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def decode_recorded(text: str) -> Scenario:
+    """The scenario of a recording, whichever release made it; ValueError if this release cannot read it."""
+    return decode(leave_out_removed_keys(json.loads(text)))
 
 
 def _make_plain(value: Any) -> Any:  # noqa: ANN401 - any value of a scenario's field

@@ -7,11 +7,13 @@ from typing import Any
 import msgspec
 
 from sim.scenario.camera_settings import read_camera
+from sim.scenario.environment import APPEARANCES
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import parse_toml
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
 from tracking.navigation import NAVIGATION
+from tracking.settings import read_settings
 
 _VIEW = ("footprint", "fov_deg", "altitude")  # keys of a UAV, two of which determine the third
 
@@ -58,10 +60,14 @@ def _apply_override(data: dict[str, Any], override: str, earlier: Sequence[str])
 
 
 def _spell_out(key: str, value: Any) -> Any:  # noqa: ANN401 - plain data
-    """The figures of navigation or a camera that is given by name, as one of them may be changed; else the value."""
-    if isinstance(value, str) and key in ("camera", "navigation"):
-        return msgspec.to_builtins(read_camera(value) if key == "camera" else NAVIGATION.get(value, value))
-    return value
+    """The table that a name stands for, as one of its keys may be changed; else the value."""
+    if not isinstance(value, str):
+        return value
+    if key == "camera":
+        return msgspec.to_builtins(read_camera(value))
+    if key == "navigation":
+        return msgspec.to_builtins(NAVIGATION.get(value, value))
+    return msgspec.to_builtins(APPEARANCES.get(value, value)) if key == "appearance" else value
 
 
 def _keep_view(row: dict[str, Any], key: str, earlier: Sequence[str]) -> None:
@@ -79,8 +85,8 @@ def _keep_view(row: dict[str, Any], key: str, earlier: Sequence[str]) -> None:
         kept = {name: row[name] for name in earlier}
     else:
         try:
-            before = msgspec.convert({"start": (0.0, 0.0), **kept}, Uav)
-        except msgspec.ValidationError:  # which is told when the whole row is read
+            before = read_settings({"start": (0.0, 0.0), **kept}, UavSettings).complete()
+        except ValueError:  # which is told when the whole row is read
             return
         name = "footprint" if key == "fov_deg" else "fov_deg"
         kept = {name: getattr(before, name)}

@@ -9,7 +9,7 @@ def stream(seed: int, component: str, *index: int, repeat: int = 0) -> np.random
     """The random stream of one component, or of its part with an index, independent of all other components.
 
     repeat: always 0 for the map (forest, people and their appearance), which the seed alone decides. Sensors, network,
-    wind and planner have different streams in each repeat; those of repeat 0 depend on the seed alone.
+    wind and planner have different streams in each repeat; the streams of repeat 0 depend on the seed alone.
     """
     path = (
         (_number_name(component), *index)

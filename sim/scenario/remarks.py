@@ -88,7 +88,7 @@ def describe_small_people(uav: Uav) -> str:
 
 # For a key of trees: the keys that have no effect if it is set, and what it gives in their place.
 _TREES = {
-    "file": (("density", "per_hectare", "largest_radius", "height", "crown_ratio", "overlap"), "all trees"),
+    "file": (("density", "per_hectare", "largest_radius", "height", "overlap"), "all trees"),
     "height": (("canopy_radius", "largest_radius", "canopy_base", "canopy_top", "trunk_radius"), "the sizes of trees"),
     "per_hectare": (("density",), "the number of trees"),
 }
@@ -119,11 +119,9 @@ def _remark_on_people(people: People) -> list[str]:
     spare = len(people.paths) - people.count
     if spare > 0 and people.paths != default.paths and people.walks == ("levy",):
         return [f"people.paths: {spare} of {len(people.paths)} not used, as people.count is {people.count}"]
-    return [
-        f'people.{key}: not used, as people.walks lacks "{walk}"'
-        for key, walk in (("group", "groups"), ("paths", "levy"))
-        if getattr(people, key) not in ((), getattr(default, key)) and walk not in people.walks
-    ]
+    if people.paths in ((), default.paths) or "levy" in people.walks:
+        return []
+    return ['people.paths: not used, as people.walks lacks "levy"']
 
 
 def _remark_on_unused_keys(scenario: Scenario) -> list[str]:

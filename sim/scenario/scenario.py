@@ -4,16 +4,16 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from itertools import combinations, pairwise
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.environment import FILE_KEYS, WALKS, Appearance, Area, People, Trees, Wind
+from sim.scenario.environment import APPEARANCES, WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.quantities import Path, count_scans, simplify_number
 from sim.scenario.sensing import DETECTORS, SENSOR_MODES, Sensing
-from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav
-from tracking.errors import spell
+from sim.scenario.uavs import DEFAULT_FLEET, Network, Uav, UavSettings
+from tracking.errors import InputError, check_known, spell
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
@@ -22,7 +22,7 @@ from tracking.parameters import Tracking
 from tracking.plugins.registry import Registry
 from tracking.settings import DAY, Time
 
-CLEARANCE = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
+START_GAP = 1.0  # m, least distance between UAVs at the start; rotors reach 0.3 m out
 _ABOVE_CANOPIES = 1.0  # m, least height of rendering cameras above canopies; images leave out the nearest 0.5 m
 _ROUNDING = 1e-6  # s, of times that are multiples of the time between scans
 _STEADY = 25  # Hz: below 22.5 Hz the attitude loop of quadrotors is unstable
@@ -41,12 +41,12 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     planning: Annotated[float, Meta(ge=0.01, le=1000)] = 1
 
     def __post_init__(self) -> None:
-        rate, step = self.physics, self.sensing
+        rate = self.physics
+        step = self.sensing
         if rate % step:
             near = " or ".join(str(k) for k in (rate - rate % step, rate - rate % step + step) if k)
             raise ValueError(f"physics {rate} Hz is not a multiple of sensing {step} Hz, as {near} would be")
         count_scans("planning", self.planning, self.sensing)
-        msgspec.structs.force_setattr(self, "planning", simplify_number(self.planning))
 
     @property
     def plan_scans(self) -> int:
@@ -97,7 +97,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if not (one.start_radius or other.start_radius or is_clear(one, other)):
-                raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {CLEARANCE:g} m from uavs.{i}")
+                raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {START_GAP:g} m from uavs.{i}")
 
     def _check_times(self) -> None:
         if self.first_decision > self.duration:
@@ -135,10 +135,6 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
             inside = f"allowed are |x| <= {self.area.width / 2:g} and |y| <= {self.area.height / 2:g} m"
             raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area; {inside}")
-        offset = uav.navigation_errors.clock_offset or 0.0
-        if abs(offset) > self.duration:
-            allowed = f"allowed are -{self.duration:g} to {self.duration:g} within the mission"
-            raise ValueError(f"uavs.{i}.navigation.clock_offset: {offset:g} s is beyond the mission; {allowed}")
         self.frame_scans(i)
         if uav.readout * self.rates.sensing >= 1:
             limit = f"allowed is less than the {1 / self.rates.sensing:g} s between scans"
@@ -205,9 +201,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def is_clear(one: Uav, other: Uav) -> bool:
-    """True if the starts of two UAVs are `CLEARANCE` apart."""
+    """True if the starts of two UAVs are `START_GAP` apart."""
     gaps = (one.start[0] - other.start[0], one.start[1] - other.start[1], one.altitude - other.altitude)
-    return math.sqrt(math.fsum(gap * gap for gap in gaps)) >= CLEARANCE
+    return math.sqrt(math.fsum(gap * gap for gap in gaps)) >= START_GAP
 
 
 def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
@@ -220,27 +216,117 @@ def _check_multiple(key: str, value: float, rate: float, what: str) -> None:
         )
 
 
-# Keys left out at their defaults, so that recordings keep the bytes that they had before these keys existed.
-_LATER = (
-    "uavs.camera",
-    *("trees.per_hectare", "trees.largest_radius", "trees.height", "trees.crown_ratio", "trees.overlap", "trees.file"),
-    *("trees.origin", "trees.leaf_area_density", "people.walks", "people.group", "people.stay"),
-    *(f"people.{key}" for key in FILE_KEYS),
-    *("network.delay", "network.jitter", "network.rate", "network.hold"),
-    *("uavs.start_radius", "uavs.navigation", "tracking.pose_errors", "loss_distance"),
-)
+class ScenarioSettings(Scenario, frozen=True, forbid_unknown_fields=True):
+    """A scenario as a file gives it: views of UAVs in part, and the appearance also by name."""
+
+    # the fleet, one or more
+    uavs: Annotated[tuple[UavSettings, ...], Meta(min_length=1, max_length=200)] = tuple(
+        UavSettings(start=uav.start, footprint=uav.footprint, alpha=uav.alpha) for uav in DEFAULT_FLEET
+    )
+    # how images vary with the seed: `"none"`, `"mild"`, `"full"`, or a table of the keys below
+    appearance: str | Appearance = "none"  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        """Check nothing: `complete` does."""
+
+    def complete(self) -> Scenario:
+        """The scenario with all that follows from the settings; ValueError if they contradict one another."""
+        appearance = self.appearance
+        if isinstance(appearance, str):
+            check_known("appearance", appearance, APPEARANCES, " (or a table of strengths)")
+            appearance = APPEARANCES[appearance]
+        fleet = tuple(_complete_uav(i, uav) for i, uav in enumerate(self.uavs))
+        rates = msgspec.structs.replace(self.rates, planning=simplify_number(self.rates.planning))
+        given = {name: getattr(self, name) for name in Scenario.__struct_fields__}
+        return Scenario(**{**given, "uavs": fleet, "rates": rates, "appearance": appearance})
+
+
+def _complete_uav(i: int, settings: UavSettings) -> Uav:
+    try:
+        return settings.complete()
+    except ValueError as error:
+        raise ValueError(f"uavs.{i}: {error}") from error
+
+
+# Keys that recordings hold at any value, in their order; all other keys are left out at their defaults.
+_ALWAYS_RECORDED = {
+    "": "version duration first_decision dynamics area trees people uavs rates sensing tracking network appearance "
+    "wind",
+    "area": "width height",
+    "trees": "density canopy_radius canopy_base canopy_top trunk_radius",
+    "people": "count paths min_speed max_speed levy_exponent trajectories",
+    "uavs": "start footprint alpha fov_deg pixels max_speed mount rate tilt_deg fails_at",
+    "uavs.navigation": "horizontal_noise vertical_noise horizontal_drift vertical_drift position_time velocity_noise "
+    "tilt_bias_deg tilt_drift_deg yaw_bias_deg yaw_drift_deg attitude_time clock_deviation clock_offset",
+    "rates": "physics sensing planning",
+    "sensing": "mode noise occlusion renderer detector false_alarms miss_probability field_of_view",
+    "tracking": "sigma_a initial_tracks detection_probability clutter_density gate_probability confirm delete "
+    "negative_information reacquire_after max_variance max_speed walking_speed management survival birth_density "
+    "confirmation_threshold deletion_threshold motion tracker undetected",
+    "network": "rounds range fusion loss links cuts plan_delay",
+    "network.cuts": "links start end",
+    "appearance": "randomise light_deg ambient ground_tint ground_moved canopy_tint clothing_hue_deg clothing_shade "
+    "exposure blur noise",
+    "wind": "velocity gust gust_time",
+}
+# Keys that earlier releases had, at the only value that recordings may have.
+_REMOVED: dict[str, float | None] = {
+    "trees.crown_ratio": 0.5,
+    "people.group": 3,
+    "people.levy_exponent": 2.0,
+    "people.max_gap": None,
+    "uavs.navigation.position_time": 300.0,
+    "uavs.navigation.attitude_time": 60.0,
+    "uavs.navigation.clock_offset": None,
+    "appearance.light_deg": None,
+    "appearance.ambient": None,
+    "appearance.ground_tint": None,
+    "appearance.ground_moved": None,
+    "appearance.canopy_tint": None,
+    "appearance.clothing_hue_deg": None,
+    "appearance.clothing_shade": None,
+    "appearance.exposure": None,
+}
 
 
 def encode_scenario(scenario: Scenario) -> str:
-    """The scenario as JSON with all defaults, except those of `_LATER`."""
-    written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
-    for name in _LATER:
-        *table, key = name.split(".")
-        held, usual = (part[table[0]] if table else part for part in (written, default))
-        for entries in held if table == ["uavs"] else [held]:
-            if entries[key] == (usual[0] if table == ["uavs"] else usual)[key]:
-                del entries[key]
-    return msgspec.json.encode(written).decode()
+    """The scenario as JSON, as recordings hold it: with all keys of `_ALWAYS_RECORDED`, whatever they were set to."""
+    return msgspec.json.encode(_arrange(scenario, "")).decode()
+
+
+def _arrange(value: Any, table: str) -> Any:  # noqa: ANN401 - settings
+    """Settings as plain data with the keys that recordings hold, in their order; `table` is their dotted name."""
+    if isinstance(value, tuple):
+        return [_arrange(item, table) for item in value]
+    if not isinstance(value, Struct) or table not in _ALWAYS_RECORDED:
+        return msgspec.to_builtins(value)
+    missing = _ALWAYS_RECORDED[table].split()
+    found: dict[str, Any] = {}
+    for key in msgspec.structs.fields(value):
+        own = getattr(value, key.name)
+        if key.name in missing:
+            while (before := missing.pop(0)) != key.name:
+                found[before] = _REMOVED[f"{table}.{before}"]
+        elif own == key.default:
+            continue
+        found[key.name] = _arrange(own, f"{table}.{key.name}".lstrip("."))
+    return found | {key: _REMOVED[f"{table}.{key}"] for key in missing}
+
+
+def leave_out_removed_keys(recorded: Any, table: str = "") -> Any:  # noqa: ANN401 - plain data
+    """Settings of a recording without keys that only earlier releases had; InputError if one of them was changed."""
+    if isinstance(recorded, list):
+        return [leave_out_removed_keys(item, table) for item in recorded]
+    if not isinstance(recorded, dict):
+        return recorded
+    found = {}
+    for key, value in recorded.items():
+        name = f"{table}.{key}".lstrip(".")
+        if name not in _REMOVED:
+            found[key] = leave_out_removed_keys(value, name)
+        elif value != _REMOVED[name]:
+            raise InputError(f"{name}: {value!r} was set in a release that had this key, which later ones have not")
+    return found
 
 
 def check_workload(scenario: Scenario) -> None:

@@ -48,7 +48,8 @@ def _find_changes(given: Mapping[str, Any], default: Mapping[str, Any], prefix: 
     """Dotted keys with values other than the default; lists of tables of equal length are compared by table."""
     for key, value in given.items():
         before = default[key]
-        if isinstance(value, list | tuple) and len(value) == len(before) and isinstance(next(iter(value), None), dict):
+        lists = isinstance(value, list | tuple) and isinstance(before, list | tuple)
+        if lists and len(value) == len(before) and isinstance(next(iter(value), None), dict):
             value, before = ({str(k): row for k, row in enumerate(rows)} for rows in (value, before))
         if isinstance(value, Mapping) and isinstance(before, Mapping):
             yield from _find_changes(value, before, f"{prefix}{key}.")

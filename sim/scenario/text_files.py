@@ -16,21 +16,8 @@ else:
     import tomli as tomllib
 
 MOST_BYTES = 2**26  # largest size of a file
-_UNPACK, _SAVE = "unpack it first", "save it as UTF-8"
-_UTF_32 = (b"\xff\xfe\x00\x00", b"\x00\x00\xfe\xff")
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-# By their first bytes, files that are no text in UTF-8, and what to do with them.
-_KINDS = {
-    b"\x1f\x8b": ("compressed by gzip", _UNPACK),
-    b"BZh": ("compressed by bzip2", _UNPACK),
-    b"\xfd7zXZ\x00": ("compressed by xz", _UNPACK),
-    b"\x28\xb5\x2f\xfd": ("compressed by zstd", _UNPACK),
-    b"PK\x03\x04": ("a zip archive, as workbooks of spreadsheets are", "unpack it, or save the table as CSV in UTF-8"),
-    **dict.fromkeys(_UTF_32, ("text in UTF-32", _SAVE)),
-    **dict.fromkeys(_UTF_16, ("text in UTF-16", _SAVE)),
-}
-# Control characters of Latin-1 except tabs and ends of lines; no text has them.
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f]")
+_UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")  # characters that no text has
 _BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, which are parsed at about a megabyte per second
 _DEEPEST = 30  # levels of nested tables and lists
@@ -56,40 +43,16 @@ def read_bytes(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
 
 
 def read_text(path: Path, where: str, most: int = MOST_BYTES) -> str:
-    """The text of a file in UTF-8; limits and errors as in `read_bytes`."""
+    """The text of a file in UTF-8, in UTF-16 with a mark, or in Windows-1252; limits and errors as in `read_bytes`."""
     read = read_bytes(path, where, most)
-    _check_text(read, path, where)
-    try:
-        return read.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{where}: {path} cannot be read: {error}") from error
-
-
-def read_spreadsheet_text(path: Path, where: str, most: int = MOST_BYTES) -> str:
-    """As `read_text`, but in any encoding that spreadsheets write: UTF-8, UTF-16 with a mark, or Latin-1."""
-    read = read_bytes(path, where, most)
-    if read.startswith(_UTF_16) and not read.startswith(_UTF_32):
+    for encoding in ("utf-16",) if read.startswith(_UTF_16_MARKS) else ("utf-8-sig", "cp1252"):
         try:
-            return read.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise InputError(f"{where}: {path} cannot be read: {error}") from error
-    _check_text(read, path, where)
-    try:
-        return read.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = read.decode("latin-1")
-    if control := _CONTROL.search(text):
-        raise InputError(f"{where}: {path} cannot be read: is no text, as byte {control.start()} is {control[0]!r}")
-    return text
-
-
-def _check_text(read: bytes, path: Path, where: str) -> None:
-    """InputError if bytes are not the beginning of a text in an encoding of single bytes."""
-    for start, (kind, remedy) in _KINDS.items():
-        if read.startswith(start):
-            raise InputError(f"{where}: {path} cannot be read: is {kind}; {remedy}")
-    if b"\0" in read:
-        raise InputError(f"{where}: {path} cannot be read: has zero bytes, as UTF-16 or no text has; {_SAVE}")
+            text = read.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if not _CONTROL.search(text):
+            return text
+    raise InputError(f"{where}: {path} cannot be read: is no text in UTF-8, UTF-16 with a mark, or Windows-1252")
 
 
 def find_toml_file(name: str, packaged: Mapping[str, Path], where: str) -> Path:

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from msgspec import UNSET, Meta, Struct, UnsetType, field, structs
+from msgspec import Meta, Struct
 
 from sim.scenario.camera_settings import CameraSettings, make_camera, read_camera
 from sim.scenario.quantities import Point, simplify_number
@@ -19,22 +19,21 @@ from tracking.settings import DAY, Probability, Speed, Time
 _WIDEST = 10_000  # m
 _PIXELS = 128
 
+Footprint = Annotated[float, Meta(ge=0.01, le=_WIDEST)]  # m
+FieldOfView = Annotated[float, Meta(ge=1, lt=180)]  # deg
+Pixels = Annotated[int, Meta(ge=16, le=4096)]
+
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
-    """One quadrotor and its camera."""
+    """One quadrotor and its camera, with the whole view; `UavSettings` says what the fields mean."""
 
     start: Point  # m, `[x, y]`, the place above which the UAV hovers at the start
-    # m, edge of the square field of view on the ground; two of `footprint`, `fov_deg` and `altitude` determine the
-    # third; by default 20
-    footprint: Annotated[float, Meta(ge=0.01, le=_WIDEST)] = math.nan
+    footprint: Footprint = 20.0
     # quality factor of the UAV's measurements, [Li22] eq. (4); smaller is better
     alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
-    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = math.nan  # deg, full angle of the field of view; by default 60
-    # m above ground, instead of `footprint` or `fov_deg`
-    given_altitude: Annotated[float, Meta(gt=0, le=10_000)] | UnsetType = field(name="altitude", default=UNSET)
-    pixels: Annotated[int, Meta(ge=16, le=4096)] = _PIXELS  # pixels along each edge of the image
-    # a [camera](#cameras) in place of `fov_deg` and `pixels`; `footprint` is then the width of its view
-    camera: CameraSettings | str | None = None
+    fov_deg: FieldOfView = 60.0
+    pixels: Pixels = _PIXELS
+    camera: CameraSettings | None = None
     max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
     # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
     mount: Literal["gimbal", "body"] = "gimbal"
@@ -51,9 +50,8 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     navigation: str | Navigation = "exact"
 
     def __post_init__(self) -> None:
-        structs.force_setattr(self, "rate", simplify_number(self.rate))
-        self._take_camera()
-        self._complete_view()
+        if self.camera is not None:
+            _check_camera(self.camera, self.fov_deg, self.pixels)
         if isinstance(self.navigation, str):
             check_known("navigation", self.navigation, NAVIGATION, " (or a table of figures)")
         camera = self.true_camera
@@ -61,44 +59,6 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         if self.tilt_deg + ahead >= 90:
             limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - ahead:g}"
             raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
-
-    def _take_camera(self) -> None:
-        """Read the file of a camera, and set angle of view and pixels, which follow from it."""
-        if isinstance(self.camera, str):
-            structs.force_setattr(self, "camera", read_camera(self.camera))
-        if self.camera is None:
-            return
-        camera = self.true_camera
-        width, _ = camera.size
-        left, right = camera.slopes(np.array([[0.0, camera.optics.cy], [float(width), camera.optics.cy]]))[
-            :, 0
-        ].tolist()
-        fov_deg = 360.0 * arctan2((right - left) / 2, 1.0) / math.pi
-        if not (math.isnan(self.fov_deg) or math.isclose(self.fov_deg, fov_deg, rel_tol=1e-9)):
-            raise ValueError(f"fov_deg {self.fov_deg:g} is not that of the camera, {fov_deg:g}; leave it out")
-        if self.pixels not in (_PIXELS, width):
-            raise ValueError(f"pixels {self.pixels} is not the width of the camera's images, {width}; leave it out")
-        structs.force_setattr(self, "fov_deg", fov_deg)
-        structs.force_setattr(self, "pixels", width)
-
-    def _complete_view(self) -> None:
-        """Set footprint and angle of view if they are not given, and forget the altitude, which follows from them."""
-        altitude, footprint, fov_deg = self.given_altitude, self.footprint, self.fov_deg
-        if altitude is not UNSET and not math.isnan(footprint):
-            if not math.isnan(fov_deg):
-                raise ValueError("footprint, fov_deg and altitude are given; two of them determine the third")
-            fov_deg = 360.0 * arctan2(footprint / 2, altitude) / math.pi
-            if fov_deg < 1.0:
-                means = f"means a fov_deg of {spell(fov_deg, 3)}; allowed are 1 or more"
-                raise ValueError(f"altitude {altitude:g} m with footprint {footprint:g} m {means}")
-        fov_deg = 60.0 if math.isnan(fov_deg) else fov_deg
-        if math.isnan(footprint):
-            footprint = 20.0 if altitude is UNSET else 2 * altitude * _compute_half_tangent(fov_deg)
-            if footprint > _WIDEST:
-                means = f"means a footprint of {spell(footprint, 3)} m; at most {_WIDEST} m are allowed"
-                raise ValueError(f"altitude {altitude:g} m with fov_deg {fov_deg:g} {means}")
-        for name, value in (("footprint", footprint), ("fov_deg", fov_deg), ("given_altitude", UNSET)):
-            structs.force_setattr(self, name, value)
 
     @property
     def altitude(self) -> float:
@@ -121,14 +81,14 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         return self._make_camera(believed=True)
 
     def _make_camera(self, *, believed: bool) -> Camera:
-        if isinstance(self.camera, CameraSettings):
-            return make_camera(self.camera, believed=believed)
-        return Camera(math.radians(self.fov_deg), self.pixels)
+        if self.camera is None:
+            return Camera(math.radians(self.fov_deg), self.pixels)
+        return make_camera(self.camera, believed=believed)
 
     @property
     def readout(self) -> float:
         """Time [s] from the exposure of the first row of an image to that of the last."""
-        return self.camera.readout if isinstance(self.camera, CameraSettings) else 0.0
+        return 0.0 if self.camera is None else self.camera.readout
 
     @property
     def view_area(self) -> float:
@@ -141,6 +101,83 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
         """Mean number of pixels that show a person straight below the camera."""
         edge = self.footprint / self.pixels
         return AREA_FROM_ABOVE / (edge * edge)
+
+
+class UavSettings(Uav, frozen=True, forbid_unknown_fields=True):
+    """A UAV as a file gives it: what is None follows from the rest."""
+
+    # m, edge of the square field of view on the ground; two of `footprint`, `fov_deg` and `altitude` determine the
+    # third; by default 20
+    footprint: Footprint | None = None  # type: ignore[assignment]
+    fov_deg: FieldOfView | None = None  # type: ignore[assignment]  # deg, full angle of the field of view; by default 60
+    pixels: Pixels | None = None  # type: ignore[assignment]  # pixels along each edge of the image; by default 128
+    # a [camera](#cameras) in place of `fov_deg` and `pixels`; `footprint` is then the width of its view
+    camera: CameraSettings | str | None = None  # type: ignore[assignment]
+    # m above ground, instead of `footprint` or `fov_deg`
+    altitude: Annotated[float, Meta(gt=0, le=10_000)] | None = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        """Check nothing: `complete` does."""
+
+    def complete(self) -> Uav:
+        """The UAV with all of its view; ValueError if what is given contradicts itself."""
+        camera = read_camera(self.camera) if isinstance(self.camera, str) else self.camera
+        fov_deg, pixels = self.fov_deg, self.pixels
+        if camera is not None:
+            of_camera = measure_view(camera)
+            fov_deg = of_camera.fov_deg if fov_deg is None else fov_deg
+            pixels = of_camera.pixels if pixels is None else pixels
+            _check_camera(camera, fov_deg, pixels)
+        footprint, fov_deg = _complete_view(self.footprint, fov_deg, self.altitude)
+        view = {"footprint": footprint, "fov_deg": fov_deg, "pixels": pixels or _PIXELS, "camera": camera}
+        given = {name: getattr(self, name) for name in Uav.__struct_fields__}
+        return Uav(**{**given, **view, "rate": simplify_number(self.rate)})
+
+
+class CameraView(NamedTuple):
+    """What a camera decides of a UAV's view."""
+
+    fov_deg: float  # deg, between the ends of the middle row
+    pixels: int  # along the middle row
+
+
+def measure_view(settings: CameraSettings) -> CameraView:
+    """The angle of view and the width of a camera's images."""
+    camera = make_camera(settings)
+    width, _ = camera.size
+    ends = np.array([[0.0, camera.optics.cy], [float(width), camera.optics.cy]])
+    left, right = camera.slopes(ends)[:, 0].tolist()
+    return CameraView(360.0 * arctan2((right - left) / 2, 1.0) / math.pi, width)
+
+
+def _check_camera(camera: CameraSettings, fov_deg: float, pixels: int) -> None:
+    """ValueError if angle of view and pixels are not those of the camera."""
+    view = measure_view(camera)
+    if not math.isclose(fov_deg, view.fov_deg, rel_tol=1e-9):
+        raise ValueError(f"fov_deg {fov_deg:g} is not that of the camera, {view.fov_deg:g}; leave it out")
+    if pixels != view.pixels:
+        raise ValueError(f"pixels {pixels} is not the width of the camera's images, {view.pixels}; leave it out")
+
+
+def _complete_view(footprint: float | None, fov_deg: float | None, altitude: float | None) -> tuple[float, float]:
+    """Footprint [m] and angle of view [deg], given two of them and the altitude, or fewer; ValueError if given three.
+
+    The altitude follows from them: `Uav.altitude`.
+    """
+    if footprint is not None and altitude is not None:
+        if fov_deg is not None:
+            raise ValueError("footprint, fov_deg and altitude are given; two of them determine the third")
+        fov_deg = 360.0 * arctan2(footprint / 2, altitude) / math.pi
+        if fov_deg < 1.0:
+            means = f"means a fov_deg of {spell(fov_deg, 3)}; allowed are 1 or more"
+            raise ValueError(f"altitude {altitude:g} m with footprint {footprint:g} m {means}")
+    fov_deg = 60.0 if fov_deg is None else fov_deg
+    if footprint is None:
+        footprint = 20.0 if altitude is None else 2 * altitude * _compute_half_tangent(fov_deg)
+        if footprint > _WIDEST:
+            means = f"means a footprint of {spell(footprint, 3)} m; at most {_WIDEST} m are allowed"
+            raise ValueError(f"altitude {altitude:g} m with fov_deg {fov_deg:g} {means}")
+    return footprint, fov_deg
 
 
 def _compute_half_tangent(angle_deg: float) -> float:

@@ -1,10 +1,11 @@
 """Culling of bodies that cannot show in an image."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
+from tracking.geometry.visibility import Solid
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
@@ -13,16 +14,7 @@ NEAR_PLANE = 0.5  # m from the camera, so that its own UAV is left out
 LEAST_FAR_PLANE = 500.0  # m; the far plane is farther away for cameras higher than 50 m
 # A mesh is a prism: corners at 1.01 of the nominal radius, faces at 0.99.
 _OUTER, _INNER = 1.01, 0.99
-_PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
-
-
-class _Cylinder(NamedTuple):
-    """An upright cylinder that stands on the ground [m]."""
-
-    x: float
-    y: float
-    radius: float
-    height: float
+PERSON = (0.5, 1.75)  # m, radius and height of an upright cylinder that encloses a person
 
 
 @compiled
@@ -42,45 +34,49 @@ def find_in_frustum(centres: Array, radii: Array, position: Array, rotation: Arr
     return seen
 
 
-@compiled
-def find_hidden_trunks(trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (T,) of trees whose canopy hides their trunk from a camera at position (3,) m; trees (T, 7) as in `Tree`."""
-    hidden = np.empty(len(trees), dtype=np.bool_)
-    for k in range(len(trees)):
-        x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
-        hidden[k] = _covers(trees[k], _Cylinder(x, y, trunk, base), position, fov)
-    return hidden
+def select_standing(solids: Sequence[Solid]) -> Array:
+    """Upright cylinders (N, 4) m around the solids that stand on the ground, as in `find_hidden`; NaN for others."""
+    rows = [(s.x, s.y, _OUTER * s.radius, s.top) if s.bottom == 0.0 else (math.nan,) * 4 for s in solids]
+    return np.array(rows, dtype=float).reshape(-1, 4)
+
+
+def select_covers(solids: Sequence[Solid]) -> Array:
+    """Opaque solids above the ground (C, 5) m: x, y, radius, bottom, top. Porous ones hide nobody for certain."""
+    rows = [s[1:6] for s in solids if s.bottom > 0.0 and not s.is_porous]
+    return np.array(rows, dtype=float).reshape(-1, 5)
 
 
 @compiled
-def find_hidden_people(people: Array, trees: Array, position: Array, fov: float) -> Flags:
-    """Mask (M,) of people at (M, 2) m that a single tree of (T, 7) fully hides from a camera at position (3,) m."""
-    hidden = np.zeros(len(people), dtype=np.bool_)
-    for i in range(len(people)):
-        body = _Cylinder(people[i, 0], people[i, 1], _PERSON[0], _PERSON[1])
-        for k in range(len(trees)):
-            # Skip trees whose canopy does not extend over the person's x: they rarely hide a whole person.
-            if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
+def find_hidden(bodies: Array, covers: Array, position: Array, fov: float) -> Flags:
+    """Mask (N,) of bodies that a single one of the covers fully hides from a camera at position (3,) m.
+
+    bodies (N, 4) m: x, y, radius and height of upright cylinders on the ground. covers (C, 5) m as in `select_covers`.
+    """
+    hidden = np.zeros(len(bodies), dtype=np.bool_)
+    for i in range(len(bodies)):
+        for k in range(len(covers)):
+            # Skip covers that do not extend over the body's x: they rarely hide a whole one.
+            if abs(covers[k, 0] - bodies[i, 0]) <= covers[k, 2] and _covers(covers[k], bodies[i], position, fov):
                 hidden[i] = True
                 break
     return hidden
 
 
 @compiled
-def _covers(tree: Array, body: _Cylinder, position: Array, fov: float) -> bool:
-    """True if a tree's canopy hides a body from a camera at position (3,) m."""
-    radius, base, top = _INNER * tree[2], tree[3], tree[4]
-    # At this height above a canopy the near plane cuts off no part of it.
+def _covers(cover: Array, body: Array, position: Array, fov: float) -> bool:
+    """True if a cover hides a body from a camera at position (3,) m."""
+    radius, base, top, height = _INNER * cover[2], cover[3], cover[4], body[3]
+    # At this height above a cover the near plane cuts off no part of it.
     clearance = NEAR_PLANE * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
-    if position[2] < top + clearance or body.height > base:
+    if position[2] < top + clearance or height > base:
         return False
-    # Offsets of body and camera from the tree's axis. Lines of sight from the body's foot and head cross the plane of
-    # the canopy's base in two discs, and lines from points between them in discs between these.
-    x, y = body.x - tree[0], body.y - tree[1]
-    dx, dy = position[0] - tree[0], position[1] - tree[1]
-    foot, head = base / position[2], (base - body.height) / (position[2] - body.height)
+    # Offsets of body and camera from the cover's axis. Lines of sight from the body's foot and head cross the plane of
+    # the cover's base in two discs, and lines from points between them in discs between these.
+    x, y = body[0] - cover[0], body[1] - cover[1]
+    dx, dy = position[0] - cover[0], position[1] - cover[1]
+    foot, head = base / position[2], (base - height) / (position[2] - height)
     farthest = max(
         hypot(x + foot * (dx - x), y + foot * (dy - y)),
         hypot(x + head * (dx - x), y + head * (dy - y)),
     )
-    return bool(farthest + body.radius <= radius)
+    return bool(farthest + body[2] <= radius)

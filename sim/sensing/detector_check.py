@@ -1,6 +1,5 @@
 """Conformance of a detector to `tracking.detection.detector.Detector`, checked on rendered frames."""
 
-import math
 import timeit
 from collections.abc import Sequence
 from copy import deepcopy
@@ -14,49 +13,20 @@ from numpy.typing import NDArray
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import DETECTORS
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_pose
 from sim.sensing.detection_truth import MaskDetector, match_detections
 from sim.sensing.renderer import Renderer
 from sim.sensing.sensor_output_check import check_detections
 from sim.world.world import World
 from tracking.detection.detector import Detections, Frame
-from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
-from tracking.numerics.trigonometry import cos_each, sin_each
 from tracking.plugins.findings import Finding, check_nees, describe_time, find_change, require, try_checks
 from tracking.plugins.plugin_error import PluginError, plugin_call
+from tracking.testing.stage import EMPTY, FOREST, HEADINGS, ORDINARY, PEOPLE, TILTED, VIEWS
 
-FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
-PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
-_ELSEWHERE = np.array([60.0, 40.0])  # m, a place that no camera here sees
 _UAV = Uav(start=(74.0, 49.0))
-_ALTITUDE = 25.0  # m
 _SEED = 5  # with which stateful detectors are reset
-_WALK = 1.5  # m/s
 _BEFORE = tuple(k / 5 for k in range(-25, 0))  # s, times of the frames that a stateful detector gets first
-_ORDINARY, _TILTED, _EMPTY = "ordinary", "tilted camera", "no person in view"
-
-
-@dataclass(frozen=True)
-class _View:
-    """How a staged frame is taken, and where the people (M, 2) m are."""
-
-    pixels: int
-    pose: Pose
-    people: Array
-
-
-_LEVEL, _TURNED = Pose.level(0.0, 0.0, _ALTITUDE), Uav(start=(0.0, 0.0), tilt_deg=30.0)
-_VIEWS = {
-    _ORDINARY: _View(128, _LEVEL, PEOPLE),
-    "turned and moved": _View(128, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
-    "low UAV": _View(128, Pose.level(0.0, 0.0, 15.0), PEOPLE),
-    _TILTED: _View(128, camera_pose(_TURNED, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
-    "finer image": _View(256, _LEVEL, PEOPLE),
-    _EMPTY: _View(128, _LEVEL, PEOPLE + _ELSEWHERE),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,17 +48,15 @@ def stage_frames(times: Sequence[float] = (0.0,)) -> dict[str, list[StagedFrame]
 
     At time 0 all people are in plain view, or none; they arrive there at a walk.
     """
-    headings = np.linspace(0.0, 5.0, len(PEOPLE))
-    way = _WALK * np.column_stack([cos_each(headings), sin_each(headings)])
     with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
         renderer, staged = Renderer(world), dict[str, list[StagedFrame]]()
-        for name, view in _VIEWS.items():
-            camera, staged[name] = Camera(math.radians(60), view.pixels), []
+        for name, view in VIEWS.items():
+            staged[name] = []
             for time in times:
-                people = view.people + time * way
-                world.place_people(people, headings)
-                rendered = renderer.render(camera, view.pose)
-                frame = Frame(0, time, camera, view.pose, rendered.image)
+                people = view.place_people(time)
+                world.place_people(people, HEADINGS)
+                rendered = renderer.render(view.camera, view.pose)
+                frame = Frame(0, time, view.camera, view.pose, rendered.image)
                 staged[name].append(StagedFrame(frame, rendered.people, people))
         return staged
 
@@ -147,20 +115,20 @@ def _check_detections(subject: _Subject) -> str:
 
 
 def _check_people(subject: _Subject) -> str:
-    hits = subject.count_hits(_ORDINARY)
-    wrong = len(subject.found[_ORDINARY].ground) - hits
+    hits = subject.count_hits(ORDINARY)
+    wrong = len(subject.found[ORDINARY].ground) - hits
     seen = f"{hits} of {len(PEOPLE)} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
     require(2 * hits >= len(PEOPLE) >= wrong, seen)
     return seen
 
 
 def _check_other_views(subject: _Subject) -> str:
-    views = [name for name in stage_frames() if name not in (_ORDINARY, _EMPTY)]
+    views = [name for name in stage_frames() if name not in (ORDINARY, EMPTY)]
     return ", ".join(f"{name} {subject.count_hits(name)} of {len(PEOPLE)}" for name in views)
 
 
 def _check_empty(subject: _Subject) -> str:
-    wrong = len(subject.found[_EMPTY].ground)
+    wrong = len(subject.found[EMPTY].ground)
     require(wrong <= len(PEOPLE), f"{wrong} detections where no person is")
     return f"{wrong} detections"
 
@@ -177,22 +145,22 @@ def _check_covariances(subject: _Subject) -> str:
 
 
 def _check_repeatable(subject: _Subject) -> str:
-    first, again = subject.found[_ORDINARY], subject.make()
-    differs = find_change(first, subject.look(again, _ORDINARY), "")
+    first, again = subject.found[ORDINARY], subject.make()
+    differs = find_change(first, subject.look(again, ORDINARY), "")
     require(not differs, "another instance finds otherwise in the same frame")
-    subject.look(again, _TILTED)
+    subject.look(again, TILTED)
     if DETECTORS.is_stateful(subject.name, again):
         DETECTORS.reset(subject.name, again, _SEED)
-        differs = find_change(first, subject.look(again, _ORDINARY), "")
+        differs = find_change(first, subject.look(again, ORDINARY), "")
         require(not differs, "after reset(seed) with the same seed it finds otherwise in the same frames")
         return "stateful: equal bit for bit on another instance, and after reset(seed)"
-    differs = find_change(first, subject.look(again, _ORDINARY), "")
+    differs = find_change(first, subject.look(again, ORDINARY), "")
     require(not differs, "without stateful = True, but after another frame it finds otherwise in the first")
     return "equal bit for bit, on another instance and after another frame"
 
 
 def _check_time(subject: _Subject) -> str:
-    seconds = timeit.repeat(partial(_detect, subject.make(), stage_frames()[_ORDINARY][0]), repeat=6, number=1)
+    seconds = timeit.repeat(partial(_detect, subject.make(), stage_frames()[ORDINARY][0]), repeat=6, number=1)
     return describe_time(seconds[1:], "a frame of 128 x 128 pixels")  # the first may prepare something
 
 
@@ -200,7 +168,7 @@ _CHECKS = {
     "detections": _check_detections,
     "people": _check_people,
     "other views": _check_other_views,
-    _EMPTY: _check_empty,
+    EMPTY: _check_empty,
     "covariances": _check_covariances,
     "same frame, same result": _check_repeatable,
     "time": _check_time,

@@ -16,11 +16,11 @@ class NavigationErrors:
     """Errors of one UAV's navigation at the present scan; `advance` goes on to the next one."""
 
     def __init__(self, navigation: Navigation, rng: np.random.Generator) -> None:
-        n = self._navigation = navigation
+        self._navigation = navigation
         self._rng = rng
-        self._biases, clock = n.biases * standard_normal(rng, 6), n.clock_deviation * standard_normal(rng, 1)[0]
-        self.clock = float(clock if n.clock_offset is None else n.clock_offset)  # s
-        self._drift = n.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
+        self._biases = navigation.biases * standard_normal(rng, 6)
+        self.clock = float(navigation.clock_deviation * standard_normal(rng, 1)[0])  # s
+        self._drift = navigation.drifts * standard_normal(rng, 6)  # m and rad, of position and attitude
         self._draw_noise()
 
     def advance(self, elapsed: float) -> None:
@@ -31,9 +31,9 @@ class NavigationErrors:
         self._draw_noise()
 
     def _draw_noise(self) -> None:
-        n, drawn = self._navigation, standard_normal(self._rng, 5)
-        self.velocity = n.velocity_noise * drawn[:2]  # (2,) m/s, of the believed velocity
-        self._noise = n.noises
+        drawn = standard_normal(self._rng, 5)
+        self.velocity = self._navigation.velocity_noise * drawn[:2]  # (2,) m/s, of the believed velocity
+        self._noise = self._navigation.noises
         self._noise[:3] *= drawn[2:]
 
     def mislead(self, pose: Pose, velocity: Array, spin: Array) -> Pose:

@@ -32,7 +32,8 @@ class RenderedMode:
 
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
-        setup, camera = self._setup, self._setup.cameras[shot.uav]
+        setup = self._setup
+        camera = setup.cameras[shot.uav]
         with setup.clock.measure("rendering"):
             rendered = self._renderer.take(shot.uav, shot.time, self._cameras[shot.uav], shot.true, shot.sweep)
         with setup.clock.measure("detection"):

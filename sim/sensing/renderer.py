@@ -1,7 +1,7 @@
 """Rendered images of the world: one of PyBullet's renderers draws bodies, and this module the ground behind them."""
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -10,11 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.installation import ASSETS
-from sim.sensing.culling import LEAST_FAR_PLANE, NEAR_PLANE, find_hidden_people, find_hidden_trunks, find_in_frustum
+from sim.sensing.culling import (
+    LEAST_FAR_PLANE,
+    NEAR_PLANE,
+    PERSON,
+    find_hidden,
+    find_in_frustum,
+    select_covers,
+    select_standing,
+)
 from sim.sensing.rolling_shutter import Sweep
 from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
-from sim.world.lens_images import View, cut_rows, straighten
+from sim.world.lens_images import StraightView, cut_rows, straighten
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array, Flags
@@ -42,7 +50,7 @@ class Ground:
         self._texels = np.pad(red | green << _GREEN | blue << _BLUE, (0, 1), mode="wrap")
         self._place = place
 
-    def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], view: View, pose: Pose) -> None:
+    def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], view: StraightView, pose: Pose) -> None:
         """Draw ground and sky into an image (H, W, 3) where there is no body, that is where `bodies` (H, W) is < 0."""
         optics, position = view.straight.optics, pose.position
         # The product of `rays` and (column, row, 1) is the ray through that pixel in world coordinates.
@@ -138,10 +146,9 @@ class Renderer:
         self._world = world
         self._style = world.style
         self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
-        self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 7)
-        self._trees[np.isfinite(self._trees[:, 6]), 2] = 0.0  # a porous canopy hides nobody for certain
-        self._radii = np.array([look.radius for look in world.looks])
-        self._people = len([look for look in world.looks if look.kind == "person"])
+        self._standing, self._covers = select_standing(world.solids), select_covers(world.solids)
+        self._radii = np.array([model.radius for model in world.models])
+        self._people = len([model for model in world.models if model.kind == "person"])
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose, sweep: Sweep | None = None) -> Rendered:
@@ -170,7 +177,7 @@ class Renderer:
         self._world.place_people(positions, headings)
         return Rendered(np.vstack([s.image for s in strips]), np.vstack([s.people for s in strips]))
 
-    def _render(self, view: View, pose: Pose, seen: Flags) -> Rendered:
+    def _render(self, view: StraightView, pose: Pose, seen: Flags) -> Rendered:
         """A view with some of the bodies (B,)."""
         found, people = self._capture(view, pose, seen)
         self._ground.draw(found.image, found.bodies, view, pose)
@@ -180,7 +187,7 @@ class Renderer:
         """The mask of people (H, W) of that view, in a fraction of the time."""
         return self._capture(straighten(camera), pose, self.in_view(camera, pose))[1]
 
-    def _capture(self, view: View, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
+    def _capture(self, view: StraightView, pose: Pose, seen: Flags) -> tuple["Capture", NDArray[np.int32]]:
         """The view before the ground is drawn, and its mask of people."""
         shown = self._world.show(seen)
         found = capture(shown.client, view.straight, pose, light=self._light, opengl=self._world.opengl)
@@ -194,11 +201,12 @@ class Renderer:
         """Mask (B,) of the world's bodies that may show in the image."""
         centres, position = self._world.centres, pose.position
         seen = find_in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
-        trees = len(self._trees)
-        trunks = np.flatnonzero(seen[trees : 2 * trees])
-        seen[trees + trunks] = ~find_hidden_trunks(self._trees[trunks], position, camera.fov)
-        people = 2 * trees + np.flatnonzero(seen[2 * trees : 2 * trees + self._people])
-        seen[people] = ~find_hidden_people(centres[people, :2], self._trees, position, camera.fov)
+        solids = len(self._standing)
+        standing = np.flatnonzero(seen[:solids] & ~np.isnan(self._standing[:, 0]))
+        seen[standing] = ~find_hidden(self._standing[standing], self._covers, position, camera.fov)
+        people = solids + np.flatnonzero(seen[solids : solids + self._people])
+        upright = np.column_stack([centres[people, :2], np.tile(PERSON, (len(people), 1))])
+        seen[people] = ~find_hidden(upright, self._covers, position, camera.fov)
         return seen
 
 

@@ -11,7 +11,7 @@ from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.quaternions import mean_spin, rotate
 from tracking.numerics.arrays import Array
 
-_STRIP = 1.0  # pixel, by which the image moves in one strip of equally old rows
+_STRIP = 1.0  # pixel, motion of the image in one strip of equally old rows
 _LEAST_ROWS = 4  # of a strip
 
 
@@ -25,7 +25,7 @@ class Glimpse(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Motion while an image is read out, whose middle row is exposed at the time of the frame.
+    """Motion while an image is read out; its middle row is exposed at the time of the frame.
 
     Note: velocities are the means since the camera's last frame.
     """
@@ -55,7 +55,7 @@ class Sweep:
         return np.asarray((rows / height - 0.5) * self.readout)
 
     def pose_at(self, pose: Pose, delay: float) -> Pose:
-        """The pose of the camera `delay` s after that of the frame."""
+        """The pose of the camera `delay` s after the frame's time."""
         turned = rotate(pose.quaternion, self.spin, delay) if self.spin.any() else pose.quaternion
         return Pose(pose.position + delay * self.velocity, turned)
 

@@ -40,7 +40,7 @@ class Shot:
         return self.believed or self.true
 
     def locate(self, points: Array) -> Array:
-        """Where the UAV takes people at points (N, 2) m to be, as its pose errs; NaN where it sees no ground."""
+        """Where the UAV believes people at points (N, 2) m to be, as its pose errs; NaN where it sees no ground."""
         return points if self.believed is None else move_to_believed(points, self.true, self.believed)
 
 
@@ -83,7 +83,7 @@ class SensorMode(Protocol):
 class LineOfSightMode:
     """The paper's Assumption 1 without images: UAVs detect exactly the people in view who are not hidden.
 
-    Those whom porous trees hide in part are detected with the probability of `detectable_share`. The error of each
+    People whom porous trees hide in part are detected with the probability of `detectable_share`. The error of each
     measurement is a sample of the UAV's noise model.
     """
 
@@ -92,16 +92,19 @@ class LineOfSightMode:
     def sense(self, shot: Shot) -> SensorOutput:
         """As `SensorMode.sense`."""
         with self.setup.clock.measure("detection"):
-            people, pose = shot.people, shot.true
+            scenario = self.setup.scenario
+            forest = self.setup.forest
+            people = shot.people
+            pose = shot.true
             points = at_target_height(np.nan_to_num(people))
             present = ~np.isnan(people[:, 0])
-            forest, scenario = self.setup.forest, self.setup.scenario
-            camera, believed = true_view_of(scenario.uavs[shot.uav], scenario), self.setup.cameras[shot.uav]
+            camera = true_view_of(scenario.uavs[shot.uav], scenario)
+            believed = self.setup.cameras[shot.uav]
             shown = detectable_shares(forest.free_shares(pose.position, points)[0])
             least = self.setup.rng.random(len(points)) if forest.is_porous else 0.0
             seen = present & camera.sees(pose, points) & (shown > least)
             ground = people[seen]
-            if believed != camera:  # a person's pixel is taken for that of another place
+            if believed != camera:  # through the lens as believed, a person's pixel shows another place
                 ground = believed.ground_points(pose, camera.project(pose, points[seen])[0], TARGET_HEIGHT)
                 seen[seen] = placed = np.isfinite(ground[:, 0])
                 ground = ground[placed]

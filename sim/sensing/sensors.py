@@ -142,7 +142,8 @@ class Sensors:
 
         A false alarm has the covariance of a person in plain view at its place.
         """
-        camera, pose = self.cameras[scan.uav], scan.pose
+        camera = self.cameras[scan.uav]
+        pose = scan.pose
         places, ground = self._clutter.draw_false_alarms(camera, pose)
         whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera.lens(pose), ground)
         exact = output.frame is not None and output.noise == "none"

@@ -123,9 +123,18 @@ def adapt_study(
     repeats: int | None = None,
     overrides: Sequence[str] = (),
 ) -> Study:
-    """The study with given values in place of its own; scenarios are those of the study to keep.
+    """The study with given values in place of its own.
 
-    InputError if a factor sets the key of an override, or the study lacks a scenario.
+    Args:
+        study: The study.
+        planners: Planners in place of its own; empty to keep these.
+        scenarios: Those of its scenarios to keep; empty for all.
+        seeds: Seeds in the form of --seeds.
+        repeats: Number of flights on each map.
+        overrides: Settings as "key=value".
+
+    Raises:
+        InputError: If a factor sets the key of an override, or the study lacks a scenario.
     """
     for scenario in scenarios:
         check_known("--scenario", scenario, study.scenarios)
@@ -150,7 +159,18 @@ def adapt_study(
 def make_study(
     planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
 ) -> Study:
-    """A study of one or several planners in one or several scenarios; InputError says what is wrong."""
+    """A study of one or several planners in one or several scenarios, from arguments of Python.
+
+    Args:
+        planners: A name, or several.
+        scenarios: A name, or several.
+        seeds: Maps to fly.
+        repeats: Number of flights on each map.
+        settings: Keys of the scenarios to change.
+
+    Raises:
+        InputError: If an argument is wrong.
+    """
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
     numbers = (parse_seed_and_repeat(seed, 0)[0] for seed in islice(seeds, MOST_LISTED + 1))

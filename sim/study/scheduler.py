@@ -106,7 +106,7 @@ def _fly_all(
             submit(_Attempt(trial, 1))
         while flying:
             future = ended.get()
-            if future.cancelled():  # not by us, so the executor is lost, of which the trial is not to blame
+            if future.cancelled():  # not by us: the executor is lost, which is not the trial's fault
                 raise StoreError("no more trials can be flown: their executor has cancelled them")
             trial, number = flying.pop(future)
             error = future.exception()

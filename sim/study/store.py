@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from sim.mission.dataframes import make_dataframe
+from sim.study.cells import Levels
 from sim.study.trials import StudyTrial, TrialRow
 from tracking.errors import InputError, one_line
 
@@ -54,8 +55,6 @@ class _StoredTrial(msgspec.Struct, frozen=True):
 
 _FIELDS = _StoredTrial.__struct_fields__
 _COLUMNS = ", ".join(_FIELDS)
-# Fields that are equal in a row and a store.
-_SAME = ("scenario", "planner", "repeat", "recording", "machine", "version", "status", "error")
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # errors of a file that is locked or no valid store
 
 
@@ -106,13 +105,14 @@ class Store:
 
         The present study may name the same trials differently than the one that flew them.
         """
-        values = [(*_encode_place(trial), trial.key, *_encode_place(trial)) for trial in trials]
         with self._transaction():
-            self._connection.executemany(
-                "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
-                " WHERE key = ? AND (scenario, factors, settings, planner) IS NOT (?, ?, ?, ?)",
-                values,
-            )
+            for trial in trials:
+                place = (trial.scenario, _encode_json(trial.factors), _encode_json(trial.settings), trial.planner)
+                self._connection.execute(
+                    "UPDATE trials SET scenario = ?, factors = ?, settings = ?, planner = ?"
+                    " WHERE key = ? AND (scenario, factors, settings, planner) IS NOT (?, ?, ?, ?)",
+                    (*place, trial.key, *place),
+                )
 
     def add(self, trial: StudyTrial, row: TrialRow) -> None:
         """Write a trial that has ended, in place of an earlier attempt; StoreError if that fails."""
@@ -232,45 +232,34 @@ def _make_error(path: Path, error: Exception, field: str = "") -> Exception:
     return InputError(f"{field}{path}: cannot be used: {getattr(error, 'strerror', None) or error}")
 
 
-def _encode_place(trial: StudyTrial) -> tuple[str, str, str, str]:
-    return trial.scenario, _encode_json(trial.factors), _encode_json(trial.settings), trial.planner
-
-
 def _encode_json(value: object) -> str:
     return msgspec.json.encode(value).decode()
 
 
 def _encode_row(trial: StudyTrial, row: TrialRow) -> _StoredTrial:
-    return _StoredTrial(
-        factors=_encode_json(row.factors),
-        settings=_encode_json(row.settings),
-        # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
-        seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
-        metrics=_encode_json(row.metrics),
-        ospa=row.ospa.astype("<f4").tobytes(),
-        scans_per_s=trial.setting.rates.sensing,
-        **{name: getattr(row, name) for name in _SAME},
-    )
+    plain = {name: getattr(row, name) for name in _FIELDS if name != "scans_per_s"}
+    plain |= {name: _encode_json(plain[name]) for name in ("factors", "settings", "metrics")}
+    # SQLite's integers have 64 bits, and a column of integers rounds text that consists of digits to a number.
+    plain["seed"] = row.seed if row.seed < 2**63 else f"{row.seed:_}"
+    plain["ospa"] = row.ospa.astype("<f4").tobytes()
+    return _StoredTrial(**plain, scans_per_s=trial.setting.rates.sensing)
 
 
 def _decode_row(path: Path, study: str, values: Sequence[Any]) -> TrialRow:
     """A trial from the values of its row; InputError if they are invalid."""
     try:
-        kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _StoredTrial, builtin_types=(bytes,))
-        distances = np.frombuffer(kept.ospa, dtype="<f4").astype(np.float32)
-        if not kept.scans_per_s > 0:
-            raise ValueError(f"scans_per_s is {kept.scans_per_s:g}")
-        numbers = msgspec.json.decode(kept.metrics, type=dict[str, float | None])
-        return TrialRow(
-            study=study,
-            factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
-            seed=int(kept.seed),
-            metrics={name: math.nan if value is None else value for name, value in numbers.items()},
-            ospa=distances,
-            times=np.arange(len(distances)) / kept.scans_per_s,
-            settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
-            **{name: getattr(kept, name) for name in _SAME},
-        )
+        stored = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _StoredTrial, builtin_types=(bytes,))
+        if not stored.scans_per_s > 0:
+            raise ValueError(f"scans_per_s is {stored.scans_per_s:g}")
+        plain = msgspec.structs.asdict(stored)
+        rate = plain.pop("scans_per_s")
+        numbers = msgspec.json.decode(stored.metrics, type=dict[str, float | None])
+        plain["factors"] = msgspec.json.decode(stored.factors, type=Levels)
+        plain["settings"] = msgspec.json.decode(stored.settings, type=dict[str, str])
+        plain["metrics"] = {name: math.nan if value is None else value for name, value in numbers.items()}
+        plain["seed"] = int(stored.seed)
+        plain["ospa"] = np.frombuffer(stored.ospa, dtype="<f4").astype(np.float32)
+        return TrialRow(**plain, study=study, times=np.arange(len(plain["ospa"])) / rate)
     except (ValueError, RecursionError) as error:  # errors of msgspec are ValueErrors
         why = one_line(error)
         raise InputError(f"{path}: is a damaged store: a trial in it: {why}; name another folder") from error

@@ -9,7 +9,7 @@ import msgspec
 
 from sim.mission.trial import Trial, prefix_errors
 from sim.mission.world_setup import find_scenario_remarks, make_forest_and_people
-from sim.running.mission_flight import is_built_in, make_mission
+from sim.running.fly import fly, is_built_in
 from sim.scenario.loading import place_of
 from sim.study.cells import COMPARED_FACTORS
 from sim.study.definition import Study
@@ -94,7 +94,7 @@ def _check_missions(study: Study, trials: Sequence[StudyTrial]) -> None:
             with prefix_errors(mission.place):
                 make_forest_and_people(mission.scenario, mission.seed)
         else:
-            make_mission(mission).close()
+            fly(mission).mission.close()
 
 
 def _name_place(study: Study, trial: StudyTrial) -> str:

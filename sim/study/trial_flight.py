@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
 
 import numpy as np
 from msgspec import Struct
@@ -12,10 +11,9 @@ from sim.facts.metrics.catalogue import evaluate
 from sim.facts.metrics.machine import describe_machine
 from sim.facts.metrics.metric import Outcome
 from sim.mission.archive import compute_digest, encode
-from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
-from sim.running.mission_flight import fly_mission
+from sim.running.fly import fly
 from sim.scenario.loading import place_of
 from sim.study.trials import StudyTrial, TrialRow, get_release
 from tracking.plugins.plugin_error import PluginError, plugin_call
@@ -52,17 +50,14 @@ def make_failure(trial: StudyTrial, error: str) -> TrialResult:
 
 def _fly(trial: StudyTrial, keep: bool, timeout: float | None) -> TrialResult:
     start = time.perf_counter()
+    place = place_of(trial.scenario, trial.settings)
+    flying = fly(Trial(trial.setting, trial.planner, trial.seed, trial.repeat, place))
     ospa = []
-
-    def watch(snapshot: Snapshot) -> bool:
+    for snapshot in flying:
         ospa.append(snapshot.error)
         if timeout is not None and time.perf_counter() - start > timeout:
             raise TimeoutError(f"took longer than the timeout of {timeout:g} s")
-        return True
-
-    place = place_of(trial.scenario, trial.settings)
-    mission = Trial(trial.setting, trial.planner, trial.seed, trial.repeat, place)
-    outcome = fly_mission(mission, lambda mission: nullcontext(watch))
+    outcome = flying.land()
     recording = outcome.recording
     row = TrialRow(
         **trial.place,

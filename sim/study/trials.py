@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -85,58 +85,71 @@ def list_trials(study: Study, metrics: Sequence[str] = ()) -> list[StudyTrial]:
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
         text = f"{len(listed)} cells by {len(seeds)} seeds by {study.repeats} repeats are {count} trials"
         raise InputError(f"{study.at('study')}: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
-    found = []
-    number = get_release()
+    loaded = []
     for cell in listed:
         try:
-            found.append((cell, cell.settings, *_load_cell(cell)))
+            loaded.append(_load_cell(cell))
         except InputError as error:
             raise InputError(_locate_error(study, cell, error)) from error
     made = [
         StudyTrial(
-            key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
+            key=hashlib.sha256(f"{one.digest} {seed} {repeat}".encode()).hexdigest()[:32],
             study=study.name,
-            scenario=cell.scenario,
-            factors=cell.factors,
-            settings=settings,
-            setting=setting,
-            planner=cell.spec,
+            scenario=one.cell.scenario,
+            factors=one.cell.factors,
+            settings=one.settings,
+            setting=one.setting,
+            planner=one.planner,
             seed=seed,
             repeat=repeat,
-            version=number,
+            version=get_release(),
             metrics=tuple(metrics),
         )
         for repeat in range(study.repeats)
         for seed in seeds
-        for cell, settings, setting, digest in found
+        for one in loaded
     ]
-    _check_distinct(study, made[: len(found)])
+    _check_distinct(study, made[: len(loaded)])
     return made
 
 
 @functools.lru_cache(maxsize=1)
 def get_release() -> str:
-    """Version of this package with a digest of its code, which changes between releases: 1.2.0+89abcdef.
+    """Release of the installed package, read once in a process."""
+    return compute_release(ROOT)
+
+
+def compute_release(root: Path) -> str:
+    """Version of this package with a digest of the code in a folder, which changes between releases: 1.2.0+89abcdef.
 
     The digest includes the quadrotor's body and the meshes, and does not depend on the place of installation.
     """
     digest = hashlib.sha256()
-    for name in sorted(file.relative_to(ROOT).as_posix() for pattern in _RELEASED for file in ROOT.glob(pattern)):
-        data = (ROOT / name).read_bytes()
+    for name in sorted(file.relative_to(root).as_posix() for pattern in _RELEASED for file in root.glob(pattern)):
+        data = (root / name).read_bytes()
         digest.update(f"{name} {len(data)}\n".encode() + data)
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 
-def _load_cell(cell: Cell) -> tuple[Scenario, str]:
-    """Scenario of a cell, and digest of all that decides a trial besides seed and repeat; InputError if it is wrong."""
-    setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    parts = [
-        encode_scenario(setting),
-        make_canonical_text(cell.spec),
-        get_release(),
-        *_hash_user_files(setting, cell.spec),
-    ]
-    return setting, hashlib.sha256("\0".join(parts).encode()).hexdigest()
+class _LoadedCell(NamedTuple):
+    """What the trials of a cell share."""
+
+    cell: Cell
+    settings: dict[str, str]  # overrides of its scenario
+    setting: Scenario
+    planner: str  # with its options
+    digest: str  # of all that decides a trial besides seed and repeat
+
+
+def _load_cell(cell: Cell) -> _LoadedCell:
+    """Load the scenario and the plug-ins of a cell; InputError if something is wrong."""
+    settings = cell.settings
+    setting = load(cell.scenario, [f"{key}={value}" for key, value in settings.items()])
+    planner = cell.spec
+    user_files = _hash_user_files(setting, planner)
+    parts = [encode_scenario(setting), make_canonical_text(planner), get_release(), *user_files]
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+    return _LoadedCell(cell, settings, setting, planner, digest)
 
 
 def _locate_error(study: Study, cell: Cell, error: InputError) -> str:
@@ -174,7 +187,7 @@ def _hash_user_files(setting: Scenario, planner: str) -> list[str]:
 
 
 def _find_user_files(target: str, plugin: object) -> list[str]:
-    """Files, if they are the user's, of the module in an import string and of the module that defines the plug-in."""
+    """The user's own files among two modules: the one in an import string, and the one that defines the plug-in."""
     names = [target.partition(":")[0], str(getattr(plugin, "__module__", ""))]
     theirs = [name for name in names if name.partition(".")[0] not in (*_OURS, *sys.stdlib_module_names)]
     return [getattr(sys.modules.get(name), "__file__", None) or "" for name in theirs]

@@ -76,7 +76,7 @@ def show_progress(*, time_left: bool = True) -> Iterator[Show]:
 
     A terminal has a bar from the first call on, so that an error at the start is printed without one. Any other output
     gets a line now and then, for the log of a long run: each after another 10 s, or after a tenth of the time so far.
-    time_left: False if the words tell how long the rest will take.
+    time_left: False if the words say how long the rest will take.
     """
     bar = Progress(SpinnerColumn(), BarColumn(bar_width=16), TextColumn("{task.description}"), console=console)
     task = bar.add_task("")

@@ -15,12 +15,12 @@ from tracking.numerics.exponential import power_each
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
 
-# Strengths with `randomise = true`, for which the scenario gives no other value.
-FULL: dict[str, float | bool] = {
+# Strengths of `appearance = "full"`.
+FULL = {
     "light_deg": 60.0,
     "ambient": 0.15,
     "ground_tint": 0.1,
-    "ground_moved": True,
+    "ground_moved": 1.0,
     "canopy_tint": 0.2,
     "clothing_hue_deg": 6.0,
     "clothing_shade": 0.3,
@@ -30,7 +30,8 @@ FULL: dict[str, float | bool] = {
 }
 PERSON_HUE = 16.0  # deg, hue of all tones of the model of a person; the detector is made for 10 to 22
 LIGHT = (0.35, 0.25, 1.0)  # direction towards the light
-AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light on a surface that faces it
+AMBIENT = 0.75  # share of the light on a surface that faces it, as is the next
+DIFFUSE = 0.6
 _TILE = 32.0  # m, edge of the ground's texture
 
 
@@ -72,13 +73,22 @@ class AppearanceSample:
 
 
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
-    """Sample the appearance of a map, such that the strength of one variation does not change the others."""
-    strength: dict[str, float] = {}  # the scenario's value; by default full or zero
-    for name, full in FULL.items():
-        given = getattr(scenario.appearance, name)
-        strength[name] = float(full * scenario.appearance.randomise if given is None else given)
+    """Sample the appearance of a map, such that the strength of one variation does not change the others.
+
+    Args:
+        scenario: Strengths, and the number of UAVs.
+        seed: Decides everything but the noise.
+        trees: Number T of trees.
+        people: Number M of people.
+        repeat: Decides the noise, together with the seed.
+    """
+    wanted = scenario.appearance
+    strength = {name: full * float(wanted.randomise) for name, full in FULL.items()}
+    blur = strength["blur"] if wanted.blur is None else wanted.blur
+    noise = strength["noise"] if wanted.noise is None else wanted.noise
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
-    zenith, azimuth = math.radians(strength["light_deg"] * scene.random()), math.radians(scene.uniform(-180.0, 180.0))
+    zenith = math.radians(strength["light_deg"] * scene.random())
+    azimuth = math.radians(scene.uniform(-180.0, 180.0))
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
     tint = 1 + strength["ground_tint"] * scene.uniform(-1, 1, 3)
     place = strength["ground_moved"] * scene.uniform(-1, 1, 3) * [math.pi, _TILE / 2, _TILE / 2]
@@ -99,8 +109,8 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
         canopies=(1 + season) * (1 + each),
         gains=power_each(1 + strength["exposure"], cameras.uniform(-1, 1, len(scenario.uavs))),
-        blur=strength["blur"],
-        noise=strength["noise"],
+        blur=blur,
+        noise=noise,
     )
 
 

@@ -16,12 +16,13 @@ from sim.world.engine import Engine, pybullet
 from sim.world.leaves import Leaves
 from sim.world.quadrotor import GRAVITY
 from tracking.geometry.person import PERSON_HEIGHT, PERSON_RADIUS
-from tracking.geometry.visibility import Tree
+from tracking.geometry.visibility import PARTS, Forest, Part, Solid
 from tracking.numerics.arrays import Array
 from tracking.numerics.trigonometry import hypot
 
 AWAY = (0.0, 0.0, -1000.0)  # position of absent people: far below everything
 _WHITE = (1.0, 1.0, 1.0)
+_UNIT = (1.0, 1.0, 1.0)
 _MESHES = {"uav": "quadrotor"}  # where a mesh has another name than its kind
 _FOLIAGE = np.array([70.0, 96.0, 46.0]) / 255  # mean colour of the texture of closed crowns
 _GOLDEN = (math.sqrt(5.0) - 1) / 2
@@ -31,15 +32,16 @@ Placed = tuple[Sequence[float], Sequence[float]]  # position m and quaternion xy
 
 
 @dataclass(frozen=True)
-class Look:
+class BodyModel:
     """What renderers know of a body."""
 
-    kind: Literal["canopy", "trunk", "person", "uav"]
+    kind: Part | Literal["person", "uav"]
+    index: int  # of the tree, person or UAV
     tint: tuple[float, float, float]  # multiplies the texture's red, green and blue
     radius: float  # m, of a sphere around the body's centre that encloses it
     scale: tuple[float, float, float]  # of the mesh of this kind
     place: tuple[float, float, float]  # m, where a tree stands; people are away and UAVs at their starts at first
-    leaves: Leaves | None = None  # of a porous canopy, in place of the mesh
+    leaves: Leaves | None = None  # of a porous solid, in place of the mesh
 
     @property
     def shape(self) -> object:
@@ -48,42 +50,53 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Body(Look):
+class Body(BodyModel):
     """A body in the engine."""
 
     id: int = field(kw_only=True)
 
 
-def list_looks(scenario: Scenario, trees: tuple[Tree, ...], style: AppearanceSample) -> tuple[Look, ...]:
-    """Canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario."""
-    looks = []
-    for k, t in enumerate(trees):
-        size, height = t.canopy_radius, t.canopy_top - t.canopy_base
-        leaves = Leaves(style.seed, k, t) if math.isfinite(t.leaf_area_density) else None
+def order_solids(forest: Forest) -> tuple[tuple[Solid, int], ...]:
+    """The solids of a forest, each with the index of its tree, in the order of bodies: the highest parts come first."""
+    found = zip(forest.solids, forest.tree_of_solids.tolist(), strict=True)
+    return tuple(sorted(found, key=lambda pair: -PARTS.index(pair[0].part)))
+
+
+def list_models(
+    scenario: Scenario, solids: Sequence[tuple[Solid, int]], style: AppearanceSample
+) -> tuple[BodyModel, ...]:
+    """Parts of trees as in `order_solids`, people and UAVs, the latter two in the order of people and scenario."""
+    models = []
+    for n, (solid, tree) in enumerate(solids):
+        size = solid.radius
+        height = solid.top - solid.bottom
+        leaves = Leaves(style.seed, n, solid) if solid.is_porous else None
         wider = leaves.reach if leaves else 0.01 * size
-        tint, sphere = _multiply(_tint_tree(k), style.canopies[k]), hypot(size + wider, height / 2 + wider)
-        looks.append(Look("canopy", tint, sphere, (size, size, height), (t.x, t.y, t.canopy_base), leaves))
-    for t in trees:
-        size, height = t.trunk_radius, t.canopy_base
-        looks.append(Look("trunk", _WHITE, hypot(1.01 * size, height / 2), (size, size, height), (t.x, t.y, 0.0)))
-    looks += [Look("person", _multiply(_WHITE, tint), 1.1, (1.0, 1.0, 1.0), AWAY) for tint in style.clothes]
-    return *looks, *(Look("uav", _WHITE, 0.45, (1.0, 1.0, 1.0), (*uav.start, uav.altitude)) for uav in scenario.uavs)
+        tint = _WHITE if solid.part == "trunk" else _multiply(_tint_tree(tree), style.canopies[tree])
+        place = (solid.x, solid.y, solid.bottom)
+        sphere = hypot(size + wider, height / 2 + wider)
+        models.append(BodyModel(solid.part, tree, tint, sphere, (size, size, height), place, leaves))
+    for m, shade in enumerate(style.clothes):
+        models.append(BodyModel("person", m, _multiply(_WHITE, shade), 1.1, _UNIT, AWAY))
+    for i, uav in enumerate(scenario.uavs):
+        models.append(BodyModel("uav", i, _WHITE, 0.45, _UNIT, (*uav.start, uav.altitude)))
+    return tuple(models)
 
 
-def empty_people_by_id(looks: Sequence[Look]) -> NDArray[np.int32]:
+def empty_people_by_id(models: Sequence[BodyModel]) -> NDArray[np.int32]:
     """Table of the person with each id in the engine, with nobody yet, -1.
 
     The engine gives ids of removed bodies again. The background's id -1 arrives at the end of the table by wrapping.
     """
-    return np.full(2 * len(looks) + 2, -1, dtype=np.int32)
+    return np.full(2 * len(models) + 2, -1, dtype=np.int32)
 
 
-def add_mesh(engine: Engine, look: Look) -> int:
+def add_mesh(engine: Engine, model: BodyModel) -> int:
     """Id of a new visual shape in the engine."""
-    if look.leaves:
-        return _add_leaves(engine, look.leaves)
-    path = str(ASSETS / "meshes" / f"{_MESHES.get(look.kind, look.kind)}.obj")
-    return int(engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=look.scale))
+    if model.leaves:
+        return _add_leaves(engine, model.leaves)
+    path = str(ASSETS / "meshes" / f"{_MESHES.get(model.kind, model.kind)}.obj")
+    return int(engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=model.scale))
 
 
 def _add_leaves(engine: Engine, leaves: Leaves) -> int:
@@ -107,31 +120,41 @@ def _add_leaves(engine: Engine, leaves: Leaves) -> int:
     )
 
 
-def paint(engine: Engine, id: int, look: Look, alpha: float = 1.0) -> None:
+def paint(engine: Engine, id: int, model: BodyModel, alpha: float = 1.0) -> None:
     """Give a body its colour; alpha: 0 if it is hidden."""
-    red, green, blue = look.tint if look.leaves is None else _multiply(look.tint, _FOLIAGE)
+    red, green, blue = model.tint if model.leaves is None else _multiply(model.tint, _FOLIAGE)
     engine.changeVisualShape(id, -1, rgbaColor=(red, green, blue, alpha))
 
 
 class Bodies:
     """Ground, trees, people and quadrotors in one client of the engine."""
 
-    def __init__(self, client: int, scenario: Scenario, looks: tuple[Look, ...], *, opengl: bool, drawn: bool) -> None:
-        """Make all bodies, with their leaves if they are drawn; people are absent, and UAVs at their starts."""
+    def __init__(
+        self, client: int, scenario: Scenario, models: tuple[BodyModel, ...], *, opengl: bool, drawn: bool
+    ) -> None:
+        """Make all bodies; people are absent, and UAVs at their starts.
+
+        Args:
+            client: The engine's client.
+            scenario: Rate of physics.
+            models: All bodies.
+            opengl: True if OpenGL draws.
+            drawn: True if images of this client are drawn, so that leaves are needed.
+        """
         self._drawn = drawn
-        self.client, self.engine, self.opengl = client, Engine(client), opengl
+        self.client = client
+        self.engine = Engine(client)
+        self.opengl = opengl
         self.engine.setGravity(0.0, 0.0, -GRAVITY)
         self.engine.setTimeStep(1.0 / scenario.rates.physics)
         self.engine.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         ground = self._add_ground()
         self._shapes: dict[object, tuple[int, int]] = {}
-        self.all = tuple(self._add(look) for look in looks)
+        self.all = tuple(self._add(model) for model in models)
         self.people, self.uavs = ([body for body in self.all if body.kind == kind] for kind in ("person", "uav"))
-        self.names = {ground: ("ground", 0)}  # kind, and index among its kind, of each body
-        for kind in ("canopy", "trunk", "person", "uav"):
-            ids = [body.id for body in self.all if body.kind == kind]
-            self.names.update({id_: (kind, k) for k, id_ in enumerate(ids)})
-        self.people_by_id = empty_people_by_id(looks)
+        self.names = {ground: ("ground", 0)}  # kind of each body, and index of its tree, person or UAV
+        self.names.update({body.id: (body.kind, body.index) for body in self.all})
+        self.people_by_id = empty_people_by_id(models)
         self.people_by_id[[body.id for body in self.people]] = np.arange(len(self.people))
 
     def _make_cylinder(self, radius: float, height: float) -> int:
@@ -148,20 +171,20 @@ class Bodies:
         self.engine.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0))
         return ground
 
-    def _add(self, look: Look) -> Body:
+    def _add(self, model: BodyModel) -> Body:
         """Add a body; trees of equal size share their shapes."""
-        if look.kind == "uav":
+        if model.kind == "uav":
             flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-            id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), look.place, flags=flags)
+            id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), model.place, flags=flags)
             self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         else:
-            if look.shape not in self._shapes:
-                size = (PERSON_RADIUS, PERSON_HEIGHT) if look.kind == "person" else look.scale[1:]
-                mesh = add_mesh(self.engine, look) if self._drawn or look.leaves is None else -1
-                self._shapes[look.shape] = self._make_cylinder(*size), mesh
-            id_ = int(self.engine.createMultiBody(0.0, *self._shapes[look.shape], look.place))
-        paint(self.engine, id_, look)
-        return Body(**vars(look), id=id_)
+            if model.shape not in self._shapes:
+                size = (PERSON_RADIUS, PERSON_HEIGHT) if model.kind == "person" else model.scale[1:]
+                mesh = add_mesh(self.engine, model) if self._drawn or model.leaves is None else -1
+                self._shapes[model.shape] = self._make_cylinder(*size), mesh
+            id_ = int(self.engine.createMultiBody(0.0, *self._shapes[model.shape], model.place))
+        paint(self.engine, id_, model)
+        return Body(**vars(model), id=id_)
 
 
 def _tint_tree(k: int) -> tuple[float, float, float]:

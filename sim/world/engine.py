@@ -13,7 +13,8 @@ from typing import Any
 @contextmanager
 def silence(*descriptors: int) -> Iterator[None]:
     """Discard whatever is written to these file descriptors within the block."""
-    kept, nowhere = [os.dup(number) for number in descriptors], os.open(os.devnull, os.O_WRONLY)
+    kept = [os.dup(number) for number in descriptors]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
     try:
         for number in descriptors:
             os.dup2(nowhere, number)

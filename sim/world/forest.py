@@ -15,8 +15,9 @@ from tracking.numerics.exponential import exp, log, power
 from tracking.numerics.poisson import draw_poisson
 
 MAX_TREES = 10_000
-CLEARANCE = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear
+PATH_GAP = 0.5  # m, least distance from the bark of a trunk to a point that is to be kept clear
 GAP = 1.0  # m, least distance between the barks of two trees whose crowns may overlap, so that people pass
+_CROWN_SHARE = 0.5  # of the height of a tree, which its crown takes
 _ATTEMPTS = 200_000  # draws for all trees together; near jamming, more would add few trees
 _BATCH = 1000
 _NOWHERE = np.zeros((0, 2))
@@ -59,7 +60,7 @@ def _draw_sizes(trees: Trees, count: int, rng: np.random.Generator) -> Sizes:
     if trees.height is not None:
         heights = np.sort(rng.uniform(*trees.height, count))[::-1]
         crowns, trunks = (np.array(list(map(radius, heights.tolist()))) for radius in (crown_radius, trunk_radius))
-        return Sizes(crowns, heights * (1 - trees.crown_ratio), heights, trunks)
+        return Sizes(crowns, heights * (1 - _CROWN_SHARE), heights, trunks)
     radii = np.full(count, trees.canopy_radius)
     if trees.largest_radius is not None:
         radii = np.sort(rng.uniform(trees.canopy_radius, trees.largest_radius, count))[::-1]
@@ -120,13 +121,14 @@ def _place(radii: Array, trunks: Array, area: Area, rng: np.random.Generator, ke
     thickest = float(trunks.max(initial=0.0))
     half = np.array([area.width, area.height]) / 2
     count = len(radii)
-    centres, n = np.empty((count, 2)), 0
+    centres = np.empty((count, 2))
+    n = 0
     for _ in range(0, _ATTEMPTS, _BATCH):
         # Candidates are checked in the order drawn, so the result is the same as if they were drawn one by one.
         candidates = rng.uniform(-half, half, (_BATCH, 2))
         least = 2 * radii[-1] if count else 0.0  # a distance at which a smaller, later tree may still fit
         free = _are_apart(candidates, centres[:n], least)
-        free &= _are_apart(candidates, keep_clear, thickest + CLEARANCE)
+        free &= _are_apart(candidates, keep_clear, thickest + PATH_GAP)
         for candidate in candidates[free]:
             if n == count:
                 return centres

@@ -12,10 +12,12 @@ from tracking.numerics.arrays import Array
 # Pixels of the straight image along one of a bent image, whose sampling moves by up to half of one: more if there are
 # few. In 160 x 120 pixels detections have a mean NEES of 1.05 with 3, 1.17 with 2, 1.65 with 1; in 400 x 300 of 1.00
 # with 1.5 and with 2, in 640 x 480 of 0.87 and 0.91.
-_FINER, _FEW_FINER, _FEW = 1.5, 3.0, 100_000
+_FINER = 1.5
+_FEW_FINER = 3.0
+_FEW = 100_000
 
 
-class View(NamedTuple):
+class StraightView(NamedTuple):
     """A straight image, in which a bent one lies; a straight image lies in itself, and has no sources and places."""
 
     straight: Camera
@@ -24,31 +26,34 @@ class View(NamedTuple):
 
 
 @lru_cache(64)
-def straighten(camera: Camera) -> View:
+def straighten(camera: Camera) -> StraightView:
     """The view through a lens: rendered without it, finer and so wide that it has all of the bent image.
 
     A pixel is the sample at its centre, as in a rendered image, of colour and person alike.
     """
     if not camera.is_bent:
-        return View(camera, np.empty((0, 0), dtype=np.int64), np.empty((2, 0, 0)))
-    optics, (width, height) = camera.optics, camera.size
+        return StraightView(camera, np.empty((0, 0), dtype=np.int64), np.empty((2, 0, 0)))
+    optics = camera.optics
+    width, height = camera.size
     v, u = np.mgrid[0:height, 0:width] + 0.5
     scale = (_FEW_FINER if width * height <= _FEW else _FINER) * np.array([optics.fx, optics.fy])
     low, high = (scale * find(camera.slopes(camera.outline), axis=0) for find in (np.min, np.max))
     low, high = np.floor(low) - 2.0, np.ceil(high) + 2.0
     columns, rows = (high - low).astype(int).tolist()
-    focal, centre = (scale[0], scale[1]), (-low[0], -low[1])
+    focal = (scale[0], scale[1])
+    centre = (-low[0], -low[1])
     straight = Camera.calibrated(columns, rows, focal, centre)
     places = (scale * camera.slopes(np.column_stack([u.ravel(), v.ravel()])) - low).T.reshape(2, height, width)
     j, i = places.astype(np.int64)
-    return View(straight, columns * i + j, np.ascontiguousarray(places - 0.5))
+    return StraightView(straight, columns * i + j, np.ascontiguousarray(places - 0.5))
 
 
-def cut_rows(view: View, top: int, bottom: int) -> View:
+def cut_rows(view: StraightView, top: int, bottom: int) -> StraightView:
     """The view of an image's rows from `top` to `bottom` alone."""
-    o, low, high = view.straight.optics, top, bottom
+    o = view.straight.optics
+    low, high = top, bottom
     sources, places = view.sources[top:bottom], view.places[:, top:bottom]
     if sources.size:
         low, high = int(sources.min()) // o.width, int(sources.max()) // o.width + 1
     straight = Camera.calibrated(o.width, high - low, (o.fx, o.fy), (o.cx, o.cy - low))
-    return View(straight, sources - low * o.width, places - np.array([[[0.0]], [[low]]]))
+    return StraightView(straight, sources - low * o.width, places - np.array([[[0.0]], [[low]]]))

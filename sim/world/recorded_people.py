@@ -7,7 +7,7 @@ from statistics import median
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from sim.scenario.csv_tables import Row, RowErrors, read_csv
+from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import Area, People
 from sim.scenario.scenario import MOST_WALKED, Scenario
 from sim.world.trajectories import EXACT, SAMPLES_PER_SECOND, Trajectories
@@ -21,7 +21,8 @@ _ALIASES = {"t": "time", "time_s": "time", "x_m": "x", "y_m": "y"}
 _LATEST = 1e12  # s, largest absolute value of a time
 _SOONEST = 1e-4  # s, least time between two rows of one person; shorter ones would mean absurd speeds
 _LONGEST_ID = 100  # characters
-_SLOW, _FASTEST = 0.2, 12.14  # m/s: people who walk are faster, and those who run slower
+_SLOW = 0.2  # m/s, people who walk are faster
+_FASTEST = 12.14  # m/s, people who run are slower
 _HINTS = {"time": "; if frames are counted, people.fps says how many there are in a second"}
 _UNITS = "are times in seconds and places in metres?"
 _PLAIN = People()  # a file as it stands
@@ -33,9 +34,9 @@ def read_trajectories(path: Path, area: Area, *, duration: float, people: People
     With `people.fps` the column frame takes the place of time. A file of four columns without names has these columns
     in this order. `people.start` and `people.origin` are the time and place in the file of the mission's start and of
     the area's centre. Rows may have any order. Each person is present from the first to the last of their rows, but not
-    in gaps longer than `people.max_gap`, nor with `people.outside = "clip"` between rows outside the area; in between,
-    positions are interpolated by a monotone cubic (PCHIP), which does not overshoot. People that are absent throughout
-    `duration` s are left out. InputError names the field of the scenario, file, and line and value of each wrong row.
+    with `people.outside = "clip"` between rows outside the area; in between, positions are interpolated by a monotone
+    cubic (PCHIP), which does not overshoot. People that are absent throughout `duration` s are left out. InputError
+    names the field of the scenario, file, and line and value of each wrong row.
     """
     name = f"people.trajectories: {path}"
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - EXACT) + 1) / SAMPLES_PER_SECOND
@@ -43,7 +44,7 @@ def read_trajectories(path: Path, area: Area, *, duration: float, people: People
     if len(persons) * duration > MOST_WALKED:
         walked = f"{len(persons)} people for a duration of {duration:g} s"
         raise InputError(f"{name}: {walked} are too many; at most {spell(MOST_WALKED)} s of all together are allowed")
-    tracks = [resample(name, person, rows, times, people.max_gap) for person, rows in persons.items()]
+    tracks = [resample(name, person, rows, times) for person, rows in persons.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         known = [time for rows in persons.values() for time in rows]
@@ -71,7 +72,8 @@ def describe_trajectories(scenario: Scenario) -> tuple[str, list[str]]:
         doubts.append(f"{name}: left out: {_name_ids(single)}, in a single row; a path needs two or more")
     if not speeds:
         return span, doubts
-    usual, fastest = median(speeds.values()), max(speeds, key=lambda person: speeds[person])
+    usual = median(speeds.values())
+    fastest = max(speeds, key=lambda person: speeds[person])
     line = f"{span}, at {min(speeds.values()):.2f} to {speeds[fastest]:.2f} m/s, {usual:.2f} m/s in the median"
     if usual < _SLOW:
         doubts.append(f"{name}: half of the people move at {usual:.2f} m/s or less; {_UNITS}")
@@ -119,7 +121,7 @@ def _read_people(path: Path, name: str, area: Area, people: People) -> dict[str,
     return found
 
 
-def _read_row(row: Row, area: Area, people: People) -> tuple[str, float, Array]:
+def _read_row(row: TableRow, area: Area, people: People) -> tuple[str, float, Array]:
     """Person, time [s] and position (2,) m of a row."""
     person = row.text("id")
     if len(person) > _LONGEST_ID or not person.isprintable():
@@ -133,7 +135,7 @@ def _read_row(row: Row, area: Area, people: People) -> tuple[str, float, Array]:
     return person, time - people.start, _read_position(row, area, people)
 
 
-def _read_position(row: Row, area: Area, people: People) -> Array:
+def _read_position(row: TableRow, area: Area, people: People) -> Array:
     """Position (2,) m within the area; NaN for one outside that is to be clipped."""
     position = np.array([row.number("x"), row.number("y")]) - people.origin
     for column, value, size in zip(("x", "y"), position.tolist(), (area.width, area.height), strict=True):
@@ -144,10 +146,17 @@ def _read_position(row: Row, area: Area, people: People) -> Array:
     return position
 
 
-def resample(name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float | None) -> Array:
-    """Positions (K, 2) m of one person at `times` (K,) s, given rows by time; NaN while the person is absent.
+def resample(name: str, person: str, rows: dict[float, Array], times: Array, max_gap: float = math.inf) -> Array:
+    """Positions (K, 2) m of one person at times; NaN while the person is absent.
 
     InputError if two rows are almost at the same time.
+
+    Args:
+        name: The file, for errors.
+        person: The person's id, for errors.
+        rows: Position (2,) m by time [s]; NaN where the person is absent.
+        times: Times (K,) s.
+        max_gap: Time [s] between two rows beyond which the person is absent in between.
     """
     known = np.array(sorted(rows))
     places = np.array([rows[time] for time in known.tolist()])
@@ -160,7 +169,7 @@ def resample(name: str, person: str, rows: dict[float, Array], times: Array, max
             f"{name}, column time: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed"
         )
     outside = np.isnan(places[:, 0])
-    leaves = outside[:-1] | outside[1:] | (gaps > (math.inf if max_gap is None else max_gap))
+    leaves = outside[:-1] | outside[1:] | (gaps > max_gap)
     for stay in np.split(np.arange(len(known)), np.flatnonzero(leaves) + 1):
         if len(stay) < 2:
             continue

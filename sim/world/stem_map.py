@@ -1,12 +1,12 @@
 """Stem maps: trees at given places, as forest inventories list them in CSV files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from sim.scenario.csv_tables import Row, RowErrors, read_csv
+from sim.scenario.csv_tables import RowErrors, TableRow, read_csv
 from sim.scenario.environment import MOST_LEAVES, STANDS, Trees
 from sim.scenario.scenario import Scenario
 from sim.world.trajectories import Trajectories
@@ -15,6 +15,9 @@ from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
 
 MAX_STEMS = 100_000
+# Columns of exported trees: the fields of `Tree` with their units. The last is there if any canopy is porous, and empty
+# for opaque ones.
+TREE_COLUMNS = tuple(f"{f.name}_{'m2_per_m3' if f.name == 'leaf_area_density' else 'm'}" for f in fields(Tree))
 _SIZES = ("crown_radius", "crown_base", "height", "trunk_radius", "dbh")
 _COLUMNS = ("x", "y", *_SIZES, "leaf_area_density")
 _CANOPY = {"canopy_radius": "crown_radius", "canopy_base": "crown_base", "canopy_top": "height"}
@@ -35,7 +38,7 @@ class StemMap:
     """Trees of a stem map in the order of its rows."""
 
     trees: tuple[Tree, ...]
-    rows: tuple[Row, ...]  # that of each tree
+    rows: tuple[TableRow, ...]  # that of each tree
     unused: tuple[str, ...]  # columns that are not used, such as the species
 
     @property
@@ -52,7 +55,7 @@ def read_stem_map(path: Path, field: str, missing: Trees, least: float = 0.01) -
     subtracted from positions. InputError begins with `field` and names file, line and column of a wrong entry, also
     that of a second stem at the same place.
     """
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     trees: list[Tree] = []
     errors = RowErrors(f"{field}: {path}")
     for row in read_csv(path, field, ("x", "y"), _ALIASES):
@@ -79,7 +82,7 @@ def find_unused_columns(trees: Trees) -> list[str]:
     return [f"trees.file: not used: column{'s' * (len(unused) > 1)} {', '.join(unused)}"] if unused else []
 
 
-def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
+def _make_tree(row: TableRow, missing: Trees, least: float) -> Tree:
     sizes = {name: _read_size(row, name, least) for name in _SIZES}
     if sizes["trunk_radius"] is None and sizes["dbh"] is not None:
         sizes["trunk_radius"] = sizes["dbh"] / 200  # from a diameter in cm
@@ -96,9 +99,10 @@ def _make_tree(row: Row, missing: Trees, least: float) -> Tree:
     return Tree(x, y, radius, base, top, trunk, missing.leaf_area if density is None else density)
 
 
-def _read_size(row: Row, name: str, least: float) -> float | None:
+def _read_size(row: TableRow, name: str, least: float) -> float | None:
     """A size, with the units of `_UNITS`; None if it is missing."""
-    size, (unit, factor, most) = row.optional_number(name), _UNITS.get(name, ("m", 1.0, 200.0))
+    size = row.optional_number(name)
+    unit, factor, most = _UNITS.get(name, ("m", 1.0, 200.0))
     if size is not None and not least * factor <= size <= most:
         raise row.error(name, f"{spell(size)} {unit} is not allowed; expected {least * factor:g} to {most:g}")
     return size

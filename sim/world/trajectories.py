@@ -36,7 +36,8 @@ class Trajectories:
         k = math.floor(step) if between else round(step)
         if not 0 <= k < len(self.times) - between:
             return PeoplePoses(np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan))
-        here, headings = self.positions[k], self._headings[k]
+        here = self.positions[k]
+        headings = self._headings[k]
         if not between:
             return PeoplePoses(here.copy(), headings.copy())
         positions = here + (step - k) * (self.positions[k + 1] - here)

@@ -24,6 +24,7 @@ MARGIN = 1.0  # m, least distance from the border
 _PACE_TIME = 4.0  # s, time after which the correlation of a person's pace has fallen to 1/e
 _DRIFT_TIME = 4.0  # s, the same for the turn rate of people without a path
 _DRIFT = 0.1  # rad/s, standard deviation of that turn rate
+_LEVY_EXPONENT = 2.0
 _LEAST_SIDE = 4.0  # m, smallest half edge of the area within the margins
 _ATTEMPTS = 1000  # number of draws to find a free start
 
@@ -33,8 +34,16 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
 
     Ways of walking decide where people want to go. After the last waypoint, or if they have none, people wander. They
     avoid obstacles by turning, never by stopping. Absent people walk, too, and others avoid them.
+
+    Args:
+        people: Their number, ways of walking and speeds.
+        area: The rectangle in which they stay.
+        forest: Trees, round whose trunks they walk.
+        duration: Time, s.
+        rng: All randomness.
     """
-    count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
+    count = people.count
+    samples = math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN
     if count and min(half) < _LEAST_SIDE:
         least = 2 * (MARGIN + _LEAST_SIDE)
@@ -97,10 +106,10 @@ def draw_paces(people: People, samples: int, rng: np.random.Generator) -> Array:
     """Speeds (K, M) m/s, smooth in time, with a truncated Levy distribution at any instant.
 
     A stationary Gaussian process is mapped through its distribution function to the quantiles of a density that is
-    proportional to length^-levy_exponent between the speed limits.
+    proportional to length^-`_LEVY_EXPONENT` between the speed limits.
     """
     gaussian = _smooth_noise(people.count, samples, _PACE_TIME, rng)
-    exponent = 1 - people.levy_exponent
+    exponent = 1 - _LEVY_EXPONENT
     slowest, fastest = power(people.min_speed, exponent), power(people.max_speed, exponent)
     speeds = power_each(slowest + normal_cdf_each(gaussian) * (fastest - slowest), 1 / exponent)
     return np.asarray(np.clip(speeds, people.min_speed, people.max_speed))
@@ -134,7 +143,8 @@ def _draw_starts(
 
     A state is position m, heading rad and turn rate rad/s.
     """
-    states, paths = np.zeros((len(wanted), 4)), []
+    states = np.zeros((len(wanted), 4))
+    paths = []
     for i, (waypoints, _, room) in enumerate(wanted):
         path = np.array(waypoints, dtype=float)
         for attempt in range(_ATTEMPTS):

@@ -20,6 +20,7 @@ _STANDING = 0.01  # m/s, speed of people standing still; not zero, because steer
 _GO = (6.0, 14.0)  # s, shortest and longest time between two stops
 _STOP = (2.0, 8.0)  # s, shortest and longest stop
 _RAMP = 1.5  # s, time to stop or to set off
+_GROUP = 3  # people; the last group may be smaller
 _GAP = 1.5  # m, distance between neighbours in a group
 _CLOSE = 0.5  # m, room around the starts of a group's members
 _PART = (0.4, 0.9)  # earliest and latest time at which a group parts, as shares of the mission
@@ -62,13 +63,13 @@ class StopAndGo:
 
 
 class Groups:
-    """Walks of groups of `people.group` people, side by side to one place after another, until the group parts."""
+    """Walks of groups of three, side by side to one place after another, until the group parts."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As `Paths.itineraries`; all members of a group have the pace of the first."""
         found = []
-        for first in range(0, paces.shape[1], people.group):
-            size = min(people.group, paces.shape[1] - first)
+        for first in range(0, paces.shape[1], _GROUP):
+            size = min(_GROUP, paces.shape[1] - first)
             found += _draw_group(size, paces[:, first], half, rng)
         return found
 
@@ -90,7 +91,8 @@ def _draw_group(size: int, pace: Array, half: Array, rng: np.random.Generator) -
 
 def _draw_walk(start: Array, pace: Array, half: Array, rng: np.random.Generator) -> Array:
     """Start and random places (n, 2) m to walk to in turn, as many as a person with paces (K,) m/s can reach."""
-    points, left = [start], float(np.sum(pace)) / SAMPLES_PER_SECOND
+    points = [start]
+    left = float(np.sum(pace)) / SAMPLES_PER_SECOND
     while left > 0:
         place = rng.uniform(-half, half)
         way = float(length(place - points[-1]))
@@ -101,11 +103,14 @@ def _draw_walk(start: Array, pace: Array, half: Array, rng: np.random.Generator)
 
 def _draw_stops(samples: int, rng: np.random.Generator) -> Array:
     """Factor (K,) of a person's pace over time: 1 while walking, 0 during stops, with ramps in between."""
-    going, k, goes = np.ones(samples), 0, rng.uniform() < 0.7
+    going = np.ones(samples)
+    k = 0
+    goes = rng.uniform() < 0.7
     while k < samples:
         end = k + round(rng.uniform(*(_GO if goes else _STOP)) * SAMPLES_PER_SECOND)
         going[k:end] = goes
-        k, goes = end, not goes
+        k = end
+        goes = not goes
     width = round(_RAMP * SAMPLES_PER_SECOND)
     sums = np.cumsum(np.concatenate([[0.0], np.full(width - 1, going[0]), going]))
     return np.asarray((sums[width:] - sums[:-width]) / width)

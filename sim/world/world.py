@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.bodies import AWAY, Bodies, Body, Look, Placed, list_looks
+from sim.world.bodies import AWAY, Bodies, Body, BodyModel, Placed, list_models, order_solids
 from sim.world.contacts import Contact
 from sim.world.engine import Engine, pybullet
 from sim.world.free_flight import fly_while_clear, glide_while_clear, move_kinematic, wrenches
@@ -38,8 +38,9 @@ class Shown(NamedTuple):
 class World:
     """Ground, trees, people and quadrotors, with the clients of the engine that they need, which the world owns.
 
-    `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario;
-    `centres` gives their positions. Trees stand still, people are placed, and UAVs follow velocity commands.
+    `bodies` lists canopies, trunks, people and UAVs, each in the order of the forest, the people and the scenario, and
+    `solids` the parts of trees in the same order; `centres` gives their positions. Trees stand still, people are
+    placed, and UAVs follow velocity commands.
     `states` (n, 13) has the UAVs' positions m, quaternions xyzw, velocities m/s and spins rad/s.
     If the scenario varies the appearance, it is decided by the seed, and the noise of images by seed and repeat.
     Except with OpenGL, a world can be copied and pickled; the copy has its own clients in the same state.
@@ -57,24 +58,36 @@ class World:
         *,
         client: int | None = None,
     ) -> None:
-        """Build the world in the engine's `client`, such as one with a window; by default in a new one."""
+        """Build the world.
+
+        Args:
+            scenario: Fleet, dynamics, rates and appearance.
+            forest: The trees.
+            people: Number of people; they are absent until they are placed.
+            seed: Decides the appearance.
+            repeat: Decides the noise of images, together with the seed.
+            client: The engine's client, such as one with a window; by default a new one.
+        """
         self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
-        self._scenario, self._dt = scenario, 1.0 / scenario.rates.physics  # s, of the engine
+        self._scenario = scenario
+        self._dt = 1.0 / scenario.rates.physics  # s, of the engine
         self._origin = scenario, forest, people, seed, repeat
         self.trees = forest.trees
         self._given = client
         uavs = scenario.uavs
         self.states = np.array([(*uav.start, uav.altitude, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) for uav in uavs], dtype=float)
         self._altitudes = self.states[:, 2].copy()
-        centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
-        centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
+        self._solids = order_solids(forest)
+        self.solids = tuple(solid for solid, _ in self._solids)
+        centres = [(s.x, s.y, (s.bottom + s.top) / 2) for s in self.solids]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
-        self._people_centres, self._headings = np.full((people, 3), np.nan), np.zeros(people)
+        self._people_centres = np.full((people, 3), np.nan)
+        self._headings = np.zeros(people)
         self._memories = np.zeros((len(uavs), 3))  # m/s², memories of `steady_thrusts`
         self._touched: set[Contact] = set()
         self._closed = False
-        self._top = max(2 * TARGET_HEIGHT, *(t.canopy_top for t in forest.trees), 0.0)  # m, of trees and people
+        self._top = max(2 * TARGET_HEIGHT, *(s.top for s in self.solids), 0.0)  # m, of trees and people
         self._kinematic = scenario.dynamics == "kinematic"
         if client is not None or self.opengl:
             _ = self._bodies
@@ -90,13 +103,13 @@ class World:
         return self._bodies.engine
 
     @cached_property
-    def looks(self) -> tuple[Look, ...]:
+    def models(self) -> tuple[BodyModel, ...]:
         """What renderers know of the bodies, in their order."""
-        return list_looks(self._scenario, self.trees, self.style)
+        return list_models(self._scenario, self._solids, self.style)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Canopies, trunks, people and UAVs."""
+        """Parts of trees, people and UAVs."""
         return self._bodies.all
 
     @cached_property
@@ -107,7 +120,7 @@ class World:
             largest = max(max(straighten(uav.true_camera).straight.size) for uav in self._scenario.uavs)
             client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
         try:
-            made = Bodies(client, self._scenario, self.looks, opengl=self.opengl, drawn=self._given is not None)
+            made = Bodies(client, self._scenario, self.models, opengl=self.opengl, drawn=self._given is not None)
             self._put_uavs(made)
             self._put_people(made)
         except BaseException:
@@ -124,15 +137,17 @@ class World:
 
     @cached_property
     def _shown_bodies(self) -> ShownBodies:
-        moving, cameras = len(self._headings) + len(self.states), len(self.states)
-        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.looks, moving, cameras)
+        cameras = len(self.states)
+        moving = len(self._headings) + cameras
+        return ShownBodies(pybullet.connect(pybullet.DIRECT), self.models, moving, cameras)
 
     def _find_pose(self, moving: int) -> Placed:
         """Where a body that moves is, people first and then UAVs."""
         if (uav := moving - len(self._headings)) >= 0:
             state = self.states[uav].tolist()
             return state[_POSITION], state[_QUATERNION]
-        (x, y, _), yaw = self._people_centres[moving].tolist(), float(self._headings[moving])
+        x, y, _ = self._people_centres[moving].tolist()
+        yaw = float(self._headings[moving])
         yaw = 0.0 if math.isnan(yaw) else yaw
         return AWAY if math.isnan(x) else (x, y, 0.0), (0.0, 0.0, sin(yaw / 2), cos(yaw / 2))
 
@@ -186,7 +201,8 @@ class World:
         The engine makes only those steps before which a UAV is near another body.
         """
         air = np.zeros((steps, 2)) if winds is None else winds
-        targets, done = self._make_targets(commands, altitude_errors), 0
+        targets = self._make_targets(commands, altitude_errors)
+        done = 0
         while done < steps:
             if self._kinematic:
                 done += glide_while_clear(self.states, commands, self._dt, steps - done, self._top)
@@ -213,7 +229,8 @@ class World:
             self._note_contacts()
             return
         self._put_uavs(bodies)
-        targets, calm = self._make_targets(commands, altitude_errors), wind is None
+        targets = self._make_targets(commands, altitude_errors)
+        calm = wind is None
         given = wrenches(self.states, targets, self._memories, _CALM if wind is None else wind, calm, self._dt)
         for body, state, wrench in zip(bodies.uavs, self.states.tolist(), given.tolist(), strict=True):
             self.engine.applyExternalForce(body.id, -1, wrench[:3], state[_POSITION], pybullet.WORLD_FRAME)
@@ -230,7 +247,8 @@ class World:
 
     def take_contacts(self) -> tuple[Contact, ...]:
         """Contacts of UAVs since the last call, sorted; a contact of two UAVs is listed once, for the first."""
-        taken, self._touched = tuple(sorted(self._touched)), set()
+        taken = tuple(sorted(self._touched))
+        self._touched = set()
         return taken
 
     def close(self) -> None:

@@ -1,38 +1,42 @@
 """Blocks of README and pages run, and say what stands below them; `pytest -m docs` runs those that take long."""
 
 import csv
-import importlib
-import importlib.util
 import re
-import shlex
 import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
+from helpers.pages import DOCS, PAGES, ROOT, SHORTER, Shell, blocks, generator, text_of
+from helpers.studies import short, sql, store
 
-from sim.mission.archive import load
+import understory
+from sim.study.cells import list_cells
 from sim.study.definition import read_study
+from sim.study.trial_flight import fly_trial
+from sim.study.trials import list_trials
 
 APART = ("lost-person", "learning", "trained-detector")
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in APART]
-REFERENCE = ("api", "metrics", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
     "index",
-    "how-to/wrapping",
-    "how-to/trackers",
-    "explanation/equations",
-    "explanation/frames-to-tracks",
-    "explanation/rivals",
-    *(f"reference/{n}" for n in REFERENCE),
+    *(f"how-to/{name}" for name in ("planners", "replay", "trackers", "wrapping")),
+    *(f"explanation/{name}" for name in ("equations", "frames-to-tracks", "rivals")),
+    *(f"reference/{name}" for name in ("api", "metrics", "planners")),
 )
-BENCH = read_study("bench-1")
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
 
 
-def text_of(name):
-    return (DOCS / name).read_text(encoding="utf-8")
+@pytest.fixture
+def shell(tmp_path, monkeypatch, capsys):
+    """The command line and Python of pages, in an empty folder."""
+    yield Shell(tmp_path, monkeypatch, capsys)
+    for name, module in list(sys.modules.items()):  # another page may have modules of the same names
+        if (getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.mark.docs
@@ -46,15 +50,17 @@ def test_every_block_of_the_readme_runs(shell, tmp_path):
 
 
 @pytest.mark.docs
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_tutorials_notebook_runs(page, shell):
-    shell.execute(page.read_text(encoding="utf-8"), page.name)
+@pytest.mark.parametrize("name", [*(f"tutorials/{page.stem}" for page in TUTORIALS), *NAMES])
+def test_a_pages_blocks_run(name, shell):
+    names = shell.execute(text_of(name), name)
+    if test := names.get("test_it_conforms"):
+        test()
 
 
 @pytest.mark.docs
 def test_the_trained_detector_stands_the_noise_that_the_default_one_does_not(shell, tmp_path):
     few = {"compare": ["--duration", "4", "--seeds", "100,101"]}
-    shell.execute(text_of("tutorials/trained-detector.md"), "trained-detector.md", few)
+    shell.execute(text_of("tutorials/trained-detector"), "trained-detector.md", few)
     with (tmp_path / "runs" / "detectors" / "table.csv").open(newline="") as file:
         means = {(row["detector"], row["metric"]): float(row["mean"]) for row in csv.DictReader(file)}
     assert means["learned", "detection.precision"] > 0.95 > 0.5 > means["blob", "detection.precision"]
@@ -62,25 +68,17 @@ def test_the_trained_detector_stands_the_noise_that_the_default_one_does_not(she
 
 
 @pytest.mark.docs
-@pytest.mark.parametrize("name", NAMES)
-def test_a_pages_blocks_run(name, shell):
-    shell.execute(text_of(f"{name}.md"), name)
-
-
-@pytest.mark.docs
 def test_the_commands_on_ten_worlds_fly_their_planners(shell, monkeypatch):
     """Each in one of the worlds, for a second; figures of reports are laid out, and no files are made of them."""
     monkeypatch.setattr("sim.study.report.figures.pictures.encode_figure", lambda figure, kind: b"")
-    page = text_of("results/worlds.md").replace("\\\n", " ")
-    text = re.sub(r"--seeds (\d+)[\d-]*", r"--seeds \1", page)
-    found = blocks(re.sub(r"( --scenario [\w-]+)+", " --scenario paper", text))
-    commands = [line for _, block in found for line in block.splitlines()]
-    for k, command in enumerate(commands):
-        world = () if "--scenario" in command else ("--scenario", "paper")
-        out = shell.line(command, *world, "--duration", "1.2", "--out", f"runs/{k}")
-        planners = set(re.findall(r"--planner '?([\w-]+)", command)) or {name.split("(")[0] for name in BENCH.planners}
+    bench = {name.split("(")[0] for name in read_study("bench-1").planners}
+    text = re.sub(r"--seeds (\d+)[\d-]*", r"--seeds \1", text_of("results/worlds").replace("\\\n", " "))
+    lines = [line for _, block in blocks(text) for line in block.splitlines()]
+    assert len(lines) == 2
+    for k, command in enumerate(lines):
+        out = shell.line(command, "--scenario", "paper", "--duration", "1.2", "--out", f"runs/{k}")
+        planners = set(re.findall(r"--planner '?([\w-]+)", command)) or bench
         assert planners == {name for name in planners if name in out} and len(planners) >= 2
-    assert len(commands) == 2
 
 
 @pytest.mark.slow
@@ -94,23 +92,14 @@ def test_notebooks_run_in_a_kernel(tmp_path):
 @pytest.mark.docs
 def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "seedling"))
-    train = importlib.import_module("seedling.train")
     tiny = ["--missions", "2", "--duration", "2", "--epochs", "2", "--validations", "1", "--expert", "greedy"]
-    text, names = text_of("tutorials/learning.md").replace("'seedling(", "'seedling.planner:Seedling("), {}
-    for language, content in blocks(text):
-        if language == "python":
-            exec(compile(content, "learning.md", "exec"), names)
-        for line in content.splitlines() if language == "sh" else ():
-            words = shlex.split(line)
-            if words[0] == "python":
-                train.main([*words[3:], *tiny])
-            elif words[0] == "understory":
-                shell.line(line, *SHORTER.get(words[1], []))
+    text = text_of("tutorials/learning").replace("'seedling(", "'seedling.planner:Seedling(")
+    shell.execute(text, "learning.md", {**SHORTER, "-m": tiny})
     assert {path.name for path in shell.folder.iterdir()} >= {"tiny.npz", "tiny.csv", "mine.npz", "runs"}
 
 
 def test_a_notebook_holds_the_blocks_of_its_page_in_order():
-    page = text_of("tutorials/your-world.md")
+    page = text_of("tutorials/your-world")
     cells = [cell for cell in generator().notebook(page)["cells"] if cell["cell_type"] == "code"]
     shown = [content for language, content in blocks(page) if language in ("sh", "python", "toml")]
     for cell, content in zip(cells, shown, strict=True):
@@ -122,7 +111,7 @@ def test_a_notebook_holds_the_blocks_of_its_page_in_order():
 def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_path):
     shutil.copytree(DOCS / "examples" / "grove", tmp_path / "docs" / "examples" / "grove")
     told, quoted = [], 0
-    for language, content in blocks(text_of("tutorials/lost-person.md")):
+    for language, content in blocks(text_of("tutorials/lost-person")):
         if language == "text":
             for line in content.splitlines():
                 assert line in told, line
@@ -139,62 +128,33 @@ def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_pa
 
 
 def test_the_recording_of_the_lost_person_is_of_its_scenario():
-    from sim.scenario.loading import load as load_scenario
-
-    recording = load(DOCS / "examples" / "grove" / "mission.npz")
-    grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    assert recording.setting == load_scenario(grove)
+    recording = understory.load(DOCS / "examples" / "grove").recording
+    flown = understory.mission(DOCS / "examples" / "grove" / "grove.toml", seed=7)
+    assert recording.setting == flown.scenario
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
 
 
 @pytest.mark.docs
 def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
-    (_, block), (_, losses) = blocks(text_of("how-to/debugging.md"))[:2]
+    page = text_of("how-to/debugging")
+    (_, block), (_, losses), *_, (_, frames) = blocks(page)
     outputs = [shell.line(line) for line in block.splitlines()]
     folder = tmp_path / "runs" / "dense"
     assert outputs[0].count("timeline.png") == 1 and outputs[1] == losses
     assert outputs[2].count("person ") == 1 and "off   hidden by tree" in outputs[2]
     assert outputs[3].startswith("person 2 at 3.2 s\n  is at (") and "  off the track since " in outputs[3]
     assert re.search(r"hidden by tree (\d+), .*\n  tree \1 stands at ", outputs[3])
-    files = {path.name for path in folder.iterdir()}
     picture = "explain-target2-3.2s.png"
-    assert files == {"mission.npz", "ospa.png", "summary.json", "timeline.png", picture}
+    assert {path.name for path in folder.iterdir()} >= {"timeline.png", picture}
     assert (folder / picture).read_bytes().startswith(b"\x89PNG")
-    (folder / "timeline.png").rename(folder / "first.png")
-    shell.call("explain", "runs/dense/mission.npz", "--out", "again.png")
-    assert (tmp_path / "again.png").read_bytes() == (folder / "first.png").read_bytes()
-    (_, frames), name = blocks(text_of("how-to/debugging.md"))[-1], "frames-uav1-3-3.4s"
     shell.line(frames.strip())
-    assert f"`{name}`" in text_of("how-to/debugging.md") and len([*(folder / name).iterdir()]) == 3
-
-
-def test_words_of_the_page_on_debugging_are_those_of_the_program():
-    folder = (ROOT / "sim" / "facts" / "explain").glob("*.py")
-    source = "".join(path.read_text(encoding="utf-8") for path in folder)
-    said = ("off the track", "detected at pixel", "in the gate of", "NEES", "existence")
-    for words in (*said, "holds person"):
-        assert words in text_of("how-to/debugging.md") and words in source
-
-
-@pytest.mark.docs
-def test_the_commands_on_replay_run(shell, tmp_path, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    found = blocks(text_of("how-to/replay.md"))
-    assert [kind for kind, _ in found] == ["sh"] * 4
-    for _, text in found:
-        if "--gui" in text:  # as the page says of a machine without a display
-            assert shell.call(*text.split()[1:])[0] == 2
-        else:
-            shell.line(text, *(["--duration", "3"] if " run " in text else []))
-    run = tmp_path / "runs" / "short"
-    assert (run / "replay.mp4").stat().st_size == (run / "mission.mp4").stat().st_size
-    assert (tmp_path / "uav1.mp4").is_file()
+    assert "`frames-uav1-3-3.4s`" in page and len([*(folder / "frames-uav1-3-3.4s").iterdir()]) == 3
 
 
 @pytest.mark.docs
 def test_the_commands_on_rerun_run(shell, tmp_path):
     chunk = pytest.importorskip("rerun.chunk")
-    page = text_of("how-to/rerun.md")
+    page = text_of("how-to/rerun")
     ((_, commands),) = blocks(page)
     for line in commands.splitlines():
         shell.line(line, *(["--duration", "1", "--no-video"] if " run " in line else []))
@@ -205,3 +165,49 @@ def test_the_commands_on_rerun_run(shell, tmp_path):
         assert any(path == f"/{name}" or path.startswith(f"/{name}/") for path in paths), name
     code, _, err = shell.call(*line.split()[1:])
     assert code == 2 and "found.rrd" in err
+
+
+def test_what_a_planner_can_know_is_what_the_scenario_says():
+    *helpers, _ = (content for language, content in blocks(text_of("how-to/planners")) if language == "python")
+    names, seen = {}, []
+    exec(compile("".join(helpers), "planners.md", "exec"), names)
+
+    class Asking:
+        def plan(self, team, rng):
+            seen.append(team)
+            return [understory.Plan(np.ones((3, 2)) * situation.time) for situation in team]
+
+    scenario = understory.run(planner=Asking(), settings={"duration": 2, "sensing.mode": "ideal"}).scenario
+    near = [(x, y, 0.0) for x in (-20.0, 0.0, 20.0) for y in (-20.0, 0.0, 20.0)]  # m
+    for situation, uav in zip(seen[2], scenario.uavs, strict=True):
+        own, people = situation.own, np.array([track.belief.mean[:2] for track in situation.tracks])
+        assert names["tracker_step"](situation) == pytest.approx(1 / scenario.rates.sensing)
+        assert names["footprint"](own) == pytest.approx(uav.footprint, rel=1e-3)
+        assert names["alpha"](own) == pytest.approx(uav.alpha)
+        shown = [names["seen"](situation, own, np.add(own.position, gap), people) for gap in near]
+        assert np.any(shown) and not np.all(shown)
+        assert names["measurement_covariance"](own, people[0]).shape == (2, 2)
+        # Made at 1 s, and not yet shortened by the control that was flown since.
+        told = {j: plan.controls.tolist() for j, plan in situation.intents.items()}
+        assert told == dict.fromkeys(range(3), [[1, 1]] * 3)
+    assert not seen[0][0].intents
+
+
+def test_study_files_query_python_and_metrics_on_pages_are_as_they_say(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = text_of("how-to/studies")
+    found = {language: content for language, content in blocks(page) if language != "sh"}
+    (tmp_path / "mine.toml").write_text(found["toml"])
+    assert len(list_trials(read_study("mine.toml"))) == 10 * 2 * (1 + 2)
+    (tmp_path / "trackers.toml").write_text(dict(blocks(text_of("how-to/trackers")))["toml"])
+    assert [cell.settings for cell in list_cells(read_study("trackers.toml"))] == [
+        {"tracking.tracker": "jpda"}, {"tracking.management": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
+    ]  # fmt: skip
+    made = short(["hover"], "0-1", factors={"lambda": {"15": {"trees": {"density": 15}}}})
+    mean = np.mean([row.metrics["ospa.share_under_1m"] for row in store(tmp_path, made)])
+    assert sql(tmp_path, found["sql"]) == [("15", "hover", pytest.approx(mean))]
+    monkeypatch.setattr(understory, "Pool", lambda: ThreadPoolExecutor(1))
+    exec(compile(found["python"], "studies.md", "exec"), {"__name__": "__main__"})
+    assert "breakdown" in capsys.readouterr().out
+    for name in fly_trial(made[0]).row.metrics:
+        assert f"`{name}`" in page or name.startswith("seconds.")

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.pages import DOCS
+from helpers.pages import DOCS, text_of
 from stonesoup.metricgenerator.ospametric import GOSPAMetric
 from stonesoup.types.state import State
 
@@ -14,16 +14,6 @@ import peers
 
 CELL = peers.Cell(0.9, 10)
 SMALL = ["--seeds", "2,3", "--scans", "8"]
-PAGE = (DOCS / "results" / "peers.md").read_text(encoding="utf-8")
-
-
-def table(text):
-    """Cells of a table's lines after its head."""
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.strip().splitlines()[2:]]
-
-
-def states(scan):
-    return [State(np.array(place)) for place in scan.values()]
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -31,26 +21,23 @@ def test_scores_equal_those_of_stone_soups_metric(seed):
     scene = peers.simulate(CELL, seed, 10)
     found = peers.theirs(scene, CELL, peers.TUNED[CELL])
     metric = GOSPAMetric(c=10.0, p=2.0)
-    each = [
-        metric.compute_gospa_metric(states(x), states(y))[0].value for x, y in zip(found, scene.people, strict=True)
+    pairs = [
+        [[State(place) for place in scan.values()] for scan in two] for two in zip(found, scene.people, strict=True)
     ]
+    each = [metric.compute_gospa_metric(*states)[0].value for states in pairs]
     score = peers.score(scene, found)
-    assert score.gospa == pytest.approx(np.mean([value["distance"] for value in each]), rel=1e-12)
-    assert score.missed == pytest.approx(np.mean([value["missed"] for value in each]) / 50)
-    assert score.false == pytest.approx(np.mean([value["false"] for value in each]) / 50)
+    distance, missed, false = (np.mean([value[name] for value in each]) for name in ("distance", "missed", "false"))
+    assert score.gospa == pytest.approx(distance, rel=1e-12)
+    assert (score.missed, score.false) == pytest.approx((missed / 50, false / 50))
     assert score.missed > 0 and any(found)
 
 
-def test_people_are_missed_by_three_causes():
+def test_people_are_missed_by_three_causes_and_a_track_that_another_takes_over_is_a_switch():
     """A has a track from the second scan to the third; that of B walks off in the last scan, and C has none."""
     a, b, c = np.array([[0.0, 0.0], [50.0, 0.0], [0.0, 50.0]])
     tracks = [{}, {1: a, 2: b}, {1: a, 2: b}, {2: b}, {2: b + 20}]
     score = peers.score(peers.Scene([], [], [{"a": a, "b": b}] * 4 + [{"a": a, "b": b, "c": c}]), tracks)
     assert score[1:] == pytest.approx((6 / 5, 1 / 5, 0, 3 / 5, 2 / 5, 1 / 5))
-
-
-def test_a_track_that_another_person_takes_over_is_a_switch():
-    a, b = np.zeros(2), np.array([30.0, 0.0])
     score = peers.score(peers.Scene([], [], [{"a": a, "b": b}] * 2), [{1: a, 2: b}, {1: b, 2: a}])
     assert score == (0, 0, 0, 2, 0, 0, 0)
 
@@ -71,7 +58,7 @@ def test_scenes_have_births_deaths_misses_and_false_alarms_and_come_again():
 @pytest.mark.docs
 def test_the_comparison_runs_and_pairs_scenes(capsys):
     peers.main(["compare", *SMALL])
-    lines = table(capsys.readouterr().out)
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in capsys.readouterr().out.splitlines()[2:]]
     assert len(lines) == 3 * len(peers.TUNED)
     for k, cell in enumerate(peers.TUNED):
         scenes = [peers.simulate(cell, seed, 8) for seed in (2, 3)]
@@ -93,4 +80,4 @@ def test_tuning_finds_the_least_gospa(monkeypatch):
 
 @pytest.mark.slow
 def test_the_page_shows_a_cell_of_the_comparison():
-    assert "\n".join(peers.compare([CELL], range(20)).splitlines()[2:]) in PAGE
+    assert "\n".join(peers.compare([CELL], range(20)).splitlines()[2:]) in text_of("results/peers")

@@ -6,12 +6,12 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from helpers.pages import DOCS
+from helpers.pages import DOCS, text_of
 from helpers.studies import invented
 from msgspec.structs import replace
 
 from planning.catalogue import PLANNERS
-from sim.study.analysis.answers import differences
+from sim.study.analysis.answers import differences, holm
 from sim.study.analysis.metric_choice import find_shown_metric
 from sim.study.analysis.normalised_score import SCORE
 from sim.study.definition import adapt_study
@@ -34,7 +34,7 @@ GOSPA = find_shown_metric("gospa.mean_m")
 @pytest.fixture(scope="module")
 def page():
     """The page as one line of words."""
-    return " ".join((DOCS / "results" / "worlds.md").read_text(encoding="utf-8").split())
+    return " ".join(text_of("results/worlds").split())
 
 
 def rows(table):
@@ -43,50 +43,35 @@ def rows(table):
     return {name.strip("`"): texts for name, *texts in lines}
 
 
-def value(text):
-    return float(re.match(r"[*_]*([-+]?[\d.]+)", text)[1])
-
-
-@pytest.fixture
-def whole(monkeypatch):
-    """Tables have the planners that the page leaves out, too."""
+def test_the_page_says_who_is_ahead_of_whom_as_its_tables_show(page, monkeypatch):
+    """With the planners that its tables leave out. No rival is ahead of the default, none at all of the oracle."""
     monkeypatch.setattr(scores, "FLOORS", ())
-
-
-def test_the_default_is_first_over_all_worlds_and_no_rival_ahead_in_one(page, whole):
     assert "the default has the lowest mean GOSPA among the planners of the table that do not know the truth," in page
     assert f"It is ahead of each by more than the interval; of `{SEARCHING}` only in `patchwork`" in page
     assert "No rival but the oracle is ahead of the default beyond chance, in any world." in page
-    gaps = rows(scores.gaps_table("gospa.mean_m"))
+    assert "The oracle is an upper bound: no planner is ahead of it by more than an interval." in page
+    gaps, behind = (rows(scores.gaps_table("gospa.mean_m", base=base)) for base in (scores.DEFAULT, "oracle"))
     rivals = {name: texts for name, texts in gaps.items() if name in scores.RIVALS}
     assert list(rivals) == scores.RIVALS and all(len(texts) == WORLDS + 1 for texts in rivals.values())
     assert all(texts[-1].startswith("**+") for name, texts in rivals.items() if name != SEARCHING)
     *worlds, mean = rivals[SEARCHING]
     assert mean.startswith("_+") and [k for k, text in enumerate(worlds) if text[0] in "*_"] == [PATCHWORK]
     assert worlds[PATCHWORK].startswith("**+")
-    assert not [text for texts in rivals.values() for text in texts if text.startswith(("**-", "_-"))]
+    compared = [*rivals.values(), *(behind[name] for name in (scores.DEFAULT, *scores.RIVALS))]
+    assert not [text for texts in compared for text in texts if text.startswith(("**-", "_-"))]
+    means = [re.match(r"[*_]*([-+]?[\d.]+)", gaps[name][-1])[1] for name in ("lawnmower", "random")]
+    assert f"whose GOSPA is {' and '.join(mean.lstrip('+') for mean in means)} m larger in the mean." in page
 
 
-def test_no_planner_is_ahead_of_the_oracle(page, whole):
-    assert "The oracle is an upper bound: no planner is ahead of it by more than an interval." in page
-    gaps = rows(scores.gaps_table("gospa.mean_m", base="oracle"))
-    names = [scores.DEFAULT, *scores.RIVALS]
-    assert all(len(gaps[name]) == WORLDS + 1 for name in names)
-    assert not [text for name in names for text in gaps[name] if text.startswith(("**-", "_-"))]
-
-
-def test_mean_scores_and_planners_that_the_table_leaves_out_are_as_the_page_says(page, whole):
+def test_mean_scores_are_as_the_page_says(page):
     means = {s.planner: s.mean.text(SCORE) for s in scores._scored(scores._groups()).scores if s.cell is None}
     share, _, interval = means[scores.DEFAULT].partition(" ")
     others = f"`oracle` {means['oracle']}, `random` {means['random']} and `lawnmower` {means['lawnmower']}"
     assert f"where the default has {share} % {interval}, {others}." in page
-    gaps = rows(scores.gaps_table("gospa.mean_m"))
-    means = [f"{value(gaps[name][-1]):.2f}" for name in ("lawnmower", "random")]
-    assert f"whose GOSPA is {' and '.join(means)} m larger in the mean." in page
 
 
 def test_differences_are_marked_by_holms_correction_for_all_planners(monkeypatch):
-    """Against a plain count from the trials: Student's p-values of the paired differences, times those left."""
+    """Counted from the trials: p-values of the paired differences in all worlds and planners together."""
     monkeypatch.setattr(scores, "ORDER", scores.ORDER[:4])
     found = defaultdict(dict)
     for row in scores.trials():
@@ -101,12 +86,9 @@ def test_differences_are_marked_by_holms_correction_for_all_planners(monkeypatch
         ]
         for k, gap in enumerate([*gaps, np.mean(gaps, axis=0)]):
             chances[name, k] = differences({(s, 0): gap[s : s + 1] for s in range(50)}, [GOSPA])[0].p_value
-    ordered = sorted(chances, key=chances.get)
-    left = 0
-    while left < len(ordered) and chances[ordered[left]] * (len(ordered) - left) <= 0.05:
-        left += 1
-    assert 5 < left < len(ordered) - 5
-    assert {place for place in chances if marks[place[0]][place[1]] == "**"} == set(ordered[:left])
+    kept = {place for place, survives in zip(chances, holm(list(chances.values())), strict=True) if survives}
+    assert 5 < len(kept) < len(chances) - 5
+    assert {place for place in chances if marks[place[0]][place[1]] == "**"} == kept
 
 
 def test_the_list_has_the_maps_that_the_commands_fly(page):
@@ -118,9 +100,6 @@ def test_the_list_has_the_maps_that_the_commands_fly(page):
     assert len(flown) == WORLDS * (len(scores.ORDER) + 2)  # and floor and bound
     asked = set(re.findall(r"--planner '?([\w-]+(?:\([^)]*\))?)", page.partition("Today's settings")[0]))
     assert asked | set(scores.STUDY.planners) | {"hover"} == {planner for _, planner, _ in flown}
-
-
-def test_the_tables_have_all_built_in_planners():
     assert {name.partition("(")[0] for name in scores.ORDER} | {"hover"} == set(PLANNERS)
 
 
@@ -130,9 +109,8 @@ def test_a_study_adds_each_trial_once_and_none_of_other_settings(tmp_path, monke
 
     def added(value, worlds, **changes):
         with Store.open(tmp_path / "runs", "bench-1") as opened:
-            for task in list_trials(
-                adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
-            ):
+            study = adapt_study(scores.STUDY, planners=["greedy"], scenarios=worlds, seeds="0", **changes)
+            for task in list_trials(study):
                 opened.add(task, replace(invented(task), metrics=dict.fromkeys(scores.METRICS, value)))
         scores.add([tmp_path / "runs"])
         return [(row.scenario, row.planner, row.metrics["share_held"]) for row in scores.trials()]

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import inspect
 
 from sim.scenario.scenario import Scenario
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import UavSettings
 
 NUMBERS = [0, 1, 2, 3, 5, 7, -1, 0.1, 0.5, -0.0, 1e-9, 1e-300, 1e-320, 1e9, 1e300, 1e308, -1e308, 10**9, 10**19]
 NUMBERS += [10**400, -(10**19), 10**5000, float("inf"), float("nan")]
@@ -63,7 +63,7 @@ def keys():
             inner = getattr(Scenario(), name, None) if kind is Scenario else None
             yield from under(type(inner), f"{name}.") if isinstance(inner, msgspec.Struct) else [f"{prefix}{name}"]
 
-    return [*under(Scenario, ""), *(f"uavs.{i}.{name}" for i in range(2) for name in Uav.__struct_encode_fields__)]
+    return [*under(Scenario, ""), *(f"uavs.{i}.{name}" for i in range(2) for name in UavSettings.__struct_fields__)]
 
 
 def numbers(kind, name=""):

@@ -1,8 +1,10 @@
 """Pages of the documentation: their blocks, and a shell that runs these in the test's process."""
 
+import importlib
 import importlib.util
 import re
 import shlex
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -15,6 +17,11 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md"))
 SHORTER = {"run": ["--duration", "1"], "compare": ["--duration", "1", "--seeds", "0,1"]}
+
+
+def text_of(name):
+    """A page of the documentation by its path without ending."""
+    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
 
 
 @cache
@@ -45,6 +52,7 @@ class Shell:
     def __init__(self, folder, monkeypatch, capsys):
         self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
         monkeypatch.chdir(folder)
+        monkeypatch.delenv("DISPLAY", raising=False)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
         monkeypatch.setattr(console.console, "width", 200)
 
@@ -53,17 +61,17 @@ class Shell:
         return called(arguments, self._monkeypatch, self._capsys, ThreadPoolExecutor(1))
 
     def line(self, text, *options):
-        """Output of a line of a page, with further options, or others than it gives; it succeeds."""
+        """Output of a line of a page, with further options, or others than it gives; a window has no display here."""
         program, *words = shlex.split(text, comments=True)
         for name in {"--duration", "--seeds", "--time", "--no-video"}.intersection(words, options):
             at = words.index(name)
             del words[at : at + 1 + (name != "--no-video")]
         code, out, err = self.call(*words, *options)
-        assert (program, code) == ("understory", 0), (text, err)
+        assert (program, code) == ("understory", 2 * ("--gui" in words)), (text, err)
         return out
 
     def execute(self, markdown, name, shorter=SHORTER):
-        """Run every cell of a page's notebook, with options that shorten missions and times."""
+        """Names after every cell of a page's notebook was run, with options that shorten missions and times."""
         names = {"__name__": "notebook"}
         for cell in generator().notebook(markdown)["cells"]:
             source = "".join(cell["source"])
@@ -77,9 +85,16 @@ class Shell:
                     self._shortened(line.removeprefix("!"), shorter)
             else:
                 exec(compile(source, name, "exec"), names)
+        return names
 
     def _shortened(self, line, shorter):
         command = line.rpartition(" && ")[2]
-        if command != "pytest":
+        if command.startswith("cp "):
+            _, source, name = command.split()
+            shutil.copy(ROOT / source, self.folder / name)
+        elif command.startswith("python -m "):
+            _, _, module, *words = command.split()
+            importlib.import_module(module).main([*words, *shorter["-m"]])
+        elif command.split()[0] not in ("pytest", "pip"):
             options = shorter.get(command.split()[1], [])
             self.line(command, *(options if "--time" not in options or "--time" in command else []))

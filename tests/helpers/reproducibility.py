@@ -66,8 +66,8 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 IMAGES = {
-    "images": ("duration=2", "appearance.randomise=true"),
-    "images through lenses": ("duration=2", "appearance.randomise=true", *_LENSES),
+    "images": ("duration=2", "appearance=full"),
+    "images through lenses": ("duration=2", "appearance=full", *_LENSES),
 }
 # Last come the images themselves, of short missions.
 _FLY = """

@@ -1,4 +1,4 @@
-"""Independent batches of tracks and measurements, with which a scan's cost is linear, not quadratic, in the people."""
+"""Independent batches of tracks and measurements: they make the cost of a scan linear, not quadratic, in the people."""
 
 import math
 

@@ -51,7 +51,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
 
 @merged
 def _find_cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
-    """Tracks and measurements, ascending, of the cluster of the track `start`."""
+    """The cluster of track `start`: its tracks and its measurements, ascending."""
     rows = np.zeros(pairs.shape[0], dtype=np.bool_)
     columns = np.zeros(pairs.shape[1], dtype=np.bool_)
     rows[start] = True

@@ -109,7 +109,7 @@ SPLIT = SplitError()
 
 
 class LeafError(NamedTuple):
-    """Additional error of people of whom leaves hide a part by chance; fitted like `WholeError`, to people seen so."""
+    """Additional error of people hidden in part by leaves, by chance; fitted to such people, as `WholeError` is."""
 
     # Standard deviations in extents of a person, by the share of the person's area that does not show.
     lacking: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -117,7 +117,7 @@ class LeafError(NamedTuple):
     tangential: tuple[float, ...] = (0.001, 0.024, 0.059, 0.082, 0.149, 0.271)
 
     def variances(self, extents: Array, lacking: Array) -> Array:
-        """Radial and tangential variances (N, 2) m² of people of extents (N, 2) m, of whose area a share (N,) lacks."""
+        """Radial and tangential variances (N, 2) m² of people of extents (N, 2) m; a share (N,) of each is hidden."""
         parts = np.column_stack([np.interp(lacking, self.lacking, row) for row in (self.radial, self.tangential)])
         return np.asarray(np.square(extents * parts))
 

@@ -25,7 +25,7 @@ _OUTLINE = np.array([(r * cos(angle), r * sin(angle), height) for height, r in O
 def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
     """Detections of people from blobs, each the pixels (K, 2) of one person who is seen whole.
 
-    A silhouette's centroid stands for the person's mid-height, corrected for the part that the image's edge cuts off.
+    The centroid of a silhouette is used as the person's mid-height, corrected for the part outside the image.
     """
     if not blobs:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -55,7 +55,7 @@ def split_gaps(lens: Lens, pixels: Array, components: Indices) -> Array:
 
 
 def _find_centre(frame: Frame, blob: Array) -> Array:
-    """Pixel (2,), in the image or outside of it, of the mid-height of the person that a blob is from."""
+    """Pixel (2,) of the mid-height of a blob's person, in the image or outside it."""
     seen = np.asarray(blob.mean(axis=0))
     if blob.min() > 0.5 and np.all(blob.max(axis=0) < np.array(frame.camera.size) - 0.5):
         return seen

@@ -36,8 +36,8 @@ class NoiseModel:
     def camera(camera: Camera, altitude: float) -> NoiseModel:
         """Noise model for a person in plain view of a nadir camera `altitude` m above ground.
 
-        Variances are those of posture (limbs and stride) and of rounding. That of rounding is gsd² / 12 for one pixel
-        of edge gsd at the target's height, and smaller by a factor of about gsd² / limb² for a centroid of many pixels.
+        Variances come from posture (limbs and stride) and from rounding. Rounding adds gsd² / 12 for one pixel of edge
+        gsd at the target's height, and less by a factor of about gsd² / limb² for a centroid of many pixels.
         The `excess` of `WholeError.detection_variances` is left out. `tracking.detection.partial_visibility` gives the
         covariance of a person hidden in part.
         """

@@ -29,7 +29,7 @@ _IMPROBABLE = 20.0
 
 
 class PartError(NamedTuple):
-    """Error model of the visible part of a person, compared with that of a mean silhouette.
+    """Error model of the visible part of a person, compared with the visible part of a mean silhouette.
 
     `tests/helpers/covariance_fit.py` fits it so that squared errors over variances average one.
     """
@@ -68,7 +68,7 @@ class Seen(NamedTuple):
 class Places(NamedTuple):
     """Grid of possible places of a person seen in part, and the part of the silhouette that each would show.
 
-    Coordinates (u, v) [m] are those of a clearing around the blob.
+    Coordinates (u, v) [m] are relative to a clearing around the blob.
     """
 
     clearing: Clearing

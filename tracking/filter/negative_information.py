@@ -20,10 +20,10 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
     """Likelihood (T, K) of no detection at the samples of beliefs.
 
     Negative information of the last frames is already in the belief, although the Gaussian has tails again in the empty
-    place. A second look there only tells that no person has come since. So where frames of both times show a place, the
+    place. A second look there only says that no person has come since. So where frames of both times show a place, the
     likelihood falls with the share of the belief that people cross between them.
-    Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
-    belief even if they showed all of it, which is no information, or if the fleet did not hold the track then.
+    Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are assumed to be in
+    the belief even if they showed all of it, which is no information, or if the fleet did not have the track then.
 
     Args:
         means: Means (T, 4).

@@ -83,9 +83,9 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
 
     prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4, 1) and matrices (T, 4, 4).
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
-    The novel part takes the shift of the mean, up to the shift by a measurement with this much information at the
-    distance `reach` (T,), in prior standard deviations. The prior part takes the rest.
-    Source: [Battistelli15], whose measurements have an information matrix of their own.
+    The novel part gets the shift of the mean, up to the shift by a measurement with this much information at the
+    distance `reach` (T,), in prior standard deviations. The prior part gets the rest.
+    Source: [Battistelli15]; there, measurements have an information matrix of their own.
     Note: the bound on the shift is ours. Ambiguity between measurements moves a mean without any gain of information,
     and the sum of such shifts over UAVs would be unbounded.
     """

@@ -27,9 +27,9 @@ class FleetState:
         return next(tracker for tracker in self.trackers if tracker.uav == uav)
 
     def step(self, time: float, scans: Mapping[int, Scan], agreed: Message | None = None) -> FleetState:
-        """The state after the scan at `time` s, of which the scans of some UAVs are known.
+        """The state after the scan at `time` s, for which the scans of some UAVs are known.
 
-        agreed: message to accept in place of that from these scans.
+        agreed: message to accept in place of the one from these scans.
         """
         after = None if agreed else self._after.get(frozenset(scans))
         if after is None:
@@ -51,8 +51,8 @@ class FleetState:
 def average_reports(reports: Mapping[int, Message], max_speed: float) -> Message | None:
     """Average of the different messages of one scan that UAVs, by number, accepted; None if all accepted the same.
 
-    Tracks of one person get one id, as where partitions of a fleet meet. No information counts twice: the average is
-    that of Kullback and Leibler, and of what a scan added, each UAV's share is averaged, too.
+    Tracks of one person get one id, as when partitions of a fleet meet. No information counts twice: beliefs are
+    averaged as Kullback and Leibler define, and so is each UAV's share of the information that the scan added.
     """
     different: dict[tuple[bytes, ...], Message] = {}
     for uav, told in sorted(reports.items()):
@@ -67,18 +67,18 @@ def average_reports(reports: Mapping[int, Message], max_speed: float) -> Message
 
 
 class ScanLog:
-    """One UAV's scans and those that it has received from others, and the tracks to which they lead.
+    """One UAV's own scans, those that it has received from others, and the tracks that follow from them.
 
     At each scan the UAV has the tracks of a central tracker that takes the known scans in the order of their times.
     Each scan counts once, whenever and however often it arrives. The last `hold` scans of the fleet may still be
-    completed; what arrives later is dropped. Source: [BarShalom02], whose exact update in one step a filter run again
-    equals, and which knows neither association nor tracks that begin and end.
+    completed; what arrives later is dropped. Source: [BarShalom02]. Its exact update in one step equals a filter that
+    is run again; it has no association, and its tracks neither begin nor end.
 
-    UAVs that lack different scans come to have different tracks. So after each `hold` scans a UAV reports the tracks of
-    the last scan that can no longer be completed. When reports have had as long to arrive, it goes on from the average
-    of those that differ, and runs the scans since then again.
-    Note: [Li22] has consensus without delays. Its L rounds of messages of a scan begin with the tracks after the rounds
-    of the scan before, so that they fall behind further and further if they take longer than the time between scans.
+    If UAVs lack different scans, their tracks become different. So after each `hold` scans a UAV reports the tracks of
+    the last scan that can no longer be completed. After as much time for reports to arrive, it continues from the
+    average of the reports that differ, and runs the scans since then again.
+    Note: [Li22] has consensus without delays. The L rounds of a scan begin with the tracks after the rounds of the scan
+    before. If rounds take longer than the time between scans, they would fall ever further behind.
     """
 
     def __init__(self, uav: int, start: FleetState, hold: int) -> None:

@@ -1,4 +1,4 @@
-"""Messages by which UAVs exchange their tracks."""
+"""Messages: what UAVs send each other about their tracks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 # Columns of `Message.shares`: the weight, and the log-odds of existence; between them are the numbers of (q, Ω).
 WEIGHT, LOG_ODDS = 0, 1 + INFORMATION
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
-# Columns of tracks, and what they hold of a track that a message lacks; -1 has all bits.
+# Columns of tracks, and their values for a track that a message lacks; -1 has all bits.
 _COLUMNS = {
     "ids": -1,
     "keys": -1,
@@ -127,7 +127,7 @@ def find_beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
 
 @compiled
 def find_latest_sightings(sightings: Array, times: Array, means: Array, now: float) -> Array:
-    """Last sure detections (T, 3), those of the scan at `now` s included, from columns of messages and means (T, 4)."""
+    """Last sure detections (T, 3), up to the scan at `now` s, from columns of messages and means (T, 4)."""
     latest = sightings.copy()
     for t in range(len(latest)):
         if times[t, SURE_AT] >= now:

@@ -50,7 +50,7 @@ class FusionRule(Protocol):
 
     Example:
         ```python
-        from tracking.fusion.rule import KullbackLeiblerAverage
+        from understory import KullbackLeiblerAverage
 
         class EqualWeights(KullbackLeiblerAverage):
             def contribution(self, local):

@@ -36,7 +36,7 @@ class JointTracks(NamedTuple):
     ids: Indices  # (T,), ascending
     keys: Indices  # (T, 2), as in messages
     rows: Indices  # (N, T) row of each track in each message; -1 in a message that has it not, or not its latest state
-    deleted: tuple[tuple[int, float], ...]  # deletions that any message tells of, as in a message
+    deleted: tuple[tuple[int, float], ...]  # deletions in any of the messages, as in a message
 
 
 class _Table(NamedTuple):
@@ -88,9 +88,9 @@ def associate_tracks(messages: Sequence[Message], max_speed: float) -> JointTrac
 
 
 def _tabulate(messages: Sequence[Message], deleted: tuple[tuple[int, float], ...]) -> _Table:
-    """Tabulate the tracks of messages, without those whose last detection a deletion voids.
+    """Tabulate the tracks of messages, without tracks whose last detection a deletion has made void.
 
-    A message that tells of all deletions has no such tracks.
+    A message that contains all deletions has no such tracks.
     """
     counts = [len(m.ids) for m in messages]
     sender, row = np.repeat(np.arange(len(counts)), counts), np.concatenate([np.arange(count) for count in counts])
@@ -245,7 +245,7 @@ def _join(states: LatestTracks, ratios: Array, holders: Flags, begun: Flags) -> 
 
 
 def _find_common_ids(table: _Table) -> Pairs:
-    """All pairs of different tracks, in either order, to which messages give a common id."""
+    """All pairs of different tracks, in either order, with a common id in the messages."""
     order = np.argsort(table.given, kind="stable")
     named, given = table.named[order], table.given[order]
     first, second = [named[:0]], [named[:0]]
@@ -268,7 +268,7 @@ def _find_apart(holders: Flags) -> Pairs:
 
 
 def _rate_pairs(states: LatestTracks, apart: Pairs, alike: Pairs, max_speed: float) -> Array:
-    """Log-likelihood ratios (G, G) of one person, with that of a common id; -inf for two tracks that one UAV holds.
+    """Log-likelihood ratios (G, G) of one person, common ids included; -inf for two tracks of one UAV.
 
     apart: the other pairs of tracks; alike: those with a common id, in either order.
     """

@@ -24,6 +24,7 @@ from tracking.plugins.findings import (
     require_untouched,
     try_checks,
 )
+from tracking.testing.stage import make_scan
 from tracking.track import Scan, Track, beliefs_of
 
 _SCANS, _STEP = 25, 0.2  # and s between them
@@ -61,7 +62,7 @@ def _scan(k: int, uav: int) -> Scan | None:
     seen = np.delete(_place_people(k), missed, axis=0) + rng.normal(scale=0.2, size=(4 - len(missed), 2))
     alarms = _CLUTTER if k == 9 else _CLUTTER[:0]
     z = np.concatenate([seen, alarms])[: 0 if away else None]
-    return Scan(uav, _STEP * k, _AWAY if away else _HERE, z, np.tile(0.05 * np.eye(2), (len(z), 1, 1)))
+    return make_scan(uav, _STEP * k, _AWAY if away else _HERE, z)
 
 
 def _make_arguments(uav: int, known: Array) -> tuple[int, Camera, Forest, TrackerParameters, list[Track]]:

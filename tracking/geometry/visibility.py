@@ -16,7 +16,7 @@ from tracking.numerics.exponential import exp, exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors, elementwise
 
-# Area that leaves in random directions show along a line, as a share of their own. Source: [Monsi53].
+# Area of leaves in random directions as seen along a line, as a share of their true area. Source: [Monsi53].
 EXTINCTION = 0.5
 
 
@@ -118,7 +118,7 @@ class Forest:
 
     @cached_property
     def blockers(self) -> Array:
-        """Cylinders (B, 6) on lines of sight: those of all solids, or with "disc" one opaque disc for each canopy.
+        """Cylinders (B, 6) on lines of sight: all solids, or with "disc" one opaque disc for each canopy.
 
         Note: [Li22] hides a target whenever it is inside a circle. A disc is a cylinder whose top and bottom are both
         at the target's height, where every line of sight ends.
@@ -151,7 +151,7 @@ class Forest:
         return make_grid(self.blockers)
 
     def visible(self, cameras: Array, points: Array) -> Flags:
-        """Flags (C, N) of points (N, 3) m at which cameras (C, 3) m rather see than miss a person in view.
+        """Flags (C, N) of points (N, 3) m where cameras (C, 3) m see a person in view with probability 1/2 or more.
 
         Without porous trees, these are the unobstructed lines.
         """
@@ -160,7 +160,7 @@ class Forest:
     def free_shares(self, cameras: Array, points: Array) -> Array:
         """Free shares (C, N) of lines from cameras (C, 3) m to points (N, 3) m, in or out of the field of view.
 
-        The result equals that of testing every tree, for cameras and points at any height.
+        The result is the same as if every tree were tested, for cameras and points at any height.
         """
         origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
         return _find_free_shares(origins, ends, self.blockers, self.grid)

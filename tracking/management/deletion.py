@@ -14,7 +14,7 @@ _LIKELIER = 3.0  # ratio of two tracks' probabilities from which on the likelier
 
 @compiled
 def count_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
-    """Misses (T,) in bits, with that of the scan at `now` s added, after the fleet has agreed on the times (T, 4).
+    """Misses (T,) in bits, with the scan at `now` s added, after the fleet has agreed on the times (T, 4).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
     Otherwise it does not count.
@@ -29,7 +29,7 @@ def count_misses(misses: Indices, times: Array, now: float, window: int) -> Indi
 
 @compiled
 def find_outcompeted(gates: Indices, detected: Array) -> Flags:
-    """Flags (T,) of tracks whose measurements more likely belong to another track; only that one has the hit.
+    """Flags (T,) of tracks whose measurements more likely belong to another track; only the other track has the hit.
 
     gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of these is the
     person's. The probabilities of two tracks that compete for one measurement add up to one. The likelier track has the

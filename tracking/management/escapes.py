@@ -37,7 +37,7 @@ _WITHOUT_TURNS = 0.5
 
 
 class _Lost(NamedTuple):
-    """A lost track: what is relative is to the probability that the person does not exist."""
+    """A lost track; relative probabilities are ratios to the probability that the person does not exist."""
 
     since: float  # s, time of the last detection
     place: Array  # (2,) m, of the last detection
@@ -48,31 +48,31 @@ class _Lost(NamedTuple):
 
 
 class Escapes:
-    """What one UAV knows of people who turned, or changed their speed, where nobody looked.
+    """Knowledge of one UAV about people who turned, or changed their speed, where nobody looked.
 
-    People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected, as far as
-    no frame at a decision has shown them. Their velocities are those of `turned_density` in
+    People out of sight turn at a rate of 1 / `time`, and walk straight on from where they were last detected, to all
+    places that no frame at a decision has shown. Their velocities have the distribution of `turned_density` in
     `tracking.management.reacquisition`, up to 3 m/s. Frames that show the belief of the track lower its probability of
     existence, and so raise the probability that the person has turned.
 
     Source: [Williams15], recycling, with the time since the last detection for the probability of existence.
-    Note: people are taken to turn right after they were last detected, to walk at 3 m/s at most, and not to turn where
-    the area ends. Whoever is in plain view is found with probability 0.99, whatever the tracker's setting. Odds that
-    fall by `tracking.survival` count as turning, too, so people of sure tracks turn sooner than after `time`: with
-    `TURN_TIME` four in ten within 6 s. Without this one time does not fit `forest` and `crowd` as well.
+    Note: people are assumed to turn right after they were last detected, to walk at 3 m/s at most, and not to turn
+    where the area ends. A person in plain view is found with probability 0.99, whatever the tracker's setting. Odds
+    that fall by `tracking.survival` count as turning, too, so people of sure tracks turn sooner than after `time`: with
+    `TURN_TIME` four in ten within 6 s. Without this, no single time fits both `forest` and `crowd`.
     """
 
     def __init__(self, time: float = TURN_TIME) -> None:
-        """`time` s: mean time until people turn as no motion model predicts, but for survival (see the note)."""
+        """`time` s: mean time until people turn as no motion model predicts, survival aside (see the note)."""
         self._time, self._lost = time, dict[int, _Lost]()
 
     def split(
         self, time: float, tracks: Sequence[Track], looks: Sequence[Look], forest: Forest, area: tuple[float, float]
     ) -> list[Track]:
-        """Tracks, with those of lost people split into what is predicted and six directions of escape.
+        """Tracks; tracks of lost people are split into the predicted part and six directions of escape.
 
-        The parts keep the id of their track; their probabilities of existence, at most one in all, are those of the
-        person to be there.
+        The parts keep the id of their track. The existence of a part is the probability that the person is there; these
+        add up to at most one.
 
         Args:
             time: Of the tracks [s].
@@ -92,7 +92,7 @@ class Escapes:
         return parts
 
     def _follow(self, track: Track, now: float) -> _Lost:
-        """A lost track now, after that before."""
+        """A lost track now, from its earlier state."""
         x, y, since = track.sighting
         existence = min(track.existence, _NEARLY_ONE)
         odds = existence / (1.0 - existence)
@@ -105,7 +105,7 @@ class Escapes:
         return before._replace(time=now, odds=odds, turned=turned)
 
     def _divide(self, track: Track, lost: _Lost) -> list[Track]:
-        """A lost track with the probability that the person moves as predicted, and those of likely directions."""
+        """Parts of a lost track: the person moves as predicted, or has gone in one of the likely directions."""
         elapsed = lost.time - lost.since
         kept = lost.odds * exp(-elapsed / self._time)
         sums = lost.left.cumsum(axis=1)[:, -1]  # in order

@@ -32,7 +32,7 @@ class Matcher:
             raise ValueError(f"within must be positive, is {within}")
         self._within = within
         self._last = np.full(people, -1)  # last track of each person
-        self._since = np.full(people, -1)  # the scan at which the person last had it
+        self._since = np.full(people, -1)  # the scan at which the person had it last
         self._scan = 0
 
     def step(self, tracks: Array, people: Array) -> Indices:

@@ -36,8 +36,8 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     """OSPA(2), the OSPA distance between sets of trajectories: estimates (K, A, 2) and truths (K, B, 2), in m.
 
     A trajectory is a column: its position at each of K instants, NaN while it is absent. The distance of two
-    trajectories is the mean, over the instants at which either is present, of the distance of their positions, cut off
-    at c, or of c if only one is present. One pairing holds for all instants, so a track that changes from one person to
+    trajectories is a mean over the instants at which either is present: of the distance of their positions, cut off at
+    c, or of c if only one is present. One pairing holds for all instants, so a track that changes from one person to
     another costs for both. Columns that are never present do not count. Source: [Beard20].
     """
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)

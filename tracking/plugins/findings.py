@@ -32,7 +32,7 @@ class Untried(Exception):
 
 
 def require(fits: object, told: str) -> None:
-    """Raise `Unusable`, which tells what the plug-in does, unless it fits."""
+    """Raise `Unusable`, which says what the plug-in does, unless it fits."""
     if not fits:
         raise Unusable(told)
 
@@ -63,8 +63,8 @@ def try_checks(
 def check_nees(squares: Sequence[float]) -> str:
     """Mean and median NEES of positions in words; raise `Unusable` if covariances are ten times too large or small.
 
-    The mean tells if they are too small. The median, too, tells if they are too large, because one gross error, which
-    raises the mean, does not change it.
+    The mean shows whether they are too small. To show whether they are too large the median is needed, too: one gross
+    error raises the mean, but not the median.
     """
     if not squares:
         raise Untried("it finds no person")

@@ -164,7 +164,7 @@ def _is_dotted(text: str) -> bool:
 
 
 def _find_hidden(names: Iterable[str]) -> list[str]:
-    """Those of the names of modules that also exist in the current folder, unless that is our own."""
+    """The names of modules that also exist in the current folder; none if that is our own folder."""
     here = Path.cwd()
     places = {name: here.joinpath(*name.split(".")) for name in names if here != _ROOT}
     return [name for name, place in places.items() if place.is_dir() or place.with_name(f"{place.name}.py").is_file()]

@@ -21,7 +21,7 @@ def move_to_believed(points: Array, true: Pose, believed: Pose) -> Array:
 def error_slopes(points: Array, pose: Pose, velocity: Array) -> Array:
     """Derivatives (N, 2, 7) of measurements at points (N, 2) m by the errors of a camera's believed pose.
 
-    velocity (2,) m/s of the camera. People do not move by the offset of the clock, as the image is of the scan's time.
+    velocity (2,) m/s of the camera. The offset of the clock does not move people: the image shows the scan's time.
     """
     ray = np.column_stack([points - pose.position[:2], np.full(len(points), TARGET_HEIGHT - pose.position[2])])
     x, y, z = ray.T

@@ -15,7 +15,7 @@ from tracking.numerics.matrices import apply, product
 from tracking.registration.pose_errors import CLOCK, ERRORS, error_slopes, move_to_believed, sandwich
 from tracking.track import Beliefs, Scan
 
-_SURE = 0.9  # probability of an association from which on a residual tells of the pose
+_SURE = 0.9  # least probability of an association whose residual is used for the pose
 _TRACK_TIME = 1.0  # s for which the error of a track stays about the same
 
 
@@ -43,24 +43,23 @@ def make_registration(navigation: Navigation, pose_errors: str, *, known: bool) 
 class Registration:
     """Kalman filter of the errors of a camera's pose, relative to the poses that the fleet's tracks imply.
 
-    Its measurements are the residuals of a scan from the tracks. Tracks contain earlier scans with the same errors, so
-    each has a cross-covariance C with them, which follows from the gains of the fused track ([Schmidt66]). The tracker
-    takes what remains for noise of measurements. Without estimation all errors are such noise.
+    Its measurements are the differences between a scan and the tracks. Tracks contain earlier scans with the same pose
+    errors, so each track has a cross-covariance C with them, which follows from the gains of the fused track
+    ([Schmidt66]). For the tracker the remaining errors are noise of measurements; without estimation all errors are.
 
-    Note: those parts are approximate that would need the other UAVs' filters. They are taken to be like this one, and
-    to drift apart, and residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another.
-    Bias and drift of an angle are one state, whose correlation falls by that of their sum over a scan, so a bias is
-    forgotten too soon: of `consumer` tilts 0.91 is kept over 40 s and 0.50 over 300 s, where 0.93 and 0.86 would be.
+    Note: what would need the other UAVs' filters is approximate. Their filters are assumed to be like this one, and to
+    drift apart; residuals within `_TRACK_TIME` count as one, because tracks of the fleet depend on one another. Bias
+    and drift of an angle are one state with one correlation over a scan, the correlation of their sum. So a bias is
+    forgotten too soon: of `consumer` tilts 0.91 is kept over 40 s and 0.50 over 300 s, instead of 0.93 and 0.86.
     """
 
     def __init__(self, navigation: Navigation, *, estimates: bool, known: bool) -> None:
         """Begin with the figures; `known` as in `make_registration`."""
         self._navigation, self._estimates, self._known = navigation, estimates, known
-        # An offset that is given is unknown to trackers, but not its size.
-        clock = navigation.clock_deviation if navigation.clock_offset is None else navigation.clock_offset
-        self._stay, self._vary = np.square([*navigation.biases, clock]), np.square([*navigation.drifts, 0.0])
+        self._stay = np.square([*navigation.biases, navigation.clock_deviation])
+        self._vary = np.square([*navigation.drifts, 0.0])
         self.errors, self.covariance = np.zeros(ERRORS), np.diag(self._stay + self._vary)
-        self._common: Array | None = None  # (7, 7), covariance of what no residual tells: the whole fleet has it
+        self._common: Array | None = None  # (7, 7), covariance of what the whole fleet shares, which no residual shows
         self._crosses: dict[int, Array] = {}  # C (4, 7) of the state of each track and the errors
         self._pose, self._time, self._fleet, self._same = Pose.level(0.0, 0.0, 0.0), -np.inf, 1, 1.0
         self._believed, self._velocity, self._acceleration = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -143,7 +142,7 @@ class Registration:
             return
         if self._common is None:
             spread = (self._stay + self._vary) / fleet
-            if self._known:  # but what UAVs that fly alike have in common of their clocks, known people tell too late
+            if self._known:  # known people show these errors, but those of clocks too late if UAVs fly alike
                 spread[:CLOCK] = 0.0
             self._common = np.diag(spread)
         fused = dict(zip(ids.tolist(), covariances, strict=True))
@@ -163,7 +162,7 @@ class Registration:
         S = whole[:2, :2] + CG[:2] + CG[:2].T + product(G, BG) + R + (self._same - 1.0) * (P[:2, :2] + R)
         with_error = C[:2].T + BG  # (7, 2), covariance of the errors with the residual
         K = product(with_error, inverses(0.5 * (S + S.T)[None])[0])
-        # The error of the fused track is D times that of the track before, less L times that of the measurement.
+        # The error of the fused track is D times the error of the track before, less L times the measurement's error.
         L = product(posterior[:, :2], inverses(inflated[None])[0])
         D = product(posterior, inverses(P[None])[0])
         with_fused = product(D, whole[:, :2] + CG) - product(L, product(G, BG) + CG[:2].T + R)

@@ -6,17 +6,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.composed import Composed
-from planning.objective.nbo import make_objective
-from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.optimizer import make_pursuits
-from planning.planner import Plan, Situation
-from planning.prediction.field_of_view import aim_point
-from planning.prediction.propagation import nominal_positions
-from planning.prediction.response import mean_velocities, response
-from tracking.numerics.arrays import Array
-from tracking.numerics.distances import length
-from tracking.numerics.matrices import apply
+from understory import (
+    Array,
+    Composed,
+    CrossEntropy,
+    Plan,
+    Situation,
+    aim_point,
+    apply,
+    length,
+    make_objective,
+    make_pursuits,
+    mean_velocities,
+    nominal_positions,
+    response,
+)
 
 
 @dataclass(frozen=True)

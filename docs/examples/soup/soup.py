@@ -20,9 +20,19 @@ from stonesoup.types.track import Track as Path
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.probability import PDAUpdater
 
-from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.geometry.visibility import visible_samples
-from understory import Camera, Forest, Gaussian, Message, Pose, Scan, Track, TrackerParameters, TrackExchange
+from understory import (
+    Camera,
+    Forest,
+    Gaussian,
+    Message,
+    NearlyConstantVelocity,
+    Pose,
+    Scan,
+    Track,
+    TrackerParameters,
+    TrackExchange,
+    visible_samples,
+)
 
 EPOCH = datetime.datetime(2000, 1, 1)
 SIGMA_A = 0.6  # m/s², standard deviation of the acceleration
@@ -92,7 +102,7 @@ class SoupJPDA:
         self.tracks = tuple(sorted([*kept, *updated.values()], key=lambda track: track.id))
 
     def coast(self, time: float) -> None:
-        """Predict all tracks to a time; those of which too little is known end."""
+        """Predict all tracks to a time; tracks that are too uncertain end."""
         if not time > self.time:
             raise ValueError(f"{time} s is not after {self.time} s")
         at = EPOCH + datetime.timedelta(seconds=time)
@@ -107,11 +117,11 @@ class SoupJPDA:
         return self.exchange.message(degree, self.time, self.tracks, self.detected)
 
     def accept(self, message: Message) -> None:
-        """The fleet's tracks take the place of the own."""
+        """Replace the tracks with the fleet's."""
         self.tracks = self.exchange.accept(message)
 
     def in_view(self, pose: Pose) -> list[bool]:
-        """Flags of tracks of which more than half is in the image and behind no tree."""
+        """Flags of tracks that are by more than half in the image and behind no tree."""
         if not self.tracks:
             return []
         means = np.array([track.belief.mean[:2] for track in self.tracks])

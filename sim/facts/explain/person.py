@@ -66,7 +66,7 @@ class PersonFacts:
         return [find_planned_visibility(recording, self.k, i, self.person, self._find_belief(i)) for i in uavs]
 
     def track_of(self, uav: int) -> HoldingTrack | None:
-        """The track by which a UAV holds the person or, if it has none, the first of `holders`.
+        """A UAV's track of the person or, if it has none, the first of `holders`.
 
         None if that one stands for another person on this UAV, as ids differ between UAVs that do not hear each other.
         """
@@ -88,7 +88,7 @@ def make_person_facts(observer: Observer, k: int, person: int) -> PersonFacts:
 
 
 def _find_holders(flight: Flight, k: int, person: int) -> tuple[HoldingTrack, ...]:
-    """The tracks by which UAVs hold the person, that of most UAVs first; if none does, the last that held them."""
+    """The UAVs' tracks of the person, the one that most UAVs have first; if none does, the last that held them."""
     held = flight.people.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
     if len(scans) == 0:

@@ -9,8 +9,7 @@ from planning.prediction.response import mean_velocities, response
 from sim.facts.tracking_replay import replay_tracking
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_planned_motion
-from sim.sensing.cameras import view_of
-from sim.sensing.vehicles import vehicle_of
+from sim.sensing.cameras import vehicle_of, view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import at_target_height

@@ -44,7 +44,7 @@ class TrackMeasurement(NamedTuple):
 
 
 class TrackFacts:
-    """One track of a recording, with what its trackers tell about it."""
+    """One track of a recording, with the account of its trackers."""
 
     def __init__(self, observer: Observer, number: int) -> None:
         """Facts about the track with this number; the observer has to stay open."""

@@ -31,7 +31,7 @@ HOLD_MEANINGS = {
     "held": "all working UAVs hold them",
 }
 HOLDS = tuple(HOLD_MEANINGS)
-INSIDE, OUTSIDE, NO_TRACK = range(3)  # gaps of a person whom no UAV holds to the tracks that hold nobody
+INSIDE, OUTSIDE, NO_TRACK = range(3)  # gap between a person without a track and the tracks that hold nobody
 
 
 class Episode(NamedTuple):
@@ -60,7 +60,7 @@ class Reports(NamedTuple):
 class Held(NamedTuple):
     """Who holds whom at one scan; of a recording each table has one row more in front, for each of K scans."""
 
-    tracks: Indices  # (n, M), id of the track by which each UAV holds each person; -1 for none
+    tracks: Indices  # (n, M), id of each UAV's track of each person; -1 for none
     gaps: Indices  # (M,), as from `find_gaps`, of the people whom no UAV holds
     states: Indices  # (M,), indices into `HOLDS`
 
@@ -134,7 +134,7 @@ def find_gaps(people: Array, means: Array, covariances: Array) -> Indices:
 
 
 def _name_states(held: Indices, found: Flags, working: int, present: Flags, gaps: Indices) -> Indices:
-    """States (M,), as indices into `HOLDS`, of people whom so many UAVs hold and any has `found` so far."""
+    """States (M,) of people, as indices into `HOLDS`, by how many UAVs hold each and whether any `found` them."""
     states = np.where(gaps == INSIDE, HOLDS.index("off"), HOLDS.index("lost"))
     states[~found] = HOLDS.index("not found yet")
     states[held > 0] = HOLDS.index("held by some")

@@ -98,10 +98,10 @@ def _find_owners(recording: Recording) -> tuple[Indices, Array]:
 def _find_tracks_by_detections(recording: Recording, believed: ReportedTracks) -> Indices:
     """Index (K, M) of the track that is of each person at each scan, -1 for none.
 
-    It is the track that took the person's last detection, by any UAV, and no later one of somebody else. Which one took
-    a detection is told as in CLEAR MOT, with distances in the detection's noise instead of distances from people. At
-    the first scan tracks that hold a person were known. Detections that trackers correct by estimated errors of poses
-    count where they are from the true pose, and in the noise of the track, too.
+    It is the track that was updated by the person's last detection, by any UAV, and by no later one of somebody else.
+    Which track a detection updated is decided as in CLEAR MOT, with distances in the detection's noise instead of
+    distances from people. At the first scan tracks that hold a person were known. Detections that trackers correct by
+    estimated errors of poses count where they are from the true pose, and in the noise of the track, too.
     """
     (owners, true), (_, uavs, people) = _find_owners(recording), recording.matched.shape
     tracks = believed.means[:, :, :2]

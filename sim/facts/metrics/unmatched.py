@@ -48,7 +48,7 @@ def find_unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
             alone[id_][:, i] = free[:, column]
             places[id_][:, i] = reported.means[:, column, :2]
     for id_, table in alone.items():
-        # UAVs may differ about the position; that of the first UAV for which the track stands for no person counts.
+        # UAVs may differ about the position: it is taken from the first UAV for which the track stands for no person.
         place = places[id_][np.arange(len(table)), table.argmax(axis=1)]
         gaps = np.hypot(*np.moveaxis(people - place[:, None], 2, 0))  # (K, M) m
         gaps[np.isnan(gaps)] = np.inf

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,14 +94,21 @@ def pair_differences(group: Group, base: Group | None, metrics: Sequence[Metric]
     return {run: np.where(np.isfinite(gap), gap, np.nan) for run, gap in gaps.items()}
 
 
-def find_common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
-    """Maps (n,) on which all groups have finite values in a common repeat, and these values (n, groups)."""
+class CommonValues(NamedTuple):
+    """Values of several groups on the maps that all of them flew."""
+
+    maps: list[int]  # (n,) seeds
+    values: Array  # (n, groups)
+
+
+def find_common_values(groups: Sequence[Group | None], metric: Metric) -> CommonValues:
+    """Values of a metric on maps where all groups have finite ones in a common repeat."""
     tables = [group.list_by_run([metric]) if group else {} for group in groups]
     runs = sorted(set.intersection(*(set(table) for table in tables)))
     values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))
     finite = np.isfinite(values).all(axis=1)
     maps = np.array([seed for seed, _ in runs], dtype=object)[finite]
-    return np.unique(maps).tolist(), average_by_map(values[finite], maps)
+    return CommonValues(np.unique(maps).tolist(), average_by_map(values[finite], maps))
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,8 @@ def _mark_survivors(found: Sequence[Answer]) -> list[Answer]:
 
 
 def _answer_one(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
-    values, maps = group.table(metrics), np.array([row.seed for row in group.done], dtype=object)
+    values = group.table(metrics)
+    maps = np.array([row.seed for row in group.done], dtype=object)
     of_maps = average_by_map(values, maps)
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
@@ -195,7 +204,9 @@ def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[s
     found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
     for group in groups:
         if group.planner != baseline:
-            found[group.planner].append(metric.scale * find_common_values([bases.get(group.cell), group], metric)[1])
+            found[group.planner].append(
+                metric.scale * find_common_values([bases.get(group.cell), group], metric).values
+            )
     return {planner: np.concatenate(parts) for planner, parts in found.items()}
 
 
@@ -207,7 +218,8 @@ def _compare_over_cells(
     Cells may share the forests and people of a seed, so the samples are seeds. A run without its pair in some cell does
     not count.
     """
-    found, undefined = {}, np.full(len(metrics), np.nan)
+    found = {}
+    undefined = np.full(len(metrics), np.nan)
     for planner in dict.fromkeys(group.planner for group in pairs):
         own = [gaps for group, gaps in pairs.items() if group.planner == planner]
         if len(own) > 1:

@@ -8,6 +8,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import bdtrik, nctdtr, stdtr, stdtrit
@@ -16,7 +17,7 @@ from sim.facts.metrics.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
-POWER = 0.8  # probability with which `count_maps_needed` maps detect a difference
+POWER = 0.8  # probability that `count_maps_needed` maps detect a difference
 MOST_MAPS = 9999  # largest number of maps that is reported
 
 
@@ -77,7 +78,7 @@ def compute_p_values(values: Array) -> list[float]:
 
 
 def count_maps_needed(values: Array) -> list[float]:
-    """Number of maps needed to tell each column of differences (n, M) from zero; infinity if too many.
+    """Number of maps needed to distinguish each column of differences (n, M) from zero; infinity if too many.
 
     It is the least number, but at least six, for which a two-sided paired t test at 5 % finds a true difference with
     the observed mean and standard deviation with a probability of 80 %. NaN for fewer than two differences.
@@ -85,15 +86,24 @@ def count_maps_needed(values: Array) -> list[float]:
     return [_count_needed(column[np.isfinite(column)]) for column in values.T]
 
 
-def _compute_moments(values: Array) -> tuple[float, float, float]:
-    """Mean of two or more values, its standard error, and its skewness correction γ s / 6n."""
-    n, centre = len(values), float(values.mean())
+class _Moments(NamedTuple):
+    """Moments of a sample."""
+
+    mean: float
+    error: float  # standard error of the mean
+    correction: float  # for skewness, γ s / 6n
+
+
+def _compute_moments(values: Array) -> _Moments:
+    """Moments of two or more values."""
+    n = len(values)
     if np.ptp(values) == 0:
-        return float(values[0]), 0.0, 0.0
+        return _Moments(float(values[0]), 0.0, 0.0)
+    centre = float(values.mean())
     spread = float(values.std(ddof=1))
     cubes = float(np.sum(((values - centre) / spread) ** 3))
     skewness = cubes * n / ((n - 1) * (n - 2)) if n > 2 else 0.0
-    return centre, spread / float(np.sqrt(n)), skewness * spread / (6 * n)
+    return _Moments(centre, spread / float(np.sqrt(n)), skewness * spread / (6 * n))
 
 
 def _estimate_by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
@@ -110,7 +120,8 @@ def _estimate_mean(values: Array) -> Estimate:
 
 
 def _estimate_median(values: Array) -> Estimate:
-    n, ordered = len(values), np.sort(values)
+    n = len(values)
+    ordered = np.sort(values)
     # The largest r with P(Binomial(n, 1/2) < r) <= 2.5 %, or 1.
     r = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
     return Estimate(float(np.median(ordered)), float(ordered[r - 1]), float(ordered[n - r]))

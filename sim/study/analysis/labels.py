@@ -99,7 +99,8 @@ def find_baseline(
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
-    own, shown = _make_labels(rows), label_planners(rows, given)
+    own = _make_labels(rows)
+    shown = label_planners(rows, given)
     if baseline is None:
         return shown[format_entrant(rows[0])]
     meant = _find_named(own, baseline.removesuffix(BOUND), option, given)

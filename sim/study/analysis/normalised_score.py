@@ -40,7 +40,8 @@ def score_planners(
     """Scores of groups of rows; None if the study has no score, or no map has both floor and bound."""
     if score is None:
         return None
-    ends, metric = find_score_ends(rows, score, given), find_shown_metric(score.metric)
+    ends = find_score_ends(rows, score, given)
+    metric = find_shown_metric(score.metric)
     found = compute_scores(groups, metric, ends)
     return Scored(found, metric, ends) if found else None
 
@@ -89,7 +90,8 @@ def _score(cell: Levels | None, planner: str, values: Mapping[int, float]) -> An
 def _score_maps(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
     """Linearised scores of maps, with the score as their mean; empty if the bound is no better than the floor."""
     maps, values = find_common_values([group, floor, bound], metric)
-    gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
+    gains = values[:, 0] - values[:, 1]
+    rooms = values[:, 2] - values[:, 1]
     room = float(rooms.mean()) if maps else 0.0
     if not (room > 0 if metric.better == "higher" else room < 0):
         return {}

@@ -97,7 +97,7 @@ def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
     full = {group.cell: other.cell for group, other in zip(groups, found.every, strict=True)}
     shown = [*found.answers, *(answer for answer in times if answer.metric not in found.metrics)]
     full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in shown]
-    extremes, commands = show_extreme_maps(groups, metric)
+    extremes = show_extreme_maps(groups, metric)
     best_and_worst = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     of_each = make_paragraph(f"For each planner separately, by {metric.title}.")
     tables = make_answer_tables(found.answers, baseline)
@@ -108,9 +108,9 @@ def make_files(rows: Sequence[TrialRow], about: About) -> dict[str, bytes]:
         "Results": f"{make_bullet_list(write_notes(found.answers))}\n{make_titled_tables(tables)}",
         "Figures": _embed_figures(pictures),
         "Run time": make_titled_tables(make_runtime_tables(times)),
-        best_and_worst: of_each + extremes if commands else "",
+        best_and_worst: of_each + extremes.tables if extremes.commands else "",
         f"Failures: {sum(len(group.failed) for group in found.every)}": list_failures(found.every),
-        "Fly them again": make_paragraph(_HOW_TO_FLY) + commands if commands else "",
+        "Fly them again": make_paragraph(_HOW_TO_FLY) + extremes.commands if extremes.commands else "",
         "How to read this": make_bullet_list(_HOW_TO_READ),
     }
     opening = f"<h1>{escape(about.study)}</h1>\n{make_paragraph(about.description, 'soft')}"
@@ -156,8 +156,10 @@ def _write_verdicts(found: Sequence[Answer], baseline: str, metric: Metric) -> s
 
 
 def _describe_study(rows: Sequence[TrialRow], every: Sequence[Group], about: About, baseline: str) -> str:
-    seeds, changing = sorted({row.seed for row in rows}), find_varying_factors(every)
-    failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
+    seeds = sorted({row.seed for row in rows})
+    repeats = len({row.repeat for row in rows})
+    failed = sum(row.status == "failed" for row in rows)
+    changing = find_varying_factors(every)
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     hashes = sorted(row.recording for row in rows if row.recording)  # equal in any order if all missions are

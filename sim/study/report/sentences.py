@@ -12,9 +12,14 @@ ENOUGH = 8  # number of maps from which on intervals of shares of scans hold as 
 
 
 def write_verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
-    """One sentence that says whether a planner is better or worse than the baseline, or cannot be told apart.
+    """One sentence: a planner is better or worse than the baseline, or these maps show no difference.
 
-    shown: number of differences that the page shows, including this one.
+    Args:
+        planner: Its label.
+        baseline: Label of the baseline.
+        metric: The metric that decides.
+        gap: The difference.
+        shown: Number of differences that the page shows, including this one.
     """
     if not gap.pairs:
         return f"{planner} and {baseline} cannot be told apart: they have no map in common."
@@ -73,7 +78,8 @@ def write_notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
 
 def _write_correction_note(pairs: Sequence[int]) -> str:
     """Note on the star, or on its absence if there are too few maps: no p-value of n maps is below 2 / 2ⁿ."""
-    chance, shown = 1.0 - LEVEL, f"Holm's correction for all {len(pairs)} differences shown"
+    chance = 1.0 - LEVEL
+    shown = f"Holm's correction for all {len(pairs)} differences shown"
     needed = math.ceil(math.log2(2 * len(pairs) / chance))
     if max(pairs) < needed:
         return f"No difference can survive {shown} ({100 * chance:.0f} %) on fewer than {needed} maps."

@@ -34,7 +34,14 @@ class _Extreme(NamedTuple):
     remark: str  # on equal trials
 
 
-def show_extreme_maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
+class ExtremeMaps(NamedTuple):
+    """HTML of best and worst maps."""
+
+    tables: str
+    commands: str  # that fly these maps, to which the tables link; empty if there are none
+
+
+def show_extreme_maps(groups: Sequence[Group], metric: Metric) -> ExtremeMaps:
     """Tables of best and worst maps and, linked from these, their commands; groups without a finite value are left out.
 
     If neither direction is better, they are the maps with the least and the greatest value. The first of several equal
@@ -63,7 +70,7 @@ def show_extreme_maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str
     heads = ["cell"] * several + ["planner"]
     for name in names:
         heads += [f"{name}{unit}", "map"]
-    return make_table_element(heads, rows, "left"), "\n".join(places)
+    return ExtremeMaps(make_table_element(heads, rows, "left"), "\n".join(places))
 
 
 def _find_extremes(group: Group, metric: Metric, names: Sequence[str]) -> list[_Extreme]:

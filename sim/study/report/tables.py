@@ -31,7 +31,8 @@ class Entry(NamedTuple):
 
 def make_entries(answer: Answer, baseline: str) -> list[Entry]:
     """The entries of an answer from left to right; baseline: its label."""
-    metric, gap = answer.metric, answer.difference or NO_DIFFERENCE
+    metric = answer.metric
+    gap = answer.difference or NO_DIFFERENCE
     entries = [
         Entry("planner", answer.planner, {"planner": answer.planner, "metric": metric.name}, "answer"),
         Entry(

@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from planning.made_up_teams import make_random_team
 from planning.prediction.response import mean_velocities, response, vehicle_after
+from planning.testing.made_up_teams import make_random_team
 
 
 def lagging(lags, velocities):

@@ -5,7 +5,6 @@ from helpers.studies import Serial, sql
 
 from sim.mission.archive import load
 from sim.study.store import Store, StoreError, read_rows
-from sim.terminal.progress import describe_pace
 
 FLAGS = ["--duration", "1", "--set", "sensing.mode=ideal"]
 INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
@@ -124,14 +123,13 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_pat
     assert (code, err, executor.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
 
 
-def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch):
-    def failing(connection, path, study):
-        raise StoreError(f"{path}: database or disk is full")
+def test_what_ends_before_the_first_trial_is_one_line_and_says_that_nothing_was_flown(compare):
+    class Lost(Serial):
+        def __enter__(self):
+            raise StoreError("no room")
 
-    monkeypatch.setattr("sim.study.store._prepare", failing)
-    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s")
-    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, s is unchanged\n"
-    assert (code, err) == (1, told)
+    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s", executor=Lost())
+    assert (code, err) == (1, "understory: no room; no trial was flown, s is unchanged\n")
 
 
 def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path):
@@ -160,12 +158,6 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     both = ("--planner", "hover", "--planner", "greedy", "--out", "s", *FLAGS)
     assert compare(*both, "--seeds", "0", executor=Serial())[2].endswith(told.replace("2 trials", "1 trial"))
     assert "not shown" not in compare(*both, "--seeds", "0,1", executor=Serial())[2]
-
-
-def test_the_pace_of_a_study_in_words():
-    assert describe_pace(0, 10, 0, 3.0) == "" and describe_pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
-    assert describe_pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
-    assert describe_pace(10, 0, 0, 20.0) == ", 30.0 a minute"
 
 
 SCORED = """

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.flights import recorded
 
+from sim.exchange.export import LABELS
 from sim.mission.archive import save
 
 
@@ -63,18 +64,13 @@ def test_a_setting_of_the_user_counts_more_than_random_appearance(call):
 
 WRONG = {
     "scenario without seeds": ("forest --to coco", "DIR: forest does not exist; ", "--seeds 0-9"),
-    "no such folder": ("nowhere --to yolo", "nowhere does not exist", ""),
     "one broken recording": ("a broken --to coco", "broken", "holds no mission.npz"),
     "flight from elsewhere": ("a real.npz --to coco", "DIR: real.npz was not flown here", "expected a mission"),
-    "unknown planner": ("forest --to coco --seeds 0 --planner gredy", "'gredy'", "did you mean greedy?"),
-    "seeds": ("forest --to coco --seeds 9-0", "--seeds: '9-0' is not allowed", "0-9"),
     "unknown seed": ("a b --to coco --val 3", "--val: no flight has the seed 3; allowed are 1, 2", ""),
     "seed in two splits": ("a b --to coco --val 2 --test 1-2", "--test: 2 is in --val, too", "one of them"),
     "planner of recordings": ("a --to coco --planner hover", "--planner: only allowed together with --seeds", ""),
-    "settings of recordings": ("a --to coco --set a=1", "--set: only allowed together with --seeds", ""),
     "split of tables": ("a --to csv --val 1", "--val: not allowed together with --to csv", "--to coco and yolo"),
     "several recordings as tables": ("a b --to csv", "DIR: 'b' is one too many", "one recording"),
-    "pause": ("a --to coco --every 0", "--every: '0' is not allowed", "more than 0 s"),
     "unknown format": ("a --to coko", "--to: 'coko' is unknown", "did you mean coco?"),
 }
 
@@ -88,13 +84,12 @@ def test_wrong_input_is_one_line_and_leaves_nothing(refused, runs, tmp_path, cas
 
 
 def test_a_mission_that_cannot_be_written_to_the_end_leaves_nothing(refused, runs, monkeypatch):
-    """As of a disk that is full when half of the images are written."""
+    """As of a disk that is full when half of the labels are written."""
 
-    def fail(image, done=[]):  # noqa: B006
-        done.append(image)
-        if len(done) > 5:
-            raise OSError(28, "No space left on device")
-        return b"image"
+    def fail(images, folder):
+        for _, labelled in zip(range(5), images, strict=False):
+            (folder / labelled.name).touch()
+        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sim.exchange.labelled_images.encode_png", fail)
+    monkeypatch.setitem(LABELS, "coco", fail)
     assert "No space left on device; nothing is kept" in refused("export", "a", "--to", "coco", code=1)

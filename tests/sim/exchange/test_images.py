@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.exchange.export import export
-from sim.exchange.flight_log import FlightOptions, read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.rerender import Rerenderer
 from sim.mission.archive import load as load_recording
@@ -66,13 +66,13 @@ def test_a_detector_of_ones_own_gets_the_images_and_its_errors_are_one_line(flig
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "mine", raising=False)  # another test may have one of this name
-    log = read_flight(folder, FlightOptions(detector="mine:One"))
+    log = read_flight(folder, detector="mine:One")
     scan, pixels = log.observed[0, 0]
     assert scan.measurements.tolist() == [[1.0, 2.0]] and pixels.tolist() == [[64.0, 64.0]]
     with pytest.raises(ValueError, match=r"mine:Bad.* cannot detect people in an image: RuntimeError: no"):
-        read_flight(folder, FlightOptions(detector="mine:Bad"))
+        read_flight(folder, detector="mine:Bad")
     with pytest.raises(InputError, match="'blobb' is unknown"):
-        read_flight(folder, FlightOptions(detector="blobb"))
+        read_flight(folder, detector="blobb")
     sys.modules.pop("mine")
 
 
@@ -109,6 +109,6 @@ def test_a_detector_with_a_memory_gets_each_cameras_images_in_order_of_time(flig
     shutil.copytree(folder, copy)
     head, *rows = (copy / "images.csv").read_text().splitlines()
     (copy / "images.csv").write_text("\n".join([head, *reversed(rows)]) + "\n")
-    found = read_flight(copy, FlightOptions(detector="heeding:Heeding")).observed
-    assert found.keys() == read_flight(folder, FlightOptions(detector="blob")).observed.keys()
+    found = read_flight(copy, detector="heeding:Heeding").observed
+    assert found.keys() == read_flight(folder, detector="blob").observed.keys()
     assert any(len(scan.measurements) for scan, _ in found.values())

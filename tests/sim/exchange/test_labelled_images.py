@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helpers.flights import filmed, recorded
 
-from sim.exchange.coco import read_coco
-from sim.exchange.labelled_images import _choose_frames, write_labelled_images
+from sim.exchange.image_labels import read_coco
+from sim.exchange.labelled_images import write_labelled_images
 from sim.facts.rerender import Rerenderer
 from sim.scenario.uavs import Uav
 from sim.sensing.renderer import Renderer
@@ -78,13 +78,11 @@ def test_boxes_and_areas_are_those_of_the_masks_by_pycocotools(out):
 
 
 @pytest.mark.parametrize("kind", ["bbox", "segm"])
-@pytest.mark.parametrize("split", ["train", "test"])
-def test_the_labels_as_results_have_a_precision_of_one(out, split, kind):
-    coco = load(out / "coco" / "annotations" / f"instances_{split}.json")
+def test_the_labels_as_results_have_a_precision_of_one(out, kind):
+    coco = load(out / "coco" / "annotations" / "instances_train.json")
     of_kind = {"bbox": lambda a: {"bbox": a["bbox"]}, "segm": lambda a: {"segmentation": coco.annToRLE(a)}}[kind]
     results = [
-        {"image_id": a["image_id"], "category_id": a["category_id"], "score": 1.0, **of_kind(a)}
-        for a in coco.anns.values()
+        {**{key: a[key] for key in ("image_id", "category_id")}, "score": 1.0, **of_kind(a)} for a in coco.anns.values()
     ]
     judged = COCOeval(coco, coco.loadRes(results), kind)
     judged.evaluate()
@@ -132,23 +130,6 @@ def test_the_whole_of_a_person_below_another_uav_is_what_it_shows_without_it():
         assert shown < whole and whole > 5
 
 
-def test_intrinsics_and_pose_project_people_into_their_boxes(flights, out):
-    coco = load(out / "coco" / "annotations" / "instances_test.json")
-    checked = 0
-    for annotation in coco.anns.values():
-        image = coco.imgs[annotation["image_id"]]
-        pose = Pose(np.array(image["pose"]["position_m"]), np.array(image["pose"]["quaternion_xyzw"]))
-        x, y, depth = pose.rotation.T @ (np.array([*annotation["place_m"], 0.85]) - pose.position) * (1, -1, -1)
-        lens = image["intrinsics"]
-        u, v = lens["fx"] * x / depth + lens["cx"], lens["fy"] * y / depth + lens["cy"]
-        left, top, width, height = annotation["bbox"]
-        cut = left * top == 0 or left + width == image["width"] or top + height == image["height"]
-        if annotation["visible_share"] == 1.0 and not cut:
-            assert left - 1 <= u <= left + width + 1 and top - 1 <= v <= top + height + 1
-            checked += 1
-    assert checked > 5
-
-
 def test_labels_of_a_lens_that_bends_agree_with_opencv(flights, tmp_path, monkeypatch):
     camera = Camera.calibrated(160, 120, (130.0, 128.0), (82.0, 58.0), (-0.3, 0.08, 0.001, -0.002, 0.0))
     monkeypatch.setattr(Uav, "true_camera", camera)
@@ -177,17 +158,17 @@ def test_the_labels_of_a_flight_are_read_as_detections(flights, out, tmp_path):
     (tmp_path / "images.json").write_text(json.dumps(dataset))
     (tmp_path / "results.json").write_text(json.dumps(dataset["annotations"]))
     read, (first, _) = read_coco(tmp_path), flights[0]
-    frames = {uav: camera.detections for uav, camera in read.items()}
+    frames = {uav: camera.frames for uav, camera in read.items()}
     assert {uav: len(found) for uav, found in frames.items()} == {i: len(first.times) for i in range(3)}
     for uav, found in frames.items():
         assert [len(frame.detections) for frame in found] == np.sum(first.visible[:, uav] > 0, axis=1).tolist()
 
 
-def test_equal_flights_give_equal_bytes(flights, out, tmp_path):
-    write_labelled_images(flights[0][1:], "coco", tmp_path / "one", splits={5: "val"}, every=0.5)
-    write_labelled_images(flights[0][1:], "coco", tmp_path / "two", splits={5: "val"}, every=0.5)
+def test_equal_flights_give_equal_bytes_with_images_as_far_apart_as_asked(flights, tmp_path):
+    for name in ("one", "two"):
+        write_labelled_images(flights[0][1:], "coco", tmp_path / name, splits={5: "val"}, every=0.5)
     files = [path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*")]
-    assert len(files) == 1 + 4 + 3
+    assert len(files) == 1 + 4 + 3  # of two cameras, the second of which takes a frame each second
     assert all((tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes() for file in files)
 
 
@@ -198,9 +179,7 @@ def test_each_file_lists_its_flights(flights, out):
         assert listed["id"] == n and listed["seed"] == flight.seed and listed["planner"] == flight.planner
         assert listed["scenario"] == json.loads(flight.scenario)
         assert {image["flight"] for image in dataset["images"]} == {n}
-    assert {path.name for path in (out / "coco" / "annotations").iterdir()} == {
-        "instances_train.json", "instances_test.json"
-    }  # fmt: skip
+    assert len([*(out / "coco" / "annotations").iterdir()]) == 2
 
 
 def test_yolo_has_the_boxes_of_coco_in_shares_of_the_image(out):
@@ -220,10 +199,3 @@ def test_yolo_has_the_boxes_of_coco_in_shares_of_the_image(out):
             expected = np.array([a["bbox"] for a in coco.imgToAnns[image["id"]]]).reshape(-1, 4)
             np.testing.assert_allclose(boxes, expected, atol=1e-3)
             assert {row[0] for row in rows} <= {"0"}
-
-
-def test_images_of_a_camera_can_be_farther_apart(flights):
-    (first, slow), _ = flights
-    times = {i: [first.times[k] for k, j in _choose_frames(first, 0.6) if i == j] for i in range(3)}
-    assert times == {i: pytest.approx([0.0, 0.6, 1.2, 1.8, 2.4, 3.0]) for i in range(3)}
-    assert [k for k, j in _choose_frames(slow, 0.5) if j == 1] == [0, 5, 10]

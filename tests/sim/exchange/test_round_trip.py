@@ -5,7 +5,7 @@ import pytest
 from helpers.processes import python
 
 from sim.exchange.export import export
-from sim.exchange.flight_log import read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.tracking_replay import replay_tracking
 from sim.mission.archive import load as load_recording

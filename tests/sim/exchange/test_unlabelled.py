@@ -8,7 +8,7 @@ import pytest
 from helpers.films import frames_of
 
 import understory
-from sim.exchange.flight_log import read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.flight import Flight
 from sim.facts.sightings import tell_fade

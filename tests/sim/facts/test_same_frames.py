@@ -23,9 +23,9 @@ ALTERNATED = {
 }
 APPEARANCE = {
     "plain": (),
-    "light": ("appearance.light_deg=60", "appearance.ambient=0.15"),
-    "camera": ("appearance.exposure=0.2", "appearance.blur=0.5", "appearance.noise=4"),
-    "all": ("appearance.randomise=true", "wind.velocity=[4,1]", "wind.gust=2", "uavs.1.rate=1", "uavs.0.fails_at=1.5"),
+    "mild": ("appearance=mild",),
+    "camera": ("appearance.blur=0.5", "appearance.noise=4"),
+    "all": ("appearance=full", "wind.velocity=[4,1]", "wind.gust=2", "uavs.1.rate=1", "uavs.0.fails_at=1.5"),
 }
 
 

@@ -23,7 +23,7 @@ from tracking.filter.motion import make_motion_model
 from tracking.fusion.rule import LocalBeliefs, make_fusion_rule
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
-NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
+NEAREST = (DOCS / "examples" / "own_tracker.py").read_text("utf-8")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
 MODELS, _, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")
 SOUP = DOCS / "examples" / "soup"
@@ -153,55 +153,23 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
     [
         ("accept", f"for t in self.tracks: {MEAN}[:] = np.nan", "tracks after accept: means of tracks are not finite"),
         ("accept", "self.tracks = None", "cannot give its tracks after accept: "),
-        ("accept", "self.tracks = tuple(replace(t, existence=0.0) for t in self.tracks)", "existence of tracks is not"),
         ("coast", "1 / 0", "cannot take a scan: ZeroDivisionError: "),
         ("message", "return replace(given, ids=given.ids[::-1])", "cannot give a message: ids are not ascending"),
         ("message", "return replace(given, shares=given.shares[1:])", "shares of shape (3, 22), not (4, 22)"),
-        ("message", "return replace(given, shares=0 * given.shares)", "are not positive"),
-        ("message", "return replace(given, misses=given.misses / 2)", "misses are not whole numbers of shape (4,)"),
-        ("message", "return replace(given, views=given.views[0])", "views are not whole numbers of shape (4, 2)"),
         ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
-        ("message", "return replace(given, novel=np.zeros((4, 3)))", "novel of 3 columns; allowed are 0, or more than"),
-        ("message", "return replace(given, scan=None)", "scan are not whole numbers of shape ()"),
         ("message", "return replace(given, scan=9)", "it is of scan 9 at 0.0 s, not of scan 1 at 0.0 s"),
-        ("message", "return replace(given, time=9.5)", "it is of scan 1 at 9.5 s, not of scan 1 at 0.0 s"),
-        ("message", "return replace(given, deleted=((1,),))", "deleted are not numbers of shape (1, 2)"),
-        ("message", "return replace(given, times=given.times + np.nan)", "times are not numbers of shape (4, 4)"),
-        ("predict_all", "given[0][:] = np.nan", "cannot predict: means are not finite"),
         ("predict_all", "given[1][:] *= -1.0", "cannot predict: covariances are not symmetric and positive definite"),
         ("contribution", "given.averaged[0] = np.inf", "cannot contribute: averaged are not finite"),
-        ("contribution", "given = given._replace(weights=np.ones((4, 1)))", "contribute: weights of shape (4, 1)"),
-        (
-            "contribution",
-            "given = given._replace(summed=np.zeros((4, 20)))",
-            "summed of 20 columns; allowed are 0, or ",
-        ),
         ("contribution", "given = given._replace(summed=np.zeros((4, 21)))", "21 columns lacks that of UAV 1"),
-        ("contribution", "given = given._replace(summed=-1e3 * np.ones((4, 21)))", "averaged, with summed, are not"),
-        ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("sense", "return None", "cannot sense: output: NoneType is no sim.sensing.sensor_mode.SensorOutput"),
+        ("sense", "1 / 0", "cannot sense: ZeroDivisionError: "),
         ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
         ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1000000 m away"),
         ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),
-        ("sense", "return replace(given, covariances=np.full((2, 2, 2), 0.1) + 1e14 * np.eye(2))", "1e-12 to 1e12 m²"),
-        ("sense", "return replace(given, visible=given.visible[1:])", "visible are not whole numbers of shape (4,)"),
-        ("sense", "return replace(given, visible=given.visible / 2)", "visible are not whole numbers of shape (4,)"),
-        ("sense", "return replace(given, visible=-given.visible)", "cannot sense: visible are below 0"),
-        ("sense", "return replace(given, pixels=np.zeros((3, 2)))", "cannot sense: pixels of shape (3, 2), not (2, 2)"),
-        ("sense", "return replace(given, pixels=np.full((2, 2), np.nan))", "cannot sense: pixels are not finite"),
-        ("sense", "return replace(given, pixels=np.full((2, 2), 1e7))", "pixels more than 1000000 pixels away"),
-        ("sense", "return replace(given, frame=3)", "frame: int is no tracking.detection.detector.Frame"),
-        (
-            "sense",
-            "return replace(given, frame=Frame(shot.uav, shot.time, None, shot.pose, np.zeros(3)))",
-            "frame's image of shape (3,)",
-        ),
-        ("sense", "return replace(given, faults=('hot',))", "faults: str is no sim.sensing.fault.Fault"),
-        ("sense", "1 / 0", "cannot sense: ZeroDivisionError: "),
-        ("sense", "return replace(given, owners=None)", "owners are not whole numbers of shape (2,)"),
         ("sense", "return replace(given, owners=given.owners + 4)", "owners are not from -1 to 3"),
-        ("sense", "return replace(given, noise='some')", "noise 'some' is unknown; allowed are added and none"),
         ("sense", "return replace(given, noise='none')", "noise is 'none', but there are no covariances"),
+        ("sense", "return replace(given, visible=-given.visible)", "cannot sense: visible are below 0"),
+        ("sense", "return replace(given, frame=3)", "frame: int is no tracking.detection.detector.Frame"),
     ],
 )
 def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, line, complaint):

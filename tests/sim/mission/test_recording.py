@@ -14,8 +14,8 @@ from helpers.flights import fly, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
 
 from planning.planner import Plan
+from sim.exchange.csv_files import read_forest
 from sim.exchange.export import export
-from sim.exchange.flight_tables import read_forest
 from sim.mission import recording as recording_module
 from sim.mission.archive import compute_digest, load, save
 from sim.mission.fault_text import encode_faults

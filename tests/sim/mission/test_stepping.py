@@ -12,7 +12,7 @@ from planning.planner import Plan
 from planning.planner_loading import load_planner
 from sim.mission.archive import compute_digest
 from sim.mission.mission import Mission
-from sim.running.results import record
+from sim.running.fly import record
 from sim.scenario.loading import load
 from tracking.errors import InputError
 

@@ -14,7 +14,7 @@ from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predict_belief
 from planning.prediction.quadrangle import inside, shortest_move
 from sim.exchange.export import export
-from sim.exchange.flight_log import read_flight
+from sim.exchange.scanned_flight import read_flight
 from sim.mission.archive import find_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission

@@ -1,19 +1,17 @@
 """Cameras of scenarios: files, views on the ground, beliefs, and what is wrong with them."""
 
-import math
-
 import cv2
 import msgspec
 import numpy as np
 import pytest
 
 from sim.scenario.camera_settings import CAMERAS, CameraSettings, make_camera, read_camera
-from sim.scenario.loading import load, resolve_scenario
+from sim.scenario.loading import decode_recorded, load, resolve_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import format_overrides
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import UavSettings
 from tracking.errors import InputError
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 
 CAMERA_INFO = """
 image_width: 640
@@ -88,7 +86,7 @@ def test_a_camera_info_file_of_ros_is_the_camera_that_opencv_makes_of_it(tmp_pat
 def test_the_footprint_is_the_width_of_the_view_on_the_ground():
     for name in CAMERAS:
         for more in ({"footprint": 30.0}, {"altitude": 25.0}):
-            uav = msgspec.convert({"start": (0, 0), "camera": name, **more}, Uav)
+            uav = UavSettings(start=(0, 0), camera=name, **more).complete()
             camera = uav.true_camera
             ends = np.array([[0.0, camera.optics.cy], [camera.size[0], camera.optics.cy]])
             left, right = camera.ground_points(Pose.level(0.0, 0.0, uav.altitude), ends)
@@ -128,7 +126,7 @@ def test_a_recorded_scenario_holds_its_camera_whole(tmp_path):
     (tmp_path / "own.toml").write_text('width = 320\nheight = 200\nhfov_deg = 60\ndistortion = [-0.1]\nsource = "me"\n')
     scenario = load(str(scenario_file(tmp_path, '"own.toml"')))
     (tmp_path / "own.toml").unlink()
-    again = msgspec.json.decode(encode_scenario(scenario), type=Scenario)
+    again = decode_recorded(encode_scenario(scenario))
     assert again == scenario and again.uavs[0].camera.source == "me"
     assert resolve_scenario(scenario, {"uavs.0.footprint": 20.0}).uavs[0].altitude == pytest.approx(
         scenario.uavs[0].altitude * 20 / 30
@@ -151,20 +149,13 @@ def test_files_are_found_beside_the_scenario_and_overrides_here(tmp_path, monkey
 @pytest.mark.parametrize(
     ("camera", "message"),
     [
-        ('"mavic"', "uavs.0: camera: 'mavic' is unknown; allowed are .*; did you mean mavic-3e"),
         ('"mavik-3e"', "uavs.0: camera: 'mavik-3e' is unknown; allowed are .*; did you mean mavic-3e"),
         ('"none.toml"', "uavs.0: camera: there is no file .*none.toml"),
-        ('"none.yaml"', "uavs.0: camera: .*none.yaml cannot be read: No such file"),
         ("{width = 640, height = 480}", "uavs.0.camera: hfov_deg and focal: one of them is needed"),
         ("{width = 640, hight = 480, hfov_deg = 60}", "uavs.0.camera.hight: unknown key; .*did you mean height?"),
-        ("{width = 640, height = 480, focal = [0, 500]}", r"uavs.0.camera.focal.0: 0 is not allowed; "),
         (
             "{width = 640, height = 480, focal = [400, 400], distortion = [-0.5]}",
             r"uavs.0.camera: distortion: \[-0.5, 0.0, 0.0, 0.0, 0.0\] folds the image over; ",
-        ),
-        (
-            "{width = 640, height = 480, focal = [400, 400], believed = {distortion = [-0.5]}}",
-            r"uavs.0.camera: distortion: .* folds the image over; ",
         ),
         (
             "{width = 640, height = 480, hfov_deg = 60, scale = 0.01}",
@@ -182,11 +173,9 @@ def test_a_wrong_camera_is_told_in_one_line(tmp_path, camera, message):
     ("old", "new", "message"),
     [
         ("438.783367", "0.0", "camera_matrix: .* is singular or skew; expected fx, 0, cx, 0, fy, cy, 0, 0, 1"),
-        ("[438.783367, ", "[", "camera_matrix: its data are 8 numbers; expected 9"),
         ("plumb_bob", "equidistant", "distortion_model: 'equidistant' is not allowed; expected plumb_bob"),
         ("         0.0]", "         0.0, 0.1]", "distortion_coefficients: .* has more than k1, k2, p1, p2, k3"),
         ("[-0.361976,", "[x,", "distortion_coefficients: its data are not a list of finite numbers"),
-        ("image_width: 640", "image_width: 0", "width: 0 is not allowed; "),
         ("image_width: 640", "image_width: [", "is no YAML: "),
     ],
 )
@@ -215,12 +204,3 @@ def test_a_camera_rules_out_other_views(tmp_path):
     wide = "{width = 640, height = 640, hfov_deg = 80}"
     with pytest.raises(InputError, match=r"tilt_deg 55 lets the camera look at the horizon; allowed .* less than 50"):
         load(str(scenario_file(tmp_path, wide, "tilt_deg = 55")))
-
-
-def test_packaged_cameras_have_the_fields_of_view_that_are_stated():
-    d435 = read_camera("d435")
-    camera = make_camera(d435)
-    ends = camera.slopes(np.array([[320.0, 0.0], [320.0, 360.0]]))[:, 1]
-    assert camera.size == (640, 360) and math.degrees(2 * math.atan(ends[1])) == pytest.approx(42.5, abs=0.6)
-    for name in CAMERAS:
-        assert read_camera(name).source and isinstance(make_camera(read_camera(name)), Camera)

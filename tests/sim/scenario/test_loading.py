@@ -1,13 +1,10 @@
 """Scenario files are read strictly, and every number has bounds far beyond those of research."""
 
-import bz2
 import gzip
 import json
-import lzma
 import math
 import os
 import re
-import zipfile
 from pathlib import Path
 
 import msgspec
@@ -22,9 +19,9 @@ from sim.scenario.csv_tables import read_csv
 from sim.scenario.environment import People
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import parse_duration, parse_integer, parse_integers, parse_interval, parse_number
-from sim.scenario.scenario import Rates, Scenario, check_workload, encode_scenario
+from sim.scenario.scenario import Rates, Scenario, ScenarioSettings, check_workload, encode_scenario
 from sim.scenario.settings_text import list_changes
-from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml, tomllib
+from sim.scenario.text_files import MOST_BYTES, parse_toml, read_bytes, read_text, read_toml
 from sim.scenario.uavs import Uav
 from sim.world.recorded_people import read_trajectories
 from tracking.errors import InputError
@@ -94,7 +91,7 @@ def test_any_whole_number_of_scans_can_be_the_period_of_plans_and_frames(scans, 
 
 def bounded():
     """Lower and upper bound of each number of a scenario as the reference writes them."""
-    for name, kind in numbers(inspect.type_info(Scenario), ""):
+    for name, kind in numbers(inspect.type_info(ScenarioSettings), ""):
         if name not in ELSEWHERE:
             low = (
                 f"{kind.ge:g} to" if kind.ge is not None else f"above {kind.gt:g}, to" if kind.gt is not None else "to"
@@ -103,7 +100,7 @@ def bounded():
 
 
 def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
-    for name, kind in numbers(inspect.type_info(Scenario), ""):
+    for name, kind in numbers(inspect.type_info(ScenarioSettings), ""):
         if name not in ELSEWHERE:
             assert {kind.ge, kind.gt} != {None} or name == "network.cuts.end", name
             assert {kind.le, kind.lt} != {None}, name
@@ -121,11 +118,8 @@ def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
     [
         (lambda t: parse_integer(t, "--seed", least=0, most=9), "9" * 5000, ["--seed", "0 to 9"]),
         (lambda t: parse_integers(t, "--seeds"), "0-9999999999", ["--seeds", "'0-9999999999'", "at most 100000"]),
-        (lambda t: parse_integers(t, "--seeds"), "0-99999,100000", ["--seeds", "'100000'", "at most 100000"]),
-        (lambda t: parse_integers(t, "--seeds"), str(2**128), ["--seeds", f"none above {2**128 - 1}"]),
         (lambda t: parse_integers(t, "--seeds"), "9" * 5000, ["--seeds", "none above"]),
         (lambda t: parse_duration(t, "--timeout"), "1e308", ["--timeout", "'1e308'", "at most 31622400 s"]),
-        (lambda t: parse_duration(t, "--timeout"), "1e308h", ["--timeout", "'1e308h'", "at most 31622400 s"]),
     ],
 )
 def test_numbers_on_the_command_line_are_bounded(read, text, words):
@@ -171,6 +165,9 @@ def test_a_number_is_the_one_that_its_text_means(written):
     assert math.isnan(parse_number(f" {written}")) and math.isnan(parse_number(f"{written} "))
 
 
+NO_TEXT = "is no text in UTF-8, UTF-16 with a mark, or Windows-1252"
+
+
 def sparse(path):
     with path.open("wb") as file:
         file.truncate(MOST_BYTES + 1)
@@ -182,23 +179,18 @@ def sparse(path):
         (os.mkfifo, "is not a file"),
         (lambda path: path.mkdir(), "is not a file"),
         (lambda path: path.symlink_to("/dev/zero"), "is not a file"),
-        (lambda path: path.symlink_to("/dev/random"), "is not a file"),
         (lambda path: path.symlink_to(path.name), "symbolic links"),
         (lambda path: None, "No such file"),
         (sparse, f"more than the {MOST_BYTES} bytes that are allowed"),
-        (lambda path: path.write_bytes(b"\xff"), "codec can't decode"),
-        (lambda path: path.write_bytes("x,y".encode("utf-16")), "is text in UTF-16; save it as UTF-8"),
-        (lambda path: path.write_bytes(b"\xfe\xff" + "x,y".encode("utf-16-be")), "is text in UTF-16; save"),
-        (lambda path: path.write_bytes("x,y".encode("utf-16-le")), "zero bytes, as UTF-16 or no text has; save"),
-        (lambda path: path.write_bytes("x,y".encode("utf-32")), "is text in UTF-32; save it as UTF-8"),
-        (lambda path: path.write_bytes(gzip.compress(b"x,y")), "is compressed by gzip; unpack it first"),
-        (lambda path: path.write_bytes(bz2.compress(b"x,y")), "is compressed by bzip2; unpack it first"),
-        (lambda path: path.write_bytes(lzma.compress(b"x,y")), "is compressed by xz; unpack it first"),
-        (lambda path: zipfile.ZipFile(path, "w").writestr("x", "y"), "is a zip archive, as workbooks of spreadsheets"),
+        (lambda path: path.write_bytes(b"\x90x,y"), NO_TEXT),
+        (lambda path: path.write_bytes("x,y".encode("utf-16-le")), NO_TEXT),
+        (lambda path: path.write_bytes(b"\xff\xfex"), NO_TEXT),
+        (lambda path: path.write_bytes("x,y".encode("utf-32")), NO_TEXT),
+        (lambda path: path.write_bytes(gzip.compress(b"x,y")), NO_TEXT),
     ],
     ids=[
-        *("pipe", "folder", "zeros", "chance", "loop", "nothing", "too large", "no text"),
-        *("UTF-16", "big UTF-16", "UTF-16 without a mark", "UTF-32", "gzip", "bzip2", "xz", "zip"),
+        *("pipe", "folder", "zeros", "loop", "nothing", "too large", "no text"),
+        *("UTF-16 without a mark", "half of UTF-16", "UTF-32", "compressed"),
     ],
 )
 def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
@@ -236,23 +228,6 @@ def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
         parse_toml(written, "field")
-
-
-@pytest.mark.parametrize(
-    "written",
-    [
-        "x = 1  # {}",
-        "x = '{}'",
-        r'x = "\"{}"',
-        'x = """\\"""{}\n{}"""""',
-        "x = '''{}\n{}''''",
-        'x = [\n"{}",  # "{}\n \'{}\']',
-    ],
-    ids=["comment", "literal", "basic", "basic of lines", "literal of lines", "list"],
-)
-def test_sentences_in_comments_and_strings_are_no_keys(written):
-    told = written.replace("{}", "Fly once more. " * 200)
-    assert parse_toml(told, "field") == tomllib.loads(told)
 
 
 @pytest.mark.parametrize("piece", ['"""\n', '\\"""\n', "'''\n'", "'", '"', "\\", '",', "#"])

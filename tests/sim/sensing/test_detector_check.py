@@ -8,9 +8,10 @@ import pytest
 from helpers.commands import called
 
 from sim.scenario.sensing import DETECTORS
-from sim.sensing.detector_check import FOREST, check_detector
+from sim.sensing.detector_check import check_detector
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections
+from tracking.testing.stage import FOREST
 
 
 class Good:

@@ -7,28 +7,21 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.flights import fly
-from helpers.scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.cameras import camera_pose
+from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.sensor_mode import Shot
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
-from sim.sensing.vehicles import vehicle_of
-from sim.views.drawing.film import Film
 from sim.views.drawing.map_view import MapView
 from sim.views.drawing.palette import PANEL
 from sim.views.scene import SceneMaker
 from sim.world.world import World
-from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
-from tracking.parameters import TrackerParameters
-from tracking.track import Scan
-from tracking.tracker import Tracker
 
 
 def uav(mount="gimbal", tilt=30.0):
@@ -125,28 +118,7 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
     assert held == [k >= 5 for k in range(16)]
 
 
-def test_a_tracker_that_coasts_takes_what_neighbours_saw():
-    trackers = [Tracker(i, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for i in range(2)]
-    for k in range(5):
-        trackers[0].step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), np.array([[0.1, 0.2]]), np.full((1, 2, 2), np.eye(2))))
-        trackers[1].coast(0.2 * k)
-        fuse(trackers, ~np.eye(2, dtype=bool), 5)
-    one, other = (t.tracks[0].belief for t in trackers)
-    np.testing.assert_allclose(one.mean, other.mean, rtol=1e-6)
-    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-5)
-
-
-def test_film_and_map_keep_what_a_slow_camera_saw_last():
-    setting = synthetic.scenario(uavs=2)
-    trees = synthetic.forest(setting)
-    first, second = list(synthetic.snapshots(setting, trees, 2))
-    film = Film(setting, trees, planner="hover")
-    frames = synthetic.frames(setting, trees, first)
-    before = film.draw(first, frames)
-    after = film.draw(second, [frames[0], None])
-    tiles = film._layout.tiles
-    np.testing.assert_array_equal(before[tiles[1].slices], after[tiles[1].slices])
-    assert np.any(before[tiles[0].slices] != after[tiles[0].slices])
+def test_the_map_keeps_what_a_slow_camera_saw_last():
     setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
     view, scenes = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting)
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))

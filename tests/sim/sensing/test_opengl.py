@@ -181,22 +181,8 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
     ("changes", "remark"),
     [
         (["tracking.confirm=[3, 4]"], 'tracking.confirm: not used with tracking.management = "existence"'),
-        (
-            ["tracking.management=m_of_n", "tracking.confirmation_threshold=0.9"],
-            'tracking.confirmation_threshold: not used with tracking.management = "m_of_n"',
-        ),
-        (
-            ["tracking.motion=ncv", "tracking.walking_speed=1"],
-            'tracking.walking_speed: not used with tracking.motion = "ncv"',
-        ),
-        (["tracking.undetected=9"], 'tracking.undetected: not used with tracking.initial_tracks = "known"'),
         (["sensing.mode=ideal", "sensing.renderer=egl"], 'sensing.renderer: not used with sensing.mode = "ideal"'),
-        (
-            ["people.walks=['waypoints']", "people.paths=[[[0, 0], [9, 9]]]"],
-            'people.paths: not used, as people.walks lacks "levy"',
-        ),
         (["wind.gust_time=2"], "wind.gust_time: not used, as wind.gust is 0"),
-        (["people.group=2"], 'people.group: not used, as people.walks lacks "groups"'),
         (
             ["sensing.occlusion=disc", "trees.leaf_area_density=0.3"],
             'trees.leaf_area_density: trackers and planners take crowns to be opaque with sensing.occlusion = "disc"',

@@ -10,13 +10,12 @@ from scipy.spatial.transform import Rotation
 from planning.baselines import Greedy
 from sim.facts.rerender import Rerenderer
 from sim.mission.mission import Mission
-from sim.mission.recorder import Recorder
-from sim.running.mission_flight import make_recording
+from sim.running.fly import record
 from sim.scenario.camera_settings import CameraSettings
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.scenario.sensing import Sensing
-from sim.scenario.uavs import Uav
+from sim.scenario.uavs import Uav, UavSettings
 from sim.sensing.renderer import Renderer
 from sim.sensing.rolling_shutter import Glimpse, Sweep
 from sim.sensing.sensor_mode import Shot
@@ -126,7 +125,7 @@ def test_people_are_where_the_believed_poses_of_their_rows_put_them(errs):
     """Errors change by 2 m/s and 10 degrees a second, so that the motion itself is believed wrongly."""
     rng, rows = np.random.default_rng(3), []
     lens = CameraSettings(160, 120, focal=(140.0, 138.0), distortion=(-0.3, 0.09), readout=0.1)
-    setting = Scenario(uavs=(Uav(start=(74.0, 49.0), camera=lens),), sensing=Sensing(noise="camera"))
+    setting = Scenario(uavs=(UavSettings(start=(74.0, 49.0), camera=lens).complete(),), sensing=Sensing(noise="camera"))
     with World(setting, Forest(()), PEOPLE) as world:
         for _ in range(120):
             turn = Rotation.from_euler("ZYX", [*rng.uniform(-180, 180, 1), *rng.uniform(-10, 10, 2)], degrees=True)
@@ -168,12 +167,11 @@ CAMERA = "{width = 160, height = 120, hfov_deg = 60, distortion = [-0.2], readou
 def test_frames_of_a_recording_are_those_of_the_mission():
     fleet = f'uavs=[{{start=[-25,-10], footprint=26, camera={CAMERA}, mount="body"}}]'
     scenario = load("forest", ["duration=3", "sensing.noise=camera", fleet])
-    mission, recorder, images = Mission(scenario, Greedy(), 1), Recorder(0), []
+    mission, snapshots, images = Mission(scenario, Greedy(), 1), [], []
     for snapshot in mission.fly():
-        recorder.add(snapshot)
+        snapshots.append(snapshot)
         images.append(mission.frames[0])
-    recording = make_recording(mission, recorder, "greedy")
-    with Rerenderer(recording) as again:
+    with Rerenderer(record(mission, snapshots).recording) as again:
         for k, image in enumerate(images):
             np.testing.assert_array_equal(again.image(k, 0), image)
 

@@ -7,7 +7,7 @@ import pytest
 
 from sim.installation import ROOT
 from sim.study.definition import Study
-from sim.study.trials import get_release, list_trials
+from sim.study.trials import compute_release, list_trials
 
 FILES = ("sim/__main__.py", "assets/quadrotor.urdf", "assets/meshes/person.obj", "assets/meshes/leaves.png")
 PLANNERS = {
@@ -65,35 +65,25 @@ def test_a_detector_by_a_partial_whose_file_changed_is_another_trial(keyed):
     assert first != changed
 
 
-@pytest.fixture
-def copied(tmp_path, monkeypatch):
-    """Copies some files of this package into a folder, and makes a function that tells the release of the copy."""
-
-    def copy(folder):
-        root = tmp_path / folder
-        for name in FILES:
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, root / name)
-
-        def released():
-            monkeypatch.setattr("sim.study.trials.ROOT", root)
-            return get_release.__wrapped__()
-
-        return root, released
-
-    return copy
-
-
-def test_the_release_changes_with_code_body_and_meshes_but_not_with_its_place(copied):
-    (root, released), (_, elsewhere) = copied("one"), copied("of/another")
-    seen = [released()]
-    assert elsewhere() == seen[0]
+def copy(root):
+    """Copy some files of this package into a folder."""
     for name in FILES:
-        with (root / name).open("ab") as file:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, root / name)
+
+
+def test_the_release_changes_with_code_body_and_meshes_but_not_with_its_place(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "of" / "another"
+    for root in (one, other):
+        copy(root)
+    seen = [compute_release(one)]
+    assert compute_release(other) == seen[0]
+    for name in FILES:
+        with (one / name).open("ab") as file:
             file.write(b"\n")
-        seen.append(released())
-    (root / FILES[0]).rename(root / "sim" / "other.py")
-    seen.append(released())
+        seen.append(compute_release(one))
+    (one / FILES[0]).rename(one / "sim" / "other.py")
+    seen.append(compute_release(one))
     assert len(set(seen)) == len(seen)
-    (root / "assets" / "meshes" / "mine.txt").write_text("a note, which is not installed")
-    assert released() == seen[-1]
+    (one / "assets" / "meshes" / "mine.txt").write_text("a note, which is not installed")
+    assert compute_release(one) == seen[-1]

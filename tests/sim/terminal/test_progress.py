@@ -75,3 +75,7 @@ def test_a_study_tells_its_pace_in_a_log(shown):
         "1 of 4 trials, 6.0 a minute, 0:30 left",
         "2 of 4 trials, 6.0 a minute, 0:20 left, 1 failed",
     ]
+    describe_pace = progress.describe_pace
+    assert describe_pace(0, 10, 0, 3.0) == "" and describe_pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
+    assert describe_pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
+    assert describe_pace(10, 0, 0, 20.0) == ", 30.0 a minute"

@@ -2,8 +2,6 @@
 
 import colorsys
 import math
-import re
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -12,30 +10,18 @@ from helpers.frames import Tally, survey
 from helpers.views import CAMERA, SCENARIO, random_forest
 
 from assets.shapes import PALETTE
-from sim.scenario.environment import Appearance
+from sim.scenario.environment import APPEARANCES, Appearance
+from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
-from sim.world.appearance import FULL, sample_appearance
+from sim.world.appearance import sample_appearance
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
-REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 POSE = Pose.level(0.0, 0.0, 19.0)
 TREES = Forest((Tree(5.0, 4.0, 3.0), Tree(-6.0, -5.0, 3.0)))
-# Which part of the style each strength decides; the ground is as bright as the light on it.
-PARTS = {
-    "light_deg": {"light", "ground_tint"},
-    "ambient": {"ambient", "ground_tint"},
-    "ground_tint": {"ground_tint"},
-    "ground_moved": {"ground_place"},
-    "canopy_tint": {"canopies"},
-    "clothing_hue_deg": {"clothes"},
-    "clothing_shade": {"clothes"},
-    "exposure": {"gains"},
-    "blur": {"blur"},
-    "noise": {"noise"},
-}
+PARTS = {"light", "ambient", "ground_tint", "ground_place", "canopies", "clothes", "gains", "blur", "noise"}
 
 
 def varied(**strengths):
@@ -64,21 +50,26 @@ def test_by_default_the_seed_changes_no_pixel():
     assert style().develop(image, 0, 0.0) is image
 
 
-@pytest.mark.parametrize("name", FULL)
-def test_each_strength_varies_its_own_part_and_shows(name):
-    alone = style(**{name: FULL[name]})
-    assert different(alone, style()) == PARTS[name]
-    # The others' strengths do not change it; and what is given holds against full randomisation.
-    assert different(style(randomise=True, **{name: 0}), style(randomise=True)) == PARTS[name]
-    plain, changed = shot(SCENARIO, 3), shot(varied(**{name: FULL[name]}), 3)
+@pytest.mark.parametrize(("name", "value"), [("blur", 0.5), ("noise", 4.0)])
+def test_each_strength_varies_its_own_part_and_shows(name, value):
+    assert different(style(**{name: value}), style()) == {name}
+    # What is given holds against full strength, which has the same.
+    assert different(style(randomise=True, **{name: 0}), style(randomise=True)) == {name}
+    assert different(style(randomise=True, **{name: value}), style(randomise=True)) == set()
+    plain, changed = shot(SCENARIO, 3), shot(varied(**{name: value}), 3)
     assert np.array_equal(plain.people, changed.people) and not np.array_equal(plain.image, changed.image)
 
 
-def test_full_randomisation_has_the_strengths_that_the_reference_lists():
-    listed = dict(re.findall(r"^\| `appearance\.(\w+)` \|.*; full strength: `([\w.]+)` \|$", REFERENCE, flags=re.M))
-    assert listed == {name: str(value).lower() for name, value in FULL.items()}
-    assert different(style(randomise=True), style(**FULL)) == set()
-    assert different(style(randomise=True), style()) == set().union(*PARTS.values())
+def test_presets_vary_nothing_half_or_all_of_the_same():
+    none, mild, full = (
+        sample_appearance(load("forest", [f"appearance={name}"]), 1, trees=2, people=3) for name in APPEARANCES
+    )
+    assert none.light == style(0).light and not none.noise and different(mild, none) == different(full, none) == PARTS
+    assert mild.ambient - none.ambient == pytest.approx((full.ambient - none.ambient) / 2)
+    assert (mild.blur, mild.noise) == (full.blur / 2, full.noise / 2) == (0.25, 2.0)
+    np.testing.assert_allclose(mild.clothes[:, 0] - 1, (full.clothes[:, 0] - 1) / 2)
+    louder = load("forest", ["appearance=full", "appearance.noise=12"]).appearance
+    assert louder == Appearance(randomise=True, noise=12.0)
 
 
 def test_draws_fill_their_ranges_and_clothes_keep_to_their_hues():
@@ -87,12 +78,12 @@ def test_draws_fill_their_ranges_and_clothes_keep_to_their_hues():
     assert max(zenith) <= 60.0 and max(zenith) > 57 and min(zenith) < 3
     gains = np.concatenate([s.gains for s in styles])
     assert gains.max() <= 1.2 and gains.max() > 1.19 and gains.min() >= 1 / 1.2 and gains.min() < 0.845
-    tints = np.concatenate([style(seed, canopy_tint=0.2).canopies for seed in range(300)])
+    tints = np.concatenate([s.canopies for s in styles])
     assert tints.max() <= 1.44 and tints.min() >= 0.64
     # The engine wraps tones above 255, before it applies the light.
     brightest = np.array([122, 152, 76]) * tints.max()
     assert brightest.max() < 255
-    tints = np.concatenate([style(seed, randomise=True).clothes for seed in range(300)])
+    tints = np.concatenate([s.clothes for s in styles])
     assert tints.max(axis=0) == pytest.approx([1.0, 1.35, 1.35], abs=0.05)
     for name in ("vest", "trousers", "boots", "hair"):
         tones = np.array(PALETTE[name]) * tints
@@ -104,7 +95,7 @@ def test_noise_blur_and_gain_are_as_strong_as_told_and_each_images_own():
     flat = np.full((128, 128, 3), 100, dtype=np.uint8)
     noisy = style(noise=4.0).develop(flat, 0, 0.2).astype(float) - 100
     assert abs(noisy.mean()) < 0.05 and noisy.std() == pytest.approx(math.sqrt(16 + 1 / 12), rel=0.01)
-    gained = style(exposure=0.2)
+    gained = style(randomise=True, blur=0, noise=0)
     assert np.unique(gained.develop(flat, 0, 0.2)).tolist() == [round(100 * gained.gains[0])]
     square = np.zeros((33, 33, 3), dtype=np.uint8)
     square[12:21, 12:21] = 255
@@ -115,8 +106,7 @@ def test_noise_blur_and_gain_are_as_strong_as_told_and_each_images_own():
     asked = ((0, 0, 0.2), (1, 0, 0.2), (0, 0, 0.4))
     taken = [style(seed, noise=4.0).develop(flat, uav, time).tobytes() for seed, uav, time in asked]
     assert len(set(taken)) == 3
-    fleet = Scenario(appearance=Appearance(noise=4.0))
-    two = sample_appearance(fleet, 0, trees=9, people=0)
+    two = sample_appearance(Scenario(appearance=Appearance(noise=4.0)), 0, trees=9, people=0)
     two.develop(flat, 2, 7.0)
     assert two.develop(flat, 0, 0.2).tobytes() == taken[0] and two.develop(flat, 1, 0.2).tobytes() != taken[0]
 

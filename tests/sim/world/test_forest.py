@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.spatial.distance import pdist
 
 from sim.scenario.environment import Area, Trees
-from sim.world.forest import CLEARANCE, GAP, crown_radius, grow, trunk_radius
+from sim.world.forest import GAP, PATH_GAP, crown_radius, grow, trunk_radius
 
 AREA = Area()
 
@@ -84,7 +84,7 @@ def test_no_trunk_stands_on_a_point_to_keep_clear():
     trees = Trees(density=75, canopy_radius=1.0)
     near = [np.abs(centres(trees, seed)[:, 1]).min() for seed in range(20)]
     kept = [np.abs(centres(trees, seed, keep_clear=path)[:, 1]).min() for seed in range(20)]
-    assert min(near) < 0.2 and min(kept) >= 0.2 + CLEARANCE - 0.03
+    assert min(near) < 0.2 and min(kept) >= 0.2 + PATH_GAP - 0.03
 
 
 @pytest.mark.parametrize("density, radius, fits", [(150, 5, 105), (1e15, 5, 180), (9000, 0.7, 4000)])
@@ -98,11 +98,11 @@ def test_a_forest_too_dense_fails_soon_and_says_what_fits(density, radius, fits)
 
 
 def test_trees_of_random_height_have_the_crowns_and_trunks_of_the_allometry():
-    trees = Trees(per_hectare=1000, height=(8.0, 22.0), crown_ratio=0.4, overlap=True)
+    trees = Trees(per_hectare=1000, height=(8.0, 22.0), overlap=True)
     forest = grow(trees, AREA, np.random.default_rng(2)).trees
     heights = np.array([tree.canopy_top for tree in forest])
     assert stats.kstest(heights, stats.uniform(8, 14).cdf).pvalue > 0.01
-    assert_allclose([tree.canopy_base for tree in forest], 0.6 * heights)
+    assert_allclose([tree.canopy_base for tree in forest], 0.5 * heights)
     # Forward: [Chave14] gives the height of these diameters, and [Jucker17] the diameters of these heights and crowns.
     diameters = np.array([200 * tree.trunk_radius for tree in forest])
     crowns = np.array([2 * tree.canopy_radius for tree in forest])

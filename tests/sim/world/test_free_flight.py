@@ -2,10 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.flights import fly, recording_of
 
-from planning.planner import Plan
-from sim.mission.archive import compute_digest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.world.free_flight import _are_clear
@@ -13,8 +10,6 @@ from sim.world.world import World
 from tracking.geometry.quaternions import settle
 from tracking.geometry.visibility import Forest, Tree
 
-IDEAL = ("sensing.mode=ideal",)
-GLIDING = (*IDEAL, "dynamics=kinematic")
 DYNAMICS = ("quadrotor", "kinematic")
 LINE = tuple(Uav(start=(3.0 * i, 0.0), footprint=20.0 + i) for i in range(8))
 
@@ -125,41 +120,3 @@ def test_only_what_is_near_makes_the_engine_step(monkeypatch):
         for _ in range(25):
             world.advance(np.array([[1.0, 0.0], [-1.0, 0.0]]), 48)
     assert len(steps) == pytest.approx(240, abs=2)
-
-
-class Wanderer:
-    """Every UAV flies somewhere, hovers, or goes to the middle."""
-
-    def plan(self, team, rng):
-        ways = [rng.uniform(-3, 3, 2) for _ in team]
-        chances = rng.choice([0, 1, 2, 2, 2], len(team))
-        middle = [np.clip(-s.own.position[:2], -2, 2) for s in team]
-        return [Plan(np.array([[w, 0 * w, m][k]])) for w, m, k in zip(ways, middle, chances, strict=True)]
-
-
-MEETING = "uavs=[{start=[-2, 0], footprint=20}, {start=[2, 0], footprint=20}, {start=[0, 9], footprint=30}]"
-LOW = ("trees.density=60", "uavs=[{start=[-2, 0], footprint=8.1}]")  # at 7.01 m, the lowest there is
-
-
-@pytest.mark.parametrize(
-    ("overrides", "met", "engine"),
-    [
-        ((*IDEAL, "wind.gust=2"), False, False),
-        ((*IDEAL, *LOW), False, False),
-        ((*IDEAL, MEETING), True, True),
-        ((*GLIDING, *(f"uavs.{i}.mount=body" for i in range(3)), "uavs.0.tilt_deg=20"), False, False),
-        ((*GLIDING, MEETING), True, True),
-        ((*GLIDING, *LOW), False, False),
-        ((MEETING,), True, True),
-    ],
-    ids="wind,low,meeting,glide on mounts,glide and meet,glide low,seen".split(","),
-)
-def test_missions_without_an_engine_have_the_bytes_of_those_with_one(overrides, met, engine, monkeypatch):
-    duration = 6 if MEETING in overrides and IDEAL[0] in overrides else 4  # kinematic ones part again after 5 s
-    mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
-    assert any(snapshot.contacts for snapshot in snapshots) == met and mission._world._made == engine
-    found = compute_digest(recording_of(mission, snapshots))
-    for move in ("fly_while_clear", "glide_while_clear"):
-        monkeypatch.setattr(f"sim.world.world.{move}", lambda *_: 0)
-    mission, snapshots = fly(*overrides, planner=Wanderer(), duration=duration, seed=4)
-    assert mission._world._made and compute_digest(recording_of(mission, snapshots)) == found

@@ -30,7 +30,7 @@ def gap(tree, seeds, tilt):
     shares = []
     for seed in range(seeds):
         with World(SCENARIO, Forest((tree,)), 0, seed) as world:
-            _, _, bodies = capture(world.show(np.ones(len(world.looks), np.bool_)).client, FAR, camera)
+            _, _, bodies = capture(world.show(np.ones(len(world.models), np.bool_)).client, FAR, camera)
             shares.append(np.mean(bodies < 0))
     return np.mean(shares), np.std(shares) / math.sqrt(seeds)
 
@@ -45,7 +45,9 @@ def test_gaps_in_images_are_as_large_as_the_law_of_beer_and_lambert_says(density
 
 
 def test_clusters_are_squares_with_centres_evenly_in_the_crown_and_directions_evenly_on_the_sphere():
-    corners = np.concatenate([Leaves(seed, 0, replace(CROWN, leaf_area_density=2.0)).draw() for seed in range(40)])
+    corners = np.concatenate(
+        [Leaves(seed, 0, replace(CROWN, leaf_area_density=2.0).solids[-1]).draw() for seed in range(40)]
+    )
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     np.testing.assert_allclose(sides, EDGE, rtol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1), EDGE * math.sqrt(2), rtol=1e-12)
@@ -61,12 +63,11 @@ def test_clusters_are_squares_with_centres_evenly_in_the_crown_and_directions_ev
 
 
 def test_each_tree_has_its_own_leaves_and_the_seed_decides_them():
-    tree = replace(CROWN, leaf_area_density=1.0)
-    first = Leaves(0, 0, tree).draw()
-    assert np.array_equal(first, Leaves(0, 0, tree).draw())
+    crown = replace(CROWN, leaf_area_density=1.0).solids[-1]
+    first = Leaves(0, 0, crown).draw()
+    assert np.array_equal(first, Leaves(0, 0, crown).draw())
     for seed, index in ((1, 0), (0, 1)):
-        other = Leaves(seed, index, tree).draw()
-        assert not np.array_equal(first[:5], other[:5])
+        assert not np.array_equal(first[:5], Leaves(seed, index, crown).draw()[:5])
 
 
 def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_larger_clusters():
@@ -77,7 +78,9 @@ def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_la
     with World(SCENARIO, Forest((huge,)), 0) as world:
         assert (
             np.mean(
-                capture(world.show(np.ones(len(world.looks), np.bool_)).client, FAR, Pose.level(0.0, 0.0, 100.0)).bodies
+                capture(
+                    world.show(np.ones(len(world.models), np.bool_)).client, FAR, Pose.level(0.0, 0.0, 100.0)
+                ).bodies
                 < 0
             )
             == 0

@@ -10,8 +10,6 @@ from sim.world.pedestrian_steering import (
     _find_surroundings,
     _measure_to_border,
     _measure_to_segment,
-    _move,
-    _turn,
     simulate,
 )
 
@@ -70,21 +68,6 @@ def test_fast_walkers_overtake_and_routes_out_of_the_area_end_smoothly():
     assert np.all(np.abs(walk) <= HALF) and lateral_acceleration(walk).max() < 1.05
 
 
-def test_headings_turn_critically_damped_and_within_their_limit():
-    state, dt = np.zeros(4), 1e-4
-    for n in range(1, 30_001):
-        _turn(state, 0.1, 1.0, dt)
-        if n % 5000 == 0:
-            t = n * dt
-            assert state[2] == pytest.approx(0.1 * (1 - (1 + 2 * t) * math.exp(-2 * t)), abs=1e-5)
-    state = np.zeros(4)
-    rates = []
-    for _ in range(300):
-        _turn(state, 3.0, 2.5, 1 / 60)
-        rates.append(state[3])
-    assert max(rates) == 1.0 / 2.5
-
-
 def test_distances_to_segments_and_borders_agree_with_brute_force():
     rng = np.random.default_rng(1)
     for x, y, dx, dy in rng.normal(0, 2, (100, 4)):
@@ -97,13 +80,6 @@ def test_distances_to_segments_and_borders_agree_with_brute_force():
     assert _measure_to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
     assert _measure_to_border(HALF - 10, HALF) == pytest.approx(10)
     assert _measure_to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_person_about_to_touch_a_trunk_turns_to_the_nearer_side(side):
-    states, trunks = np.zeros((1, 4)), np.array([[0.615, side * 0.05, 0.6]])
-    _move(0, states, 1.5, trunks, np.array([50.0, 50.0]), _find_surroundings(states, np.array([[1.5]]), trunks)[0])
-    assert -100 < side * math.degrees(states[0, 2]) < -60 and math.hypot(*states[0, :2]) == pytest.approx(1.5 / 60)
 
 
 def test_trunks_and_people_that_one_may_meet_are_found_beforehand():

@@ -8,18 +8,14 @@ from scipy.spatial.transform import Rotation
 from planning.prediction.response import mean_velocities, response
 from sim.scenario.scenario import Rates, Scenario
 from sim.scenario.uavs import Uav
-from sim.sensing.vehicles import vehicle_of
+from sim.sensing.cameras import vehicle_of
 from sim.world.quadrotor import (
     _ATTITUDE_GAINS,
-    COMMAND_LAG,
     GRAVITY,
     INERTIA,
     MASS,
-    MAX_ACCELERATION,
     MAX_ROTOR_THRUST,
-    MAX_TILT,
     ROTORS,
-    _command_acceleration,
     _command_torque,
     _mix,
     rotor_thrusts,
@@ -60,18 +56,6 @@ def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
     assert_allclose(_command_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
 
 
-def test_accelerations_asked_for_need_no_more_than_the_largest_tilt_also_in_descent():
-    rng = np.random.default_rng(7)
-    for height in (20.0, 40.0):
-        for target in rng.uniform(-20, 20, (50, 2)):
-            east, north, climb = _command_acceleration(
-                state((0, 0, height)), np.array([*target, 20.0]), np.eye(3), CALM
-            )
-            tilt, most = math.atan2(math.hypot(east, north), GRAVITY + climb), math.hypot(east, north)
-            assert tilt < MAX_TILT + 1e-12 and most < MAX_ACCELERATION + 1e-12
-    assert climb == -4.0
-
-
 def test_rotors_give_the_lift_and_torque_asked_for_or_its_direction():
     rng = np.random.default_rng(2)
     for _ in range(200):
@@ -96,15 +80,6 @@ def test_torques_damp_spins_alike_as_the_gyroscopic_moment_is_made_up_for():
         assert_allclose(moment / INERTIA, -_ATTITUDE_GAINS[1] * omega, atol=1e-9)
 
 
-@pytest.mark.parametrize("axis", range(3))
-def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
-    angle = 0.4
-    R = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
-    expected = np.zeros(3)
-    expected[axis] = -400.0 * INERTIA[axis] * math.sin(angle)
-    assert_allclose(_command_torque(R, np.zeros(3), np.zeros(3)), expected, atol=1e-12)
-
-
 def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):
     """Velocities (K, 3), heights above the commanded one (K,) and tilts (K,) rad in the engine."""
     with World(Scenario(uavs=(UAV,), rates=Rates(physics=rate)), Forest(()), 0) as world:
@@ -117,14 +92,6 @@ def fly(commands, seconds, quaternion=LEVEL, wind=None, rate=RATE):
                 rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, pose.rotation[2, 2]])
     rows = np.array(rows)
     return rows[:, :3], rows[:, 3], np.arccos(np.clip(rows[:, 4], -1, 1))
-
-
-def test_a_body_turns_as_the_rotation_vector_of_its_spin_says():
-    rng = np.random.default_rng(3)
-    for spin in (np.zeros(3), *rng.normal(0, (1e-5, 0.1, 5.0), (50, 3)).T.reshape(-1, 3)):
-        before = Rotation.random(random_state=rng)
-        found = rotate(before.as_quat(), spin, 0.01)
-        assert (Rotation.from_rotvec(0.01 * spin) * before * Rotation.from_quat(found).inv()).magnitude() < 1e-15
 
 
 def test_a_quadrotor_turns_as_in_the_engine_but_by_our_sine_and_cosine():
@@ -192,14 +159,6 @@ def test_planners_foresee_where_a_quadrotor_is_a_step_after_each_of_random_comma
     means = velocities[1:].mean(axis=1)
     off, at_once = (np.sqrt(np.mean((means - expected) ** 2)) for expected in (np.array(foreseen), commands[1:]))
     assert at_once * step == pytest.approx(metres, rel=0.05) and off < most_left * at_once
-
-
-def test_planners_are_told_of_no_lag_of_kinematic_uavs():
-    flying = [
-        vehicle_of(0, Pose.level(0.0, 0.0, 20.0), np.zeros(2), Scenario(uavs=(UAV,), dynamics=d))
-        for d in ("quadrotor", "kinematic")
-    ]
-    assert [v.lag for v in flying] == [COMMAND_LAG, 0.0]
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0.6, 0.8, 0), (0.5, 0.5, 0.7)])

@@ -13,8 +13,7 @@ from sim.scenario.environment import Trees
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
 from sim.study.trials import _hash_user_files
-from sim.world.recorded_people import read_trajectories
-from sim.world.stem_map import MAX_STEMS, find_unused_columns, read_stem_map
+from sim.world.stem_map import find_unused_columns, read_stem_map
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
 from understory import run
@@ -84,19 +83,10 @@ def test_projected_coordinates_are_those_from_the_origin(stems):
     ("text", "complaint"),
     [
         ("x,y,height\n0,0,6\n1,1,-4\n", "line 3, column height: -4 m is not allowed; expected 0.01 to 200"),
-        ("x,y,dbh\n1,1,0\n", "line 2, column dbh: 0 cm is not allowed; expected 1 to 20000"),
-        ("x,y,canopy_radius\n1,1,1e9\n", "line 2, column canopy_radius: 1000000000 m is not allowed"),
         ("x,y\n1,1\n2,2\n1,1.001\n", "line 4, column x: the stem of line 2 stands at the same place"),
-        (
-            "x,y,height\n1,1,2\n",
-            "line 2, column height: the crown begins at 3 m and ends at 2 m; missing sizes",
-        ),
         ("x,y,crown_base\n1,1,7\n", "line 2, column crown_base: the crown begins at 7 m and ends at 6 m"),
-        ("x,height\n1,2\n", "line 1: column y is missing; columns are x,height"),
-        ("x,y,crown_radius,canopy_radius\n", "line 1: column crown_radius is twice"),
         ("1.5,2\n3,4\n", "line 1: names no columns, but has numbers; columns are x,y"),
-        (b"x,y\n\x00\x01", "has zero bytes"),
-        (b"x,y\n\x01\xff", "is no text, as byte 4 is '\\x01'"),
+        (b"x,y\n\x01\xff", "is no text in UTF-8, UTF-16 with a mark, or Windows-1252"),
         ("x,y\n1,nan\n2,2\n,3\n", "line 2, column y: 'nan' is not a finite number; line 4, column x: is empty"),
         ("", "is empty; its first line must name the columns x,y"),
     ],
@@ -106,13 +96,6 @@ def test_what_is_wrong_is_one_line_with_its_row(stems, text, complaint):
     with pytest.raises(InputError, match=rf"^trees.file: {re.escape(str(path))}.*{re.escape(complaint)}") as error:
         read_stem_map(path, "trees.file", Trees())
     assert "\n" not in str(error.value)
-
-
-def test_too_many_rows_are_refused_before_they_are_all_read(stems, monkeypatch):
-    monkeypatch.setattr("sim.world.stem_map.MAX_STEMS", 10)
-    with pytest.raises(InputError, match="line 12: has more than the 10 trees that are allowed"):
-        read_stem_map(stems("x,y\n" + "".join(f"{k},0\n" for k in range(10_000))), "trees.file", Trees())
-    assert MAX_STEMS >= 20_000
 
 
 @pytest.mark.parametrize(
@@ -149,11 +132,7 @@ def test_a_path_beside_a_trunk_is_allowed(stems, tmp_path):
     stems("x,y,trunk_radius\n5,0.21,0.2\n5,-2,1.9\n")
     (tmp_path / "walk.csv").write_text("time,id,x,y\n0,a,0,0\n10,a,10,0\n", encoding="utf-8")
     settings = [f"trees.file={tmp_path / 'plot.csv'}", f"people.trajectories={tmp_path / 'walk.csv'}"]
-    scenario = load("forest", settings)
-    forest, people = make_forest_and_people(scenario, 3)
-    assert len(forest.trees) == 2
-    recorded = read_trajectories(tmp_path / "walk.csv", scenario.area, duration=scenario.duration)
-    assert np.array_equal(people.positions, recorded.positions, equal_nan=True)
+    assert len(make_forest_and_people(load("forest", settings), 3)[0].trees) == 2
 
 
 def test_a_stem_map_of_a_random_forest_gives_the_same_mission_and_is_not_needed_afterwards(tmp_path):
@@ -183,11 +162,6 @@ def test_packaged_stands_are_read_without_remarks():
     for name, stems in {"park": 60, "plantation": 1575}.items():
         assert find_unused_columns(Trees(file=name)) == []
         assert len(make_forest_and_people(load(name), 0)[0].trees) == stems
-
-
-def test_a_wrong_name_of_a_stand_is_refused_with_the_nearest():
-    with pytest.raises(InputError, match=r"trees.file: 'prk' is unknown; .*did you mean park\? \(or a .csv file\)"):
-        load("forest", ["trees.file=prk"])
 
 
 def test_run_and_compare_say_once_which_columns_are_not_used(stems, tmp_path, call, compare):

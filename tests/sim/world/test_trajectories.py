@@ -121,11 +121,6 @@ def test_a_file_of_people_is_told_of_in_one_line(csv_file):
     assert described(path) == (f"people.trajectories: {path}: {span}", [])
 
 
-def test_noise_of_frequent_rows_is_no_speed(csv_file):
-    line, doubts = described(csv_file(table(walks([1.3], rate=50, noise=0.03))))
-    assert doubts == [] and 1.28 < float(re.search(r"(\S+) m/s in the median", line)[1]) < 1.35
-
-
 UNITS = "are times in seconds and places in metres?"
 
 
@@ -142,12 +137,11 @@ UNITS = "are times in seconds and places in metres?"
             f"id 1 moves at 140 m/s, but no one has run faster than 12.14 m/s; {UNITS}",
         ),
         (walks([0.0, 0.0, 1.0]), f"half of the people move at 0.00 m/s or less; {UNITS}"),
-        (walks([12.0, 3.0]), None),
     ],
 )
 def test_speeds_that_are_not_those_of_people_are_doubted(csv_file, rows, doubt):
     path = csv_file(table(rows))
-    assert described(path)[1] == ([] if doubt is None else [f"people.trajectories: {path}: {doubt}"])
+    assert described(path)[1] == [f"people.trajectories: {path}: {doubt}"]
 
 
 def test_commands_tell_of_the_file_and_doubt_it(call, compare, csv_file):
@@ -161,34 +155,26 @@ def test_commands_tell_of_the_file_and_doubt_it(call, compare, csv_file):
         assert err == f"understory: people.trajectories: {path}: half of the people move at 0.05 m/s or less; {UNITS}\n"
 
 
-def test_the_packaged_people_are_people(tmp_path):
-    assert describe_trajectories(load("recorded"))[1] == [] and describe_trajectories(load("forest")) == ("", [])
-
-
 @pytest.mark.parametrize(
     "text, complaint",
     [
         ("", "is empty; its first line must name the columns time,id,x,y"),
         ("t,id,x\n0,1,0\n", "line 1: column y is missing; columns are time,id,x"),
         ("t,time,id,x,y\n", "line 1: column time is twice; columns are time,time,id,x,y"),
-        (table([*GOOD, (2, 1, "east", 0)]), "line 4, column x: 'east' is not a finite number"),
+        (
+            table([*GOOD, (2, 1, "east", 0), (3, 1, 99, 0), (4, 1, 0, "nan"), (5, "", 0, 0)]),
+            "line 4, column x: 'east' is not a finite number; line 5, column x: 99 is outside the area, -75 to 75 m; "
+            "line 6, column y: 'nan' is not a finite number; and 1 more",
+        ),
         (table([*GOOD, (2, 1, 0, "")]), "line 4, column y: is empty"),
-        (table([*GOOD, (2, "", 0, 0)]), "line 4, column id: is empty"),
         (table([*GOOD, (2, 1, 0)]), "line 4: has 3 entries, not 4 as line 1"),
         (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column time: id 1 has a second row at 1 s"),
-        (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
-        (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
         (
             table([(90, 1, 0, 0), (95, 1, 1, 0)]),
             "column time: nobody is there between 0 and 40 s; rows are from 90 to 95 s",
         ),
-        ("\n0,1,0,0\n", "line 1: column time is missing; columns are none"),
-        (table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]), "id 2 has rows at 0 and 9.99988867183e-321 s"),
         (table([*GOOD, (1.00005, 1, 0, 0)]), "column time: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),
-        (table([*GOOD, (1e308, 1, 0, 0)]), "line 4, column time: 1e+308 s is not allowed; expected at most 1e+12 s"),
         (table([*GOOD, (0, "x" * 101, 0, 0)]), "line 4, column id: is not printable, or longer than the 100"),
-        (table([*GOOD, (0, '"a\x1bb"', 0, 0)]), "line 4, column id: is not printable"),
-        (table([*GOOD, (0, "x" * 200_000, 0, 0)]), "line 4: field larger than field limit"),
         (table([(t, i, 0, 0) for i in range(9001) for t in (0, 1)]), "9001 people for a duration of 40 s are too many"),
         (table([]), "has no rows below the names of its columns; a path needs two or more"),
     ],
@@ -253,7 +239,7 @@ def test_files_of_the_usual_forms_give_the_same_paths(csv_file, text, keys):
     assert_allclose(found, expected, atol=1e-12)
 
 
-def test_people_are_absent_outside_the_area_and_in_long_gaps(csv_file):
+def test_people_are_absent_outside_the_area_but_not_in_gaps(csv_file):
     """Each stay is the path of a person with the rows of the stay alone."""
     rows = [(t, "a", 60.0 + 5.0 * t if t < 5 else 100.0 - 5.0 * t, 0.1 * t * t) for t in range(9)]
     inside = [[row for row in rows if row[2] <= 75 and (row[0] < 4) == first] for first in (True, False)]
@@ -266,9 +252,6 @@ def test_people_are_absent_outside_the_area_and_in_long_gaps(csv_file):
     assert np.isnan(clipped.at(4.0).positions).all() and not np.isnan(clipped.at(6.0).positions).any()
     path = csv_file(table([row for part in inside for row in part]))  # rows at 0 to 3 s and 5 to 8 s
     assert not np.isnan(read_trajectories(path, AREA, duration=8).positions).any()
-    assert_allclose(
-        read_trajectories(path, AREA, duration=9, people=People(max_gap=1.5)).positions, expected, atol=1e-12
-    )
 
 
 def test_ids_with_one_row_are_left_out_and_named(csv_file):
@@ -280,33 +263,21 @@ def test_ids_with_one_row_are_left_out_and_named(csv_file):
     assert "left out: 5 ids, such as p0, p1, p2, in a single row" in described(many)[1][0]
 
 
-def test_all_that_is_wrong_with_a_file_is_in_one_line(csv_file):
-    path = csv_file(
-        table([(0, 1, 0, 0), (1, 1, "east", 0), (2, 1, 99, 0), (0, 1, 1, 1), (3, 1, 0, "nan"), (4, "", 0, 0)])
-    )
-    with pytest.raises(InputError) as error:
-        read_trajectories(path, AREA, duration=1)
-    assert str(error.value) == (
-        f"people.trajectories: {path}, line 3, column x: 'east' is not a finite number; "
-        "line 4, column x: 99 is outside the area, -75 to 75 m; "
-        "line 5, column time: id 1 has a second row at 0 s; and 2 more"
-    )
-
-
 def test_a_file_of_frames_asks_for_their_rate_and_keys_without_a_file_are_told_of(csv_file):
     path = csv_file(table([*GOOD], "frame,id,x,y"))
     with pytest.raises(
         InputError, match=r"column time is missing; .*; if frames are counted, people.fps says how many"
     ):
         read_trajectories(path, AREA, duration=1)
-    told = "people.fps, people.max_gap: not used without people.trajectories"
-    assert find_remarks(load("forest", ["people.fps=25", "people.max_gap=2"])) == [told]
+    told = "people.fps, people.start: not used without people.trajectories"
+    assert find_remarks(load("forest", ["people.fps=25", "people.start=2"])) == [told]
 
 
 def test_a_mission_of_a_person_who_leaves_and_returns_is_flown_and_explained(tmp_path, call):
-    rows = [(t, "a", -6.0 + t, 0.0) for t in (0, 1, 4, 5, 6)] + [(t, "b", 0.5 * t, -5.0) for t in range(7)]
+    rows = [(t, "a", -6.0 + t, 0.0 if t < 2 or t > 3 else 999.0) for t in range(7)]
+    rows += [(t, "b", 0.5 * t, -5.0) for t in range(7)]
     (tmp_path / "walk.csv").write_text(table(rows), encoding="utf-8")
-    words = ["--set", "people.trajectories=walk.csv", "--set", "people.max_gap=2", "--planner", "hover"]
+    words = ["--set", "people.trajectories=walk.csv", "--set", "people.outside=clip", "--planner", "hover"]
     code, _, err = call("run", "--duration", "6", "--no-video", "--out", "flown", "--set", "trees.density=0", *words)
     assert code == 0 and err == ""
     there = ~np.isnan(load_recording(tmp_path / "flown" / "mission.npz").people[:, 0, 0])

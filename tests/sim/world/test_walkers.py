@@ -53,12 +53,10 @@ def assert_allowed(positions, forest, area=AREA):
     assert separation(positions) >= SEPARATION
 
 
-@pytest.mark.parametrize("exponent", [1.2, 2.0, 3.0])
-def test_paces_of_independent_walkers_are_truncated_levy_at_any_instant(exponent):
-    people = People(count=4000, levy_exponent=exponent)
-    speeds = draw_paces(people, 10, np.random.default_rng(1))
+def test_paces_of_independent_walkers_are_truncated_levy_at_any_instant():
+    speeds = draw_paces(People(count=4000), 10, np.random.default_rng(1))
     for instant in (0, 9):
-        assert stats.kstest(speeds[instant], levy(exponent)).pvalue > 0.01
+        assert stats.kstest(speeds[instant], levy(2.0)).pvalue > 0.01
 
 
 @pytest.mark.parametrize("seeds", [20, pytest.param(40, marks=pytest.mark.slow)])
@@ -129,15 +127,6 @@ def test_the_default_four_cross_bend_and_part(seeds):
         converged.append(spread.min() < 0.8 * min(spread[0], spread[-1]))
     # Now and then a person is late, so that two meet after the others have parted.
     assert np.mean(crossed) >= 0.9 and np.mean(converged) >= 0.9
-
-
-def test_three_footprints_can_nearly_always_hold_the_default_four():
-    held = []
-    for seed in range(20):
-        positions, _ = walked(seed)
-        apart = [np.abs(positions[:, i] - positions[:, j]).max(axis=1) for i in range(4) for j in range(i)]
-        held.append(np.min(apart, axis=0) < 18)
-    assert np.mean(held) > 0.97
 
 
 def test_people_set_out_for_their_second_waypoint():

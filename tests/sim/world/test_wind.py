@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.flights import fly as fly_mission
 
-from sim.mission.wind import Air
+from sim.mission.world_setup import Air
 from sim.scenario.environment import Wind
 from sim.scenario.scenario import Scenario
 from sim.world.quadrotor import DRAG, GRAVITY, MASS

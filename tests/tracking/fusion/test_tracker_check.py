@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.commands import called
-from helpers.pages import DOCS, blocks
+from helpers.pages import DOCS
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.tracker_check import check_tracker
 from tracking.track import Track
 
-PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
-exec(next(content for language, content in blocks(PAGE) if language == "python"))
+exec((DOCS / "examples" / "own_tracker.py").read_text(encoding="utf-8"))
 Nearest = globals()["Nearest"]
 Nearest.__module__ = __name__
 
@@ -120,7 +119,7 @@ BROKEN = {
     Blank: {"scans": "cannot give a message: it is no tracking.fusion.message.Message but NoneType"},
     Infinite: {"scans": "cannot give its tracks after step: means of tracks are not finite"},
     Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 people have"},
-    Needy: {"unknown start": "cannot take a scan: IndexError: tuple index out of range ("},
+    Needy: {"unknown start": "cannot take a scan: IndexError: list index out of range ("},
     Lost: {"people": "0 of 4 people have", "covariances": "covariances are far too small"},
     Standing: {"people": "0 of 4 people have"},
     Timid: {"covariances": "covariances are far too large"},

@@ -12,7 +12,7 @@ from tracking.fusion.consensus import step
 from tracking.fusion.late_scans import FleetState, ScanLog
 from tracking.geometry.camera import Pose
 from tracking.metrics.nees import nees_interval
-from tracking.navigation import NAVIGATION, Navigation
+from tracking.navigation import ATTITUDE_TIME, NAVIGATION, POSITION_TIME, Navigation
 from tracking.parameters import TrackerParameters
 from tracking.registration.pose_errors import error_slopes, move_to_believed
 from tracking.registration.registration import make_registration
@@ -72,9 +72,9 @@ def test_errors_are_those_of_the_filter_of_people_and_errors_at_the_first_scan()
 
 
 def test_above_people_who_are_known_it_is_the_kalman_filter_of_a_drift():
-    figures, rng = Navigation(horizontal_drift=1.5, horizontal_noise=0.1, position_time=20.0), np.random.default_rng(1)
+    figures, rng = Navigation(horizontal_drift=1.5, horizontal_noise=0.1), np.random.default_rng(1)
     registration, P, R = make_registration(figures, "estimate", known=True), 1e-15 * np.eye(4)[None], 0.04
-    mean, variance, kept = np.zeros(2), 1.5**2, np.exp(-1 / 20)
+    mean, variance, kept = np.zeros(2), 1.5**2, np.exp(-1 / POSITION_TIME)
     for k in range(30):
         if k:
             mean, variance = kept * mean, kept**2 * variance + 1.5**2 * (1 - kept**2)
@@ -108,7 +108,7 @@ def test_angles_with_a_bias_and_a_drift_are_forgotten_no_later_than_they_change(
     for k in range(1, 5 * seconds + 1):
         registration.correct(Scan(0, k / 5, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))))
     stay, vary = np.square(figures.biases)[3:], np.square(figures.drifts)[3:]
-    exact = (stay + vary * np.exp(-seconds / figures.attitude_time)) / (stay + vary)
+    exact = (stay + vary * np.exp(-seconds / ATTITUDE_TIME)) / (stay + vary)
     assert np.all(registration.errors[3:6] <= exact) and np.all(registration.errors[3:6] >= least * exact)
 
 

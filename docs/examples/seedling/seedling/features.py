@@ -5,12 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.prediction.quadrangle import inside, shortest_move
 from seedling.weights import PAIR_FEATURES, PLACE_FEATURES
-from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
-from tracking.geometry.person import TARGET_HEIGHT
-from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from understory import TARGET_HEIGHT, Array, Grid, compiled, detectable_share, free_share, inside, shortest_move
 
 _ASIDE = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # standard deviations from a track's mean
 _NEAR = 10.0  # m: UAVs nearer than this to one another, and tracks in a group

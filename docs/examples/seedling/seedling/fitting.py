@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seedling.weights import PAIR_FEATURES, Weights
-from tracking.numerics.arrays import Array, Indices
+from understory import Array
 
 _SPREAD = 0.2  # of the reach: an expert's move stands for moves so near to it
 _BATCH = 64  # decisions
@@ -30,8 +31,8 @@ class _Batch(NamedTuple):
     pairs: Array  # (R, P)
     places: Array  # (M, Q)
     alike: Array  # (M,)
-    first: Indices  # (M,): row of each move's first pair
-    begins: Indices  # (D,): each decision's first move
+    first: NDArray[np.int64]  # (M,): row of each move's first pair
+    begins: NDArray[np.int64]  # (D,): each decision's first move
 
 
 def example(choice: tuple[Array, Array, Array], wanted: Array, reach: float) -> Example:

@@ -8,14 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.planner import Plan, Situation
-from planning.prediction.field_of_view import view_quadrangle
 from seedling.features import View, described
 from seedling.policy import chosen, scores
 from seedling.weights import LEARNED, Weights, load
-from tracking.numerics.arrays import Array
-from tracking.numerics.trigonometry import cos_each, sin_each
-from tracking.track import Track, beliefs_of
+from understory import Array, Plan, Situation, Track, beliefs_of, cos_each, sin_each, view_quadrangle
 
 _NOWHERE = np.zeros((1, 1))
 _ANGLES = 2 * math.pi * np.arange(16) / 16

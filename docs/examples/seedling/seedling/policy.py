@@ -5,9 +5,7 @@ import math
 import numpy as np
 
 from seedling.weights import Weights
-from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp
+from understory import Array, compiled, exp
 
 _ALIKE = 0.45  # of the reach: moves this near to the best are averaged with it
 

@@ -19,14 +19,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import understory
-from planning.planner import Exchange, Plan, Planner, Situation
-from planning.planner_loading import load_planner
 from seedling.fitting import Example, example, fitted, loss
 from seedling.planner import Seedling, choices
 from seedling.weights import Weights, drawn, save
-from sim.facts.metrics.holding import FAR
-from tracking.metrics.gospa import gospa
-from tracking.track import beliefs_of
+from understory import Exchange, Plan, Planner, Situation, beliefs_of, gospa, load_planner
 
 TRAINED, VALIDATED = 100_000, 200_000  # first seeds of maps for training and for validation; reports use lower ones
 WORLDS = ("forest", "scatter", "forest", "search", "forest", "crowd", "forest", "dense")
@@ -108,7 +104,7 @@ def fly(lesson: Lesson) -> Learned:
             people = snapshot.people[~np.isnan(snapshot.people[:, 0])]
             for uav in snapshot.working:
                 means, _ = beliefs_of(snapshot.tracks[uav])
-                distances.append(gospa(means[:, :2], people, FAR).distance)
+                distances.append(gospa(means[:, :2], people).distance)
     examples = planner.examples if isinstance(planner, Tutored) else []
     if lesson.expert and not examples:
         raise RuntimeError(f"expert {lesson.expert!r}: {mission.faults[0].message}")

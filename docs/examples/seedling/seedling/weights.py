@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.numerics.arrays import Array
+from understory import Array
 
 PAIR_FEATURES, PLACE_FEATURES = 27, 8
 _POOLED, _HIDDEN = 24, 16

@@ -13,9 +13,7 @@ from seedling.train import TRAINED, VALIDATED, Learned, Lesson, Training, fly, m
 from seedling.weights import LEARNED, PAIR_FEATURES, PLACE_FEATURES, Weights, drawn, load, save
 from threadpoolctl import threadpool_limits
 
-from planning.made_up_teams import make_random_team
-from planning.planner_check import check_planner
-from tracking.numerics.arrays import Array
+from understory import Array, check_planner, make_random_team
 
 # Greedy is the expert here, as it decides in no time.
 TINY = ["--missions", "4", "--duration", "4", "--expert", "greedy", "--epochs", "5", "--validations", "1"]

@@ -3,8 +3,7 @@
 import numpy as np
 from shepherd import Shepherd
 
-from planning.made_up_teams import make_random_team
-from planning.planner_check import check_planner
+from understory import check_planner, make_random_team
 
 
 def test_it_conforms() -> None:

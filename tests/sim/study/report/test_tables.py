@@ -16,6 +16,7 @@ from sim.study.analysis.answers import find_answers
 from sim.study.analysis.groups import group_rows
 from sim.study.analysis.intervals import Estimate
 from sim.study.analysis.metric_choice import find_shown_metric
+from sim.study.report import tables
 from sim.study.report.comparison import About
 from sim.study.report.html_parts import make_bullet_list, make_titled_tables
 from sim.study.report.report_files import make_files
@@ -37,8 +38,8 @@ def shown(rows, width, baseline="sma-nbo", metrics=()):
 def everywhere(rows):
     """The texts of the terminal and of the page."""
     found = find_answers(group_rows(rows, "sma-nbo"), [MEAN], "sma-nbo")
-    tables = make_titled_tables(make_answer_tables(found, "sma-nbo"))
-    return shown(rows, 120), tables + unescape(make_bullet_list([*write_notes(found), *list_shortfalls(found)]))
+    html = make_titled_tables(make_answer_tables(found, "sma-nbo"))
+    return shown(rows, 120), html + unescape(make_bullet_list([*write_notes(found), *list_shortfalls(found)]))
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -188,8 +189,7 @@ def test_a_new_column_is_one_entry_for_every_format(monkeypatch, without_picture
         faulty = Entry("faulty\ntrials", f"{answer.faulty} bad", {"faulty": answer.faulty}, "answer")
         return [*make_entries(answer, baseline), faulty]
 
-    monkeypatch.setattr("sim.study.report.tables.make_entries", with_faults)
-    monkeypatch.setattr("sim.study.report.tables.make_entries", with_faults)
+    monkeypatch.setattr(tables, "make_entries", with_faults)
     files = make_files(study(seeds=2), About("tried"))
     assert b",maps_needed,faulty\n" in files["table.csv"]
     assert b'<td data-head="faulty trials">0 bad</td>' in files["report.html"]

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from sim.exchange.flight_log import read_flight
+from sim.exchange.scanned_flight import read_flight
 from tracking.errors import InputError
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
@@ -29,29 +29,24 @@ def test_boxes_become_places_in_the_frames_of_their_images(tmp_path):
     box = [u + 80 - 5, v - 15, 10, 30]  # the square begins at column 80
     log = read_flight(write(tmp_path, IMAGES, [{"image_id": 5, "category_id": 1, "bbox": box, "score": 0.9}]))
     assert log.setting.rates.sensing == 2 and log.frames.all() and len(log.frames) == 4
-    assert [len(log.observed[k, 0][0].measurements) for k in range(4)] == [0, 0, 1, 0]
-    np.testing.assert_allclose(log.observed[2, 0][0].measurements, place, atol=1e-9)
+    assert [len(log.observed[k, 0].scan.measurements) for k in range(4)] == [0, 0, 1, 0]
+    np.testing.assert_allclose(log.observed[2, 0].scan.measurements, place, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("images", "results", "complaint"),
-    [
-        (IMAGES, [{"image_id": 99, "bbox": [1, 2, 3, 4]}], "results.json: image_id 99 is not in images.json"),
-        ([{**IMAGES[0]}, {**IMAGES[1], "width": 641}], [], "image 6: has another size than earlier images of UAV 0"),
-        ([{"id": 1, "width": 9, "height": 9}], [], "images.json: Object missing required field `time_s`"),
-        (IMAGES, [{"image_id": 7, "bbox": [1, 2, 3]}], "results.json: Expected `array` of length 4"),
-        (
-            [{**image, "height": 500} for image in IMAGES],
-            [],
-            "images have 640 × 500 pixels, but the camera in cameras.csv",
-        ),
-        (
-            IMAGES,
-            [{"image_id": 7, "bbox": [900, 2, 3, 3]}],
-            "pixel (901.5, 3.5) of UAV 0 is outside its image of 640 × 480",
-        ),
-    ],
-)
+WRONG = {
+    "unknown image": (IMAGES, [{"image_id": 99, "bbox": [1, 2, 3, 4]}], "image_id 99 is not in images.json"),
+    "two sizes": (
+        [IMAGES[0], {**IMAGES[1], "width": 641}],
+        [],
+        "image 6: has another size than earlier images of UAV 0",
+    ),
+    "no time": ([{"id": 1, "width": 9, "height": 9}], [], "images.json: Object missing required field `time_s`"),
+    "not the camera's": ([{**IMAGES[0], "height": 500}], [], "images have 640 × 500 pixels, but the camera in cameras"),
+    "outside": (IMAGES, [{"image_id": 7, "bbox": [900, 2, 3, 3]}], "pixel (901.5, 3.5) of UAV 0 is outside its image"),
+}
+
+
+@pytest.mark.parametrize(("images", "results", "complaint"), WRONG.values(), ids=WRONG)
 def test_results_that_cannot_be_are_refused_in_one_line(tmp_path, images, results, complaint):
     with pytest.raises(InputError, match=re.escape(complaint)) as told:
         read_flight(write(tmp_path, images, results))

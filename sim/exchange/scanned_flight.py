@@ -1,17 +1,18 @@
-"""A flight from elsewhere: poses and detections of its UAVs, its trees, and its people if they are known."""
+"""A flight from elsewhere, placed on common scans: what its UAVs detected, its trees, and its people if known."""
 
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from sim.exchange.flight_files import FlightFiles, read_files
-from sim.exchange.flight_setting import EXACT, find_rate, make_setting
-from sim.exchange.flight_tables import CameraRow, LoggedFrame, Poses, measure_gap
+from sim.exchange.flight_files import read_files
+from sim.exchange.flight_setting import EXACT, make_setting
+from sim.exchange.values import LoggedCamera, LoggedFlight, LoggedFrame, PoseLog, find_gap
 from sim.scenario.overrides import apply_overrides
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import read_toml
@@ -22,7 +23,6 @@ from tracking.detection.detection_errors import whole_covariances
 from tracking.errors import InputError, spell
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.person import TARGET_HEIGHT
-from tracking.geometry.quaternions import interpolate_poses
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.track import Scan
@@ -31,20 +31,15 @@ _POSE_GAP = 2.0  # s, longest time from a frame to the nearest pose
 _OUTSIDE = 0.05  # of the image's edge, by which pixels of detections may be outside
 
 
-class FlightOptions(NamedTuple):
-    """What the files of a flight do not say."""
+class Observed(NamedTuple):
+    """What a frame shows."""
 
-    overrides: Sequence[str] = ()  # `key=value` of `scenario.toml`
-    origin: tuple[float, float] = (0.0, 0.0)  # m, place in the files of the origin
-    sigma: float = 0.0  # m, standard deviation to add to detections without a covariance of their own
-    detector: str = "blob"  # as `sensing.detector`, for images
-
-
-PLAIN = FlightOptions()
+    scan: Scan
+    pixels: Array  # (N, 2) of the scan's measurements, or (0, 2) if it has none
 
 
 @dataclass(frozen=True, eq=False)
-class FlightLog:
+class ScannedFlight:
     """A flight of n UAVs, whose frames are at K scans with the rate of its scenario."""
 
     setting: Scenario
@@ -52,10 +47,10 @@ class FlightLog:
     people: Trajectories | None  # None if they are unknown
     poses: Array  # (K, n, 7) of the cameras: position [m] and quaternion xyzw
     frames: Flags  # (K, n), True where a camera took a frame
-    observed: Mapping[tuple[int, int], tuple[Scan, Array]]  # by scan and UAV with a frame: scan, and pixels (N, 2)
+    observed: Mapping[tuple[int, int], Observed]  # by scan and UAV with a frame
     remarks: tuple[str, ...]
 
-    @property
+    @cached_property
     def cameras(self) -> list[Camera]:
         """The camera of each UAV."""
         return [view_of(uav, self.setting) for uav in self.setting.uavs]
@@ -63,39 +58,52 @@ class FlightLog:
     def scans(self) -> Iterator[tuple[Scan, ...]]:
         """The scans of each instant with frames, by ascending UAV."""
         for k in np.flatnonzero(self.frames.any(axis=1)).tolist():
-            yield tuple(self.observed[k, i][0] for i in np.flatnonzero(self.frames[k]).tolist())
+            yield tuple(self.observed[k, i].scan for i in np.flatnonzero(self.frames[k]).tolist())
 
 
-def read_flight(folder: Path | str, options: FlightOptions = PLAIN) -> FlightLog:
-    """Read a flight from the files in its folder, see docs/how-to/flights.md; InputError says what to change."""
+def read_flight(
+    folder: Path | str,
+    *,
+    overrides: Sequence[str] = (),
+    origin: tuple[float, float] = (0.0, 0.0),
+    sigma: float = 0.0,
+    detector: str = "blob",
+) -> ScannedFlight:
+    """Read a flight from the files in its folder; InputError says what to change.
+
+    Args:
+        folder: The files, see docs/how-to/flights.md.
+        overrides: Changes of `scenario.toml`, as key=value.
+        origin: Place in the files [m] that becomes the area's centre.
+        sigma: Standard deviation [m] to add to detections without a covariance of their own.
+        detector: Name of what finds people in images, as `sensing.detector`.
+    """
     folder = Path(folder)
     own = folder / "scenario.toml"
     given = read_toml(own, "scenario") if own.exists() else {}
-    apply_overrides(given, options.overrides)
-    files = read_files(folder, options.origin, options.detector)
-    rate = find_rate(given, files.fleet)
-    end = given.get("duration", max(frames[-1].time for frames in files.fleet.values()))
-    setting = make_setting(folder, given, files, rate=rate, end=end)
-    return _place_on_scans(files, setting, _find_people(files, setting), options.sigma)
+    apply_overrides(given, overrides)
+    flight = read_files(folder, origin, detector)
+    setting = make_setting(folder, given, flight)
+    return _place_on_scans(flight, setting, _find_people(flight, setting), sigma)
 
 
-def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
+def _find_people(flight: LoggedFlight, setting: Scenario) -> Trajectories | None:
     """The people, if they are known; those in frames are present from frame to frame, at places by the first UAV."""
-    path, rate = setting.people.trajectory_file, setting.rates.sensing
+    path = setting.people.trajectory_file
+    rate = setting.rates.sensing
     if path is None:
         return None
-    if not any(files.people.values()):
+    if not any(uav.people for uav in flight.uavs):
         return read_trajectories(path, setting.area, duration=setting.duration, people=setting.people)
     found: defaultdict[str, dict[int, Array]] = defaultdict(dict)
-    for i, frames in files.people.items():
-        log, times = files.poses[i], np.array([frame.time for frame in frames])
-        for frame, pose in zip(
-            frames, interpolate_poses(log.times, log.rows, np.clip(times, *log.times[[0, -1]])), strict=True
-        ):
-            places = _find_places(frame, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera)
+    for uav, settings in zip(flight.uavs, setting.uavs, strict=True):
+        poses = uav.poses.at(np.array([frame.time for frame in uav.people]))
+        for frame, pose in zip(uav.people, poses, strict=True):
+            places = _find_places(frame, Pose(pose[:3], pose[3:]), settings.true_camera)
             for detection, place in zip(frame.detections, places, strict=True):
                 found[detection.person].setdefault(round(frame.time * rate), place)
-    times, slowest = np.array(setting.scan_times), max(measure_gap(frames) for frames in files.people.values())
+    times = np.array(setting.scan_times)
+    slowest = max(find_gap(uav.people) for uav in flight.uavs)
     positions = np.full((len(times), len(found), 2), np.nan)
     for m, rows in enumerate(found.values()):
         stay = {k / rate: place for k, place in rows.items() if not np.isnan(place[0])}
@@ -107,33 +115,39 @@ def _find_people(files: FlightFiles, setting: Scenario) -> Trajectories | None:
     return Trajectories(times, positions)
 
 
-def _place_on_scans(files: FlightFiles, setting: Scenario, people: Trajectories | None, sigma: float) -> FlightLog:
+def _place_on_scans(
+    flight: LoggedFlight, setting: Scenario, people: Trajectories | None, sigma: float
+) -> ScannedFlight:
     """The flight with its frames at scans; frames after its end are left out."""
     times = np.array(setting.scan_times)
-    rate, uavs = setting.rates.sensing, len(files.cameras)
-    poses, frames = np.empty((len(times), uavs, 7)), np.zeros((len(times), uavs), dtype=np.bool_)
-    observed: dict[tuple[int, int], tuple[Scan, Array]] = {}
-    rounded, lost = 0.0, 0
-    for i, log in files.poses.items():
-        camera, edges = setting.uavs[i].true_camera, log.times[[0, -1]]
-        poses[:, i] = interpolate_poses(log.times, log.rows, np.clip(times, *edges))
-        taken = [frame for frame in files.fleet[i] if round(frame.time * rate) < len(times)]
+    rate = setting.rates.sensing
+    poses = np.empty((len(times), len(flight.uavs), 7))
+    frames = np.zeros((len(times), len(flight.uavs)), dtype=np.bool_)
+    observed: dict[tuple[int, int], Observed] = {}
+    rounded = 0.0
+    lost = 0
+    for i, uav in enumerate(flight.uavs):
+        poses[:, i] = uav.poses.at(times)
+        taken = [frame for frame in uav.frames if round(frame.time * rate) < len(times)]
         at = np.array([frame.time for frame in taken])
-        _check_pose_times(log, at, i, files.start)
-        _check_pixels(taken, i, files.cameras[i])
-        for frame, pose in zip(taken, interpolate_poses(log.times, log.rows, np.clip(at, *edges)), strict=True):
+        _check_pose_times(uav.poses, at, i, flight.start)
+        _check_pixels(taken, i, uav.camera)
+        for frame, pose in zip(taken, uav.poses.at(at), strict=True):
             k = round(frame.time * rate)
             rounded = max(rounded, abs(frame.time - k / rate))
-            poses[k, i], frames[k, i] = pose, True
-            observed[k, i] = _make_scan(frame, i, k / rate, Pose(pose[:3], pose[3:]), camera, sigma)
-            lost += len(frame.detections) - len(observed[k, i][0].measurements)
-        _check_attitude([scan for (_, uav), (scan, _) in observed.items() if uav == i])
-    remarks = [*_remark(files, rate, rounded, lost), *([] if sigma else _remark_on_covariances(files, observed))]
-    forest = Forest(files.forest.trees, setting.sensing.occlusion)
-    return FlightLog(setting, forest, people, poses, frames, observed, tuple(remarks))
+            poses[k, i] = pose
+            frames[k, i] = True
+            placed = frame._replace(time=k / rate)
+            observed[k, i] = _observe(placed, i, Pose(pose[:3], pose[3:]), setting.uavs[i].true_camera, sigma)
+            lost += len(frame.detections) - len(observed[k, i].scan.measurements)
+        _check_attitude([found.scan for (_, j), found in observed.items() if j == i])
+    remarks = [*_remark(flight, rate, rounded, lost)]
+    remarks += [] if sigma else _remark_on_covariances(flight, [found.scan for found in observed.values()])
+    forest = Forest(flight.forest.trees, setting.sensing.occlusion)
+    return ScannedFlight(setting, forest, people, poses, frames, observed, tuple(remarks))
 
 
-def _check_pose_times(log: Poses, times: Array, uav: int, start: float) -> None:
+def _check_pose_times(log: PoseLog, times: Array, uav: int, start: float) -> None:
     """InputError if a frame has no pose of its UAV near its time [s]."""
     near = np.searchsorted(log.times, times)
     before, after = log.times[np.maximum(near - 1, 0)], log.times[np.minimum(near, len(log.times) - 1)]
@@ -153,24 +167,28 @@ def _find_places(frame: LoggedFrame, pose: Pose, camera: Camera) -> Array:
     return places
 
 
-def _make_scan(
-    frame: LoggedFrame, uav: int, time: float, pose: Pose, camera: Camera, sigma: float
-) -> tuple[Scan, Array]:
-    """Scan of a frame at a pose, and its pixels (N, 2), or (0, 2) if it has none.
+def _observe(frame: LoggedFrame, uav: int, pose: Pose, camera: Camera, sigma: float) -> Observed:
+    """Measurements of a frame, without those above the horizon, or where a lens shows nothing.
 
-    Left out are detections above the horizon, or where a lens shows nothing.
+    Args:
+        frame: At the time of its scan.
+        uav: Number of the UAV.
+        pose: Of its camera.
+        camera: The camera.
+        sigma: As of `read_flight`.
     """
     pixels = np.array([found.pixel for found in frame.detections]).reshape(-1, 2)
     entries = np.array([found.covariance for found in frame.detections]).reshape(-1, 3)
     places = _find_places(frame, pose, camera)
-    own, R = np.isnan(entries[:, 0]), entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    R = entries[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    own = np.isnan(entries[:, 0])
     R[own] = whole_covariances(camera.lens(pose), places[own]) + sigma * sigma * np.eye(2)
     kept = ~np.isnan(places[:, 0])
     known = pixels[kept] if np.isfinite(pixels[kept]).all() else np.zeros((0, 2))
-    return Scan(uav, time, pose, places[kept], R[kept]), known
+    return Observed(Scan(uav, frame.time, pose, places[kept], R[kept]), known)
 
 
-def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: CameraRow) -> None:
+def _check_pixels(frames: Sequence[LoggedFrame], uav: int, camera: LoggedCamera) -> None:
     """InputError if a detection is outside its image."""
     margin = _OUTSIDE * min(camera.size)
     for frame in frames:
@@ -192,30 +210,34 @@ def _check_attitude(scans: Sequence[Scan]) -> None:
 
 
 def _sees_ground(scan: Scan) -> bool:
-    back, away = scan.pose.rotation[:, 2], scan.measurements - scan.pose.position[:2]
+    back = scan.pose.rotation[:, 2]
+    away = scan.measurements - scan.pose.position[:2]
     depths = scan.pose.position[2] * back[2] - away[:, 0] * back[0] - away[:, 1] * back[1]
     return bool(back[2] >= 0 or (depths > 0).any())
 
 
-def _remark(files: FlightFiles, rate: int, rounded: float, lost: int) -> Iterator[str]:
-    """Remarks on what the files leave out, or what of them is left out."""
-    if files.start:
-        yield f"time_s: times count from the first frame, at {spell(files.start)} s"
+def _remark(flight: LoggedFlight, rate: int, rounded: float, lost: int) -> Iterator[str]:
+    """Remarks on what the files leave out, or what of them is left out.
+
+    rate: of scans [Hz]; rounded: longest time [s] from a frame to its scan; lost: number of detections left out.
+    """
+    if flight.start:
+        yield f"time_s: times count from the first frame, at {spell(flight.start)} s"
     if rounded > EXACT / rate:
         yield f"time_s: frames are at scans of {rate} Hz, {1000 * rounded:.0f} ms or less from their own times"
     if lost:
         yield f"detections: left out: {lost} above the horizon, or where a lens shows nothing"
-    for uav, frames in files.fleet.items():
-        if len(frames) > 1 and all(frame.detections for frame in frames):
-            every = f"each frame of UAV {uav} has a detection"
+    for i, uav in enumerate(flight.uavs):
+        if len(uav.frames) > 1 and all(frame.detections for frame in uav.frames):
+            every = f"each frame of UAV {i} has a detection"
             yield f"detections: {every}; list those without, too, as rows of time_s and uav: they show where nobody is"
 
 
-def _remark_on_covariances(files: FlightFiles, observed: Mapping[tuple[int, int], tuple[Scan, Array]]) -> Iterator[str]:
+def _remark_on_covariances(flight: LoggedFlight, scans: Sequence[Scan]) -> Iterator[str]:
     """A remark if detections have covariances that take poses as exact."""
-    detections = (found for frames in files.fleet.values() for frame in frames for found in frame.detections)
+    detections = (found for uav in flight.uavs for frame in uav.frames for found in frame.detections)
     if any(math.isnan(found.covariance[0]) for found in detections):
-        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan, _ in observed.values()]
+        traces = [np.trace(scan.covariances, axis1=1, axis2=2) for scan in scans]
         spread = math.sqrt(np.median(np.concatenate(traces)) / 2)
         exact = f"those without a covariance get {spread:.2f} m, as of exact poses"
         yield f"detections: {exact}; if too many tracks begin, --sigma adds errors of poses"

@@ -1,0 +1,1 @@
+"""Made-up teams, which conformance checks, warm-up and tests share."""

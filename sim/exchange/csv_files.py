@@ -1,0 +1,244 @@
+"""A flight as CSV files: poses, detections, cameras and trees, which `track` reads as `export --to csv` writes them."""
+
+import csv
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sim.exchange.values import (
+    COVARIANCE,
+    STATE,
+    TRACK,
+    CameraFrames,
+    LoggedCamera,
+    LoggedDetection,
+    LoggedFrame,
+    PoseLog,
+    list_rows,
+    list_tracks,
+    list_truth,
+    make_calibrated_camera,
+    make_square_camera,
+)
+from sim.mission.recording import Recording
+from sim.scenario.camera_settings import read_camera
+from sim.scenario.csv_tables import TableRow, read_csv
+from sim.scenario.environment import Trees
+from sim.scenario.scenario import leave_out_removed_keys
+from sim.scenario.settings_text import format_toml
+from sim.world.stem_map import TREE_COLUMNS, read_stem_map
+from tracking.errors import InputError, spell
+from tracking.geometry.visibility import Forest
+
+_PLACE = ("x_m", "y_m")
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
+_PIXEL = ("u_px", "v_px")
+_PARTS = {"place": _PLACE, "covariance": ("xx_m2", "xy_m2", "yy_m2"), "pixel": _PIXEL}  # of a detection
+POSE_COLUMNS = ("time_s", "uav", *_PLACE, "z_m", *_QUATERNION)
+DETECTION_COLUMNS = ("time_s", "uav", *_PLACE, *_PARTS["covariance"], *_PIXEL)
+CAMERA_COLUMNS = ("uav", "fov_deg", "pixels")
+# Endings of columns by which `tracks.csv` names units.
+_UNITS = {"time": "_s", **dict(zip(STATE, ("_m", "_m", "_m_per_s", "_m_per_s"), strict=True))}
+_UNITS |= {name: ("_m2", "_m2_per_s", "_m2_per_s2")[name.count("v")] for name in COVARIANCE}
+
+_ROUNDED = 1e-9  # error of a quaternion's norm up to which it stays
+_WRONG = 1e-2  # error of a quaternion's norm from which it is refused
+Cells = Sequence[float | int | str]  # of a row
+
+
+def read_poses(path: Path) -> dict[int, PoseLog]:
+    """Poses of the camera of each UAV, from a CSV file with the columns `POSE_COLUMNS`.
+
+    In place of the quaternion, yaw_deg, pitch_deg and roll_deg are those of a gimbal: yaw clockwise from north, pitch
+    -90 straight down. Without both, cameras look straight down, with north at the top of the image. Without the column
+    uav all rows are of UAV 0. InputError names file, line and column of a wrong entry.
+    """
+    found: defaultdict[int, dict[float, list[float]]] = defaultdict(dict)
+    lines: dict[tuple[int, float], int] = {}
+    for row in read_csv(path, "poses", ("time_s", *_PLACE, "z_m")):
+        uav, time = read_uav(row), row.number("time_s")
+        if (uav, time) in lines:
+            twice = f"UAV {uav} has another pose at {spell(time)} s in line {lines[uav, time]}"
+            raise row.error("uav", f"{twice}; number the UAVs apart")
+        lines[uav, time] = row.line
+        found[uav][time] = [row.number("x_m"), row.number("y_m"), row.number("z_m"), *_read_attitude(row)]
+    if not found:
+        raise InputError(f"poses: {path}: holds no pose")
+    ordered = {uav: sorted(poses.items()) for uav, poses in sorted(found.items())}
+    return {uav: PoseLog(*map(np.array, zip(*rows, strict=True))) for uav, rows in ordered.items()}
+
+
+def read_detections(path: Path) -> dict[int, CameraFrames]:
+    """Frames of each UAV with their detections, from a CSV file with some of the columns `DETECTION_COLUMNS`.
+
+    A row is a detection: a place on the ground, maybe with its covariance, or the pixel of the person's mid-height. A
+    row with neither says that the camera took a frame at this time. Rows may have any order. InputError names file,
+    line and column of a wrong entry.
+    """
+    found: defaultdict[int, dict[float, LoggedFrame]] = defaultdict(dict)
+    rows: dict[tuple[int, float, LoggedDetection], int] = {}
+    for row in read_csv(path, "detections", ("time_s",)):
+        if not found and not {*_PLACE} <= {*row.values} and not {*_PIXEL} <= {*row.values}:
+            raise InputError(f"detections: {path}, line 1: names neither x_m and y_m nor u_px and v_px")
+        uav, time = read_uav(row), row.number("time_s")
+        frame = found[uav].setdefault(time, LoggedFrame(time, row.where, []))
+        detection = _read_detection(row)
+        if detection is None:
+            continue
+        if (line := rows.setdefault((uav, time, detection), row.line)) != row.line:
+            raise row.error("time_s", f"the same detection of this frame is in line {line}")
+        frame.detections.append(detection)
+    if not found:
+        raise InputError(f"detections: {path}: holds no frame")
+    return {uav: CameraFrames([frames[time] for time in sorted(frames)]) for uav, frames in sorted(found.items())}
+
+
+def read_cameras(path: Path) -> dict[int, LoggedCamera]:
+    """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`.
+
+    There may be clock_offset_s, and width_px and height_px of images that are not square. In place of angle of view and
+    pixels, there may be the column camera: a packaged camera, or a file beside this one.
+    """
+    cameras: dict[int, LoggedCamera] = {}
+    for row in read_csv(path, "cameras", ()):
+        uav = read_uav(row)
+        if uav in cameras:
+            raise row.error("uav", f"UAV {uav} has a second row")
+        offset = row.optional_number("clock_offset_s") or 0.0
+        cameras[uav] = _read_view(row, path)._replace(clock_offset=offset)
+    return cameras
+
+
+def _read_view(row: TableRow, path: Path) -> LoggedCamera:
+    if name := row.values.get("camera"):
+        try:
+            return make_calibrated_camera(read_camera(str(path.parent / name) if Path(name).suffix else name))
+        except InputError as error:
+            raise row.error("camera", str(error)) from error
+    for column in CAMERA_COLUMNS[1:]:
+        if column not in row.values:
+            there = ",".join(row.values)
+            raise InputError(f"cameras: {path}, line 1: column {column} is missing; columns are {there}")
+    square = make_square_camera(row.number("fov_deg"), pixels := row.integer("pixels"))
+    width, height = (row.integer(name) if row.values.get(name) else pixels for name in ("width_px", "height_px"))
+    if pixels > min(width, height):
+        raise row.error("pixels", f"{pixels} is more than an edge of the images of {width} × {height} pixels")
+    return square if width == height == pixels else square.widen((width, height))
+
+
+def read_forest(path: Path, origin: tuple[float, float] = (0.0, 0.0)) -> Forest:
+    """The trees from a CSV file with the columns `TREE_COLUMNS`, or any other stem map; `origin` [m] is subtracted."""
+    return Forest(read_stem_map(path, "trees", Trees(origin=origin), least=0.0).trees)
+
+
+def read_uav(row: TableRow) -> int:
+    """Number of the UAV of a row, 0 in a table without this column."""
+    return row.integer("uav") if "uav" in row.values else 0
+
+
+def _read_attitude(row: TableRow) -> list[float]:
+    """Quaternion xyzw of the camera."""
+    if any(name in row.values for name in _ANGLES):
+        yaw, pitch, roll = (math.radians(row.optional_number(name) or 0.0) for name in _ANGLES)
+        turn = Rotation.from_euler("ZXZ", [-yaw, math.pi / 2 + pitch, -roll])
+        return [float(part) for part in turn.as_quat()]
+    if not any(name in row.values for name in _QUATERNION):
+        return [0.0, 0.0, 0.0, 1.0]
+    quaternion = [row.number(name) for name in _QUATERNION]
+    norm = math.hypot(*quaternion)
+    if abs(norm - 1) > _WRONG:
+        raise row.error("qx", f"the quaternion's norm is {norm:g}, not 1")
+    return quaternion if abs(norm - 1) <= _ROUNDED else [part / norm for part in quaternion]
+
+
+def _read_detection(row: TableRow) -> LoggedDetection | None:
+    """The detection of a row; None if it has none."""
+    found: dict[str, Any] = {}
+    for part, columns in _PARTS.items():
+        if any(row.values.get(column) for column in columns):  # all of what a row has a part of is needed
+            if not {*columns} <= {*row.values}:
+                raise InputError(f"{row.where}: columns {', '.join(columns)} belong together; one of them is missing")
+            found[part] = tuple(row.number(column) for column in columns)
+    if "covariance" in found:
+        xx, xy, yy = found["covariance"]
+        if not (xx > 0 and xx * yy > xy * xy):
+            parts = ", ".join(map(spell, (xx, xy, yy)))
+            raise row.error("xx_m2", f"xx_m2, xy_m2, yy_m2 of {parts} are not positive definite")
+        if "place" not in found:
+            raise row.error("x_m", "is empty, but the covariance is that of a place on the ground")
+    return LoggedDetection(**found) if found else None
+
+
+def write_csv(recording: Recording, folder: Path) -> None:
+    """The files of a flight, and its tracks and people; `truth.csv` also works as `people.trajectories`."""
+    times = recording.times.tolist()
+    rows = zip(times, recording.believed_cameras.tolist(), strict=True)
+    poses = ([time, i, *pose] for time, fleet in rows for i, pose in enumerate(fleet))
+    write_table(folder / "poses.csv", POSE_COLUMNS, poses)
+    write_table(folder / "detections.csv", DETECTION_COLUMNS, _list_detections(recording))
+    header = [name + _UNITS.get(name, "") for name in TRACK]
+    write_table(folder / "tracks.csv", header, sorted(list_rows(list_tracks(recording), TRACK)))
+    _write_cameras(recording, folder)
+    write_truth(recording, folder)
+    write_map_and_settings(recording, folder)
+
+
+def write_truth(recording: Recording, folder: Path) -> None:
+    """Write the people into `truth.csv`, if they are known."""
+    if recording.labelled:
+        rows = list_rows(list_truth(recording), ("time", "person", "x", "y"))
+        write_table(folder / "truth.csv", ("time_s", "id", "x_m", "y_m"), rows)
+
+
+def write_map_and_settings(recording: Recording, folder: Path) -> None:
+    """Write `scenario.toml` and `trees.csv`."""
+    settings = leave_out_removed_keys(json.loads(recording.scenario))
+    flown = settings | {"duration": float(recording.times[-1]) or recording.setting.duration}
+    (folder / "scenario.toml").write_text(format_toml(flown), encoding="utf-8")
+    trees = [["" if math.isinf(value) else value for value in row] for row in recording.trees.tolist()]
+    write_table(folder / "trees.csv", TREE_COLUMNS[: recording.trees.shape[1]], trees)
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Cells]) -> None:
+    """Write a CSV file, in which floats have as many digits as are needed to read the same values."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerows([header] if header else [])
+        table.writerows(rows)
+
+
+def _list_detections(recording: Recording) -> Iterator[Cells]:
+    """A row for each measurement, and an empty one for each frame without measurements."""
+    pixels = recording.pixels.tolist()
+    for k, uav in np.argwhere(recording.frames_taken).tolist():
+        scan = recording.scan_at(k, uav)
+        first = int(recording.measurement_offsets[k * recording.uav_count + uav])
+        for n, (z, R) in enumerate(zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True)):
+            pixel = ["" if math.isnan(part) else part for part in pixels[first + n]]
+            yield [scan.time, uav, *z, R[0][0], R[0][1], R[1][1], *pixel]
+        if len(scan.measurements) == 0:
+            yield [scan.time, uav, *[""] * 7]
+
+
+def _write_cameras(recording: Recording, folder: Path) -> None:
+    """Write `cameras.csv`, and a file for each calibrated camera, as the fleet believes it to be."""
+    uavs = recording.setting.uavs
+    rows: list[list[float | int | str]] = []
+    for i, uav in enumerate(uavs):
+        rows.append([i, uav.fov_deg, uav.pixels, ""])
+        if uav.camera:
+            o = uav.believed_camera.optics
+            calibration = {"focal": [o.fx, o.fy], "centre": [o.cx - 0.5, o.cy - 0.5], "distortion": list(o.distortion)}
+            rows[-1][-1] = f"camera{i}.toml"
+            text = format_toml({"width": o.width, "height": o.height, **calibration})
+            (folder / f"camera{i}.toml").write_text(text, encoding="utf-8")
+    columns = [*CAMERA_COLUMNS, *["camera"] * any(uav.camera for uav in uavs)]
+    write_table(folder / "cameras.csv", columns, (row[: len(columns)] for row in rows))

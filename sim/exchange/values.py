@@ -1,0 +1,205 @@
+"""Values that readers of formats give and writers take: logged flights, labelled images, and columns of a recording."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.facts.metrics.score import estimate_velocities
+from sim.mission.recording import Recording
+from sim.scenario.camera_settings import CameraSettings, make_camera
+from tracking.errors import InputError
+from tracking.geometry.camera import Camera
+from tracking.geometry.quaternions import interpolate_poses
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.trigonometry import tan
+
+SPLITS = ("train", "val", "test")  # of labelled images
+Columns = Mapping[str, NDArray[Any]]  # columns (N,) of a table by name
+STATE = ("x", "y", "vx", "vy")  # m, m/s
+# Upper triangle of a covariance by rows; each entry is named by its two states.
+COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
+TRACK = ("time", "uav", "id", *STATE, *COVARIANCE, "existence")
+_NOWHERE = (math.nan, math.nan)
+
+
+class PoseLog(NamedTuple):
+    """Poses of one UAV's camera in order of time."""
+
+    times: Array  # (P,) s
+    rows: Array  # (P, 7), position [m] and quaternion xyzw
+
+    def at(self, times: Array) -> Array:
+        """Poses (N, 7) at times (N,) s, interpolated; the first and the last one also hold before and after."""
+        return interpolate_poses(self.times, self.rows, np.clip(times, *self.times[[0, -1]]))
+
+
+class LoggedDetection(NamedTuple):
+    """One detection, on the ground or in the image; NaN for what is not known."""
+
+    place: tuple[float, float] = _NOWHERE  # m
+    covariance: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # xx, xy, yy [m²]
+    pixel: tuple[float, float] = _NOWHERE  # of the person's mid-height
+    person: str = ""  # id, if this is a label
+
+
+class LoggedFrame(NamedTuple):
+    """The detections of one frame."""
+
+    time: float  # s
+    where: str  # file, and line of the first detection
+    detections: list[LoggedDetection]
+
+
+class CameraFrames(NamedTuple):
+    """Frames of one camera in order of time."""
+
+    frames: list[LoggedFrame]
+    people: Sequence[LoggedFrame] = ()  # with the ids of people, if they are known
+    size: tuple[int, int] | None = None  # width and height of the images, if known
+
+
+class LoggedCamera(NamedTuple):
+    """The camera of one UAV."""
+
+    view: Mapping[str, Any]  # `fov_deg` and `pixels`, or `camera`, of a UAV of a scenario
+    size: tuple[int, int]  # width and height of the images [pixel]
+    clock_offset: float = 0.0  # s, to add to the UAV's times
+
+    def fit(self, size: tuple[int, int], where: str) -> "LoggedCamera":
+        """The camera of images of this size: of wide ones, if its own square is that in their middle; else InputError.
+
+        The square has the shorter edge of wide images.
+        """
+        if self.size == size:
+            return self
+        width, height = self.size
+        own = str(width) if width == height else f"{width} × {height}"
+        images = f"images have {size[0]} × {size[1]} pixels, but the camera in cameras.csv has {own}"
+        if "pixels" not in self.view:
+            raise InputError(f"{where}: {images}; expected its own size")
+        if width != min(size):
+            raise InputError(f"{where}: {images}; give it {min(size)}, and the angle of view over these")
+        return self.widen(size)
+
+    def widen(self, size: tuple[int, int]) -> "LoggedCamera":
+        """The camera of wide images whose middle square is this one."""
+        focal = self.view["pixels"] / 2 / tan(math.radians(self.view["fov_deg"]) / 2)
+        whole = CameraSettings(width=size[0], height=size[1], focal=(focal, focal))
+        return make_calibrated_camera(whole)._replace(clock_offset=self.clock_offset)
+
+
+class LoggedUav(NamedTuple):
+    """What is logged of one UAV."""
+
+    camera: LoggedCamera
+    poses: PoseLog
+    frames: list[LoggedFrame]
+    people: Sequence[LoggedFrame] = ()  # as of `CameraFrames`
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedFlight:
+    """A flight as its files log it, with times [s] since its first frame and places [m] from its origin."""
+
+    uavs: Sequence[LoggedUav]
+    forest: Forest
+    start: float  # s, time in the files of the first frame
+    origin: tuple[float, float]  # m, place in the files of the origin
+    labels: Path | None  # file of the people, if they are known
+
+    @property
+    def places(self) -> Array:
+        """Places (N, 2) m of poses and trees."""
+        return np.vstack([*(uav.poses.rows[:, :2] for uav in self.uavs), self.forest.table[:, :2]])
+
+
+def make_square_camera(fov_deg: float, pixels: int) -> LoggedCamera:
+    """A camera of square images."""
+    return LoggedCamera({"fov_deg": fov_deg, "pixels": pixels}, (pixels, pixels))
+
+
+def make_calibrated_camera(settings: CameraSettings) -> LoggedCamera:
+    """A calibrated camera."""
+    return LoggedCamera({"camera": msgspec.to_builtins(settings)}, make_camera(settings).size)
+
+
+def find_gap(frames: Sequence[LoggedFrame]) -> float:
+    """The usual time [s] from one frame to the next; 0 for a single one."""
+    return float(np.median(np.diff([frame.time for frame in frames]))) if len(frames) > 1 else 0.0
+
+
+class ShownPerson(NamedTuple):
+    """A person of whom an image shows a pixel or more."""
+
+    person: int
+    mask: Flags  # (H, W)
+    box: tuple[int, int, int, int]  # left, top, width and height around the mask, in pixels from the top left corner
+    visible_share: float  # pixels shown over those that the image would show if nothing hid the person
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledImage:
+    """An image of a flight, with the people whom it shows."""
+
+    split: str  # one of `SPLITS`
+    flight: int  # number of the flight in the data set
+    recording: Recording
+    k: int  # scan
+    uav: int
+    people: list[ShownPerson]
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that took it."""
+        return self.recording.setting.uavs[self.uav].true_camera
+
+    @property
+    def name(self) -> str:
+        """Name of its files, without an ending."""
+        return f"flight{self.flight:04d}-uav{self.uav}-scan{self.k:05d}"
+
+
+def list_measurements(recording: Recording) -> Columns:
+    """Position [m] and entries of the covariance [m²] of each measurement."""
+    k, uav = recording.cells(recording.measurement_offsets)
+    (x, y), R = recording.measurements.T, recording.measurement_covariances
+    entries = {"xx": R[:, 0, 0], "xy": R[:, 0, 1], "yy": R[:, 1, 1]}
+    return {"scan": k, "uav": uav, "time": recording.times[k], "x": x, "y": y, **entries}
+
+
+def list_tracks(recording: Recording) -> Columns:
+    """Each track of working UAVs: id, mark of a reported one, state, covariance and existence (NaN if it has none)."""
+    k, uav = recording.cells(recording.track_offsets)
+    row, column = np.triu_indices(len(STATE))
+    columns = {
+        "scan": k,
+        "uav": uav,
+        "time": recording.times[k],
+        "reported": recording.reported,
+        "id": recording.track_ids,
+        **dict(zip(STATE, recording.track_means.T, strict=True)),
+        **dict(zip(COVARIANCE, recording.track_covariances[:, row, column].T, strict=True)),
+        "existence": recording.track_existence,
+    }
+    works = recording.working[k, uav]
+    return {name: values[works] for name, values in columns.items()}
+
+
+def list_truth(recording: Recording) -> Columns:
+    """Position [m] and velocity [m/s] of each person present."""
+    k, person = np.nonzero(~np.isnan(recording.people[:, :, 0]))
+    state = np.hstack([recording.people[k, person], estimate_velocities(recording)[k, person]])
+    return {"scan": k, "person": person, "time": recording.times[k], **dict(zip(STATE, state.T, strict=True))}
+
+
+def list_rows(table: Columns, names: Sequence[str], where: Flags | None = None) -> Iterator[tuple[Any, ...]]:
+    """Rows of the named columns as Python numbers; where (N,): the rows to take, by default all."""
+    columns = (table[name] if where is None else table[name][where] for name in names)
+    return zip(*(column.tolist() for column in columns), strict=True)

@@ -1,0 +1,1 @@
+"""Staged views, frames and scans, which conformance checks and warm-up share."""
