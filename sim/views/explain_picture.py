@@ -98,7 +98,8 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
 
     The second value is True if there are tracks on it.
     """
-    recording, metres = facts.flight.recording, np.array(measure_map(facts.flight.scenario))
+    recording = facts.flight.recording
+    metres = np.array(measure_map(facts.flight.scenario))
     scale = min(_SCALE, _LARGEST / float(metres.max()))
     width, height = np.ceil(scale * metres).astype(int).tolist()
     view = MapView(facts.flight.scenario, recording.forest, (width, height))
@@ -114,7 +115,8 @@ def _draw_map(facts: PersonFacts) -> tuple[Image, bool]:
 
 
 def _draw_person(view: MapView, image: Image, labels: Labels, facts: PersonFacts) -> None:
-    recording, pixels = facts.flight.recording, view.pixels
+    recording = facts.flight.recording
+    pixels = view.pixels
     _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))
     labels.reserve(pixels(facts.place), 16.0)
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):

@@ -18,22 +18,16 @@ from sim.mission.atomic_files import write_whole
 from sim.mission.recording import Recording
 from sim.views.drawing.palette import CANOPY, DETECTION, FAINT, PANEL, TRUNK, Colour, lighten, uav_colour
 from sim.views.scene import Scene, UavMark, make_scenes, outline_ellipse
-from tracking.errors import InputError
-from tracking.geometry.camera import Camera
+from tracking.errors import InputError, one_line
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Image
 
-Progress = Callable[[object], None]
 _SEE_THROUGH = 150  # opacity of canopies, of 255
 
 
-def write(flight: Flight, path: Path, *, progress: Progress) -> None:
+def write(flight: Flight, path: Path, *, progress: Callable[[int], None]) -> None:
     """Write the file, completely or not at all; `progress` is called with each scan."""
     with write_whole(path) as part:
-        try:
-            part.touch()
-        except OSError as error:
-            raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
         stream = rr.RecordingStream("understory")
         stream.save(part)
         try:
@@ -45,7 +39,7 @@ def write(flight: Flight, path: Path, *, progress: Progress) -> None:
             stream.disconnect()  # otherwise the file is closed only with the stream's deletion
 
 
-def spawn(flight: Flight, *, progress: Progress) -> None:
+def spawn(flight: Flight, *, progress: Callable[[int], None]) -> None:
     """Open the viewer and show the recording in it; InputError if there is no display or no viewer."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("--rerun: spawn needs a display, and there is none; write a file instead: --rerun FILE.rrd")
@@ -54,28 +48,25 @@ def spawn(flight: Flight, *, progress: Progress) -> None:
     try:
         rr.spawn(recording=stream, executable_path=str(viewer) if viewer.exists() else None)
     except (RuntimeError, OSError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise InputError(f"--rerun: the viewer does not start: {reason}; write a file instead") from error
+        raise InputError(f"--rerun: the viewer does not start: {one_line(error)}; write a file instead") from error
     _fill(stream, flight, progress)
     stream.flush()
 
 
-def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress) -> None:
+def _fill(stream: rr.RecordingStream, flight: Flight, progress: Callable[[int], None]) -> None:
     recording = flight.recording
-    cameras = [uav.true_camera for uav in flight.scenario.uavs]
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(format_recording_title(recording))
-    images = [
-        # The viewer projects a UAV's tracks into its images.
+    images = [  # into which the viewer projects tracks
         rrb.Spatial2DView(origin=f"world/camera/{i}", contents=["$origin/**", f"world/tracks/{i}"], name=f"UAV {i}")
-        for i in range(len(cameras))
+        for i in range(recording.uav_count)
     ]
     curves = [rrb.TimeSeriesView(origin="ospa", name="OSPA [m]"), rrb.TimeSeriesView(origin="bytes", name="Bytes sent")]
     below = rrb.Horizontal(rrb.Tabs(*curves), rrb.TextLogView(origin="events", name="Events"))
     forest = rrb.Vertical(rrb.Spatial3DView(origin="world", name="Forest"), below, row_shares=[5, 3])
     stream.send_blueprint(rrb.Horizontal(forest, rrb.Grid(*images), column_shares=[3, 1]))
-    _log_ground(stream, recording, cameras)
+    _log_ground(stream, recording)
     _log_series(stream, recording)
     for event in flight.events:
         stream.set_time("time", duration=event.time)
@@ -91,7 +82,7 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress) -> Non
             progress(k)
 
 
-def _log_ground(stream: rr.RecordingStream, recording: Recording, cameras: list[Camera]) -> None:
+def _log_ground(stream: rr.RecordingStream, recording: Recording) -> None:
     """Log the edge of the area, trees and cameras, which do not change."""
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     half = np.array([recording.setting.area.width, recording.setting.area.height]) / 2
@@ -103,10 +94,9 @@ def _log_ground(stream: rr.RecordingStream, recording: Recording, cameras: list[
     colours = [TRUNK] * len(canopies) + canopies
     forest = rr.Cylinders3D(lengths=high - low, radii=radius, centers=middles, colors=colours, fill_mode="solid")
     stream.log("world/forest", forest, static=True)
-    for i, camera in enumerate(cameras):
-        o = camera.optics
+    for i, o in enumerate(uav.true_camera.optics for uav in recording.setting.uavs):
         matrix = [(o.fx, 0.0, o.cx), (0.0, o.fy, o.cy), (0.0, 0.0, 1.0)]
-        lens = rr.Pinhole(image_from_camera=matrix, resolution=camera.size, camera_xyz=rr.ViewCoordinates.RUB)
+        lens = rr.Pinhole(image_from_camera=matrix, resolution=(o.width, o.height), camera_xyz=rr.ViewCoordinates.RUB)
         stream.log(f"world/camera/{i}", lens, static=True)
 
 

@@ -194,7 +194,8 @@ class SceneMaker:
     ) -> Iterator[UavMark]:
         touched = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for i, pose in enumerate(snapshot.poses):
-            works, camera = i in working, snapshot.cameras[i]
+            works = i in working
+            camera = snapshot.cameras[i]
             believed = camera if snapshot.believed is None else snapshot.believed[i]
             view = find_footprint(self._scenario, i, camera) if works else None
             exact = not works or snapshot.believed is None
@@ -259,8 +260,9 @@ def make_scene(recording: Recording, k: int, holds: Indices) -> Scene:
     """The scene of scan k of a recording; holds (M,): states of people, as indices into `HOLDS`."""
     setting = recording.setting
     maker = SceneMaker(setting, recording.track_numbers)
-    # Trails, contacts and last frames of slow cameras depend on so much of the past.
-    for earlier in range(max(0, k - round(TRAIL * setting.rates.sensing)), k):
+    # Trails, contacts and last frames of slow cameras depend on so many scans of the past.
+    reach = max(round(TRAIL * setting.rates.sensing), *map(setting.frame_scans, range(len(setting.uavs))))
+    for earlier in range(max(0, k - reach), k):
         maker.add(recording.snapshot(earlier), holds)
     return maker.add(recording.snapshot(k), holds)
 

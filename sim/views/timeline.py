@@ -150,7 +150,8 @@ def _draw_people(axes: Axes, facts: PeopleFacts, events: Sequence[Event], places
         if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [places.bar_of(event.person)], **_SWITCHED)
     for m, uavs in places.rows:
-        top, holds = places.tops[m], list_holds(facts.hold_states[:, m])
+        top = places.tops[m]
+        holds = list_holds(facts.hold_states[:, m])
         lost = [Stretch(s.first, s.last, _VEIL) for s in holds if s.colour == palette.LOST]
         bars += _make_bars(times, lost, top - 0.15, len(uavs) + _BAR + 0.3)  # over all lanes
         bars += _make_bars(times, holds, top + len(uavs) + 0.2, _BAR - 0.2)

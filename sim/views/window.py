@@ -57,7 +57,9 @@ class Window:
 
     def __init__(self, world: World, scenario: Scenario, speed: float) -> None:
         """Lay the ground and look at all of it from the south."""
-        self._engine, self._world, self._speed = world.engine, world, speed
+        self._world = world
+        self._engine = world.engine
+        self._speed = speed
         self._last: Snapshot | None = None
         self._runs = True
         self._cones = [self._add_cone(uav.true_camera, uav.altitude, i) for i, uav in enumerate(scenario.uavs)]

@@ -112,7 +112,8 @@ class Film:
 
     def _draw_tiles(self, image: Image, scene: Scene, frames: Sequence[Image | None] | None) -> None:
         for i, tile in self._layout.tiles.items():
-            uav, frame = scene.uavs[i], None if frames is None else frames[i]
+            uav = scene.uavs[i]
+            frame = None if frames is None else frames[i]
             if uav.works and frames is not None and frame is None and i in self._last:
                 image[tile.slices] = self._last[i]
             else:
@@ -133,7 +134,8 @@ class _Sparkline:
     """The mean OSPA of the fleet so far, on a logarithmic scale, as a line that grows in an RGB image of its own."""
 
     def __init__(self, image: Image, duration: float) -> None:
-        self._image, self._duration = image, duration
+        self._image = image
+        self._duration = duration
         self._extent = image.shape[1] - 34
         self._last: Array | None = None  # (2,) pixel
         metre = self._level(1.0)
@@ -177,7 +179,8 @@ class Video(AbstractContextManager["Video"]):
     """
 
     def __init__(self, path: Path, film: Film, *, fps: int | Fraction) -> None:
-        self._path, self._part = path, make_part_path(path)
+        self._path = path
+        self._part = make_part_path(path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = add_stream(self._container, fps, preset="veryfast", crf="23")

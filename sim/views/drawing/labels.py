@@ -24,7 +24,8 @@ class Labels:
 
     def __init__(self, image: Image, *, veil: bool = True) -> None:
         """Begin without marks; `veil` fades the image behind names, for images that are full of detail."""
-        self._image, self._veil = image, veil
+        self._image = image
+        self._veil = veil
         self._limits = np.array([0.0, 0.0, image.shape[1], image.shape[0]])
         self._taken = np.zeros((0, 4))  # left, top, right, bottom
 

@@ -149,13 +149,14 @@ class MapView:
 
     def _name_tracks(self, scene: Scene, labels: Labels) -> None:
         for track in scene.tracks:
-            at, style = self.pixels(track.mean), TextStyle(13, track.colour, True, PANEL)
-            labels.put(track.name, at, style, gap=11.0 * self._mark, needed=not scene.crowd)
+            style = TextStyle(13, track.colour, True, PANEL)
+            labels.put(track.name, self.pixels(track.mean), style, gap=11.0 * self._mark, needed=not scene.crowd)
 
     def _name_lost(self, scene: Scene, labels: Labels) -> None:
         for person in scene.people:
             if person.hold == "lost":
-                at, style = self.pixels(person.place), TextStyle(13, palette.LOST, True, PANEL)
+                at = self.pixels(person.place)
+                style = TextStyle(13, palette.LOST, True, PANEL)
                 labels.put(person.name, at, style, gap=14.0 * self._mark, needed=not scene.crowd)
 
     def _name_uavs(self, scene: Scene, labels: Labels) -> None:

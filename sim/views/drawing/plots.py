@@ -28,7 +28,8 @@ def draw_ospa_figure(times: Array, ospa: Array) -> Figure:
     """
     with open_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
-        mean, marker = average_ospa(ospa), _choose_marker(times)
+        mean = average_ospa(ospa)
+        marker = _choose_marker(times)
         broken: str | None = "broke down"  # only once in the legend
         parts = (("localisation", 0, mean[:, 1], SKY), ("added by cardinality", mean[:, 1], mean[:, 0], ORANGE))
         for name, low, high, part_colour in parts:
@@ -37,7 +38,8 @@ def draw_ospa_figure(times: Array, ospa: Array) -> Figure:
         names = {i: f"UAV {i}" for i in apart} if ospa.shape[1] <= 4 else dict.fromkeys(apart[:1], "each UAV")
         for i in range(ospa.shape[1]):
             errors = ospa[:, i, 0]
-            colour, style = rgb(uav_colour(i)), (0, uav_dashes(i)) if uav_dashes(i) else "-"
+            colour = rgb(uav_colour(i))
+            style = (0, uav_dashes(i)) if uav_dashes(i) else "-"
             axes.plot(times, errors, color=colour, ls=style, lw=0.9, alpha=0.8, marker=marker, label=names.get(i))
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):

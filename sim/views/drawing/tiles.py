@@ -60,7 +60,8 @@ def _fill(image: Image, colour: Colour) -> None:
 def _name(image: Image, uav: int, colour: Colour) -> None:
     red, green, blue = colour
     legible = INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
-    name, tab = f"UAV {uav}", TextStyle(13, legible, True)
+    name = f"UAV {uav}"
+    tab = TextStyle(13, legible, True)
     image[: BORDER + 18, : BORDER + measure_width(name, tab) + 6] = colour
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 

@@ -51,7 +51,8 @@ class _Overlay:
     """Drawing over the frame of one camera: marks first, then their names, clear of all marks."""
 
     def __init__(self, image: Image, sight: FrameFacts) -> None:
-        self._image, self._sight = image, sight
+        self._image = image
+        self._sight = sight
         self._scale = max(image.shape) / max(sight.camera.size)
         self._size = np.array(image.shape[1::-1])
         self._labels = Labels(image)
@@ -118,7 +119,8 @@ class _Overlay:
 
     def _draw_tracks(self) -> None:
         for track in self._tracks:
-            at, ring = self._pixels(track.mean[None])[0], self._pixels(outline_ellipse(track.mean, track.covariance))
+            at = self._pixels(track.mean[None])[0]
+            ring = self._pixels(outline_ellipse(track.mean, track.covariance))
             if np.all(np.isfinite(ring)):
                 _draw_track(self._image, at, ring, track.colour)
                 self._labels.reserve(at, 10.0)

@@ -71,7 +71,8 @@ def list_people_now(flight: Flight, shown: Shown, looks: Table) -> list[list[int
     """
     recording, facts = flight.recording, flight.people
     worst = [*map(HOLDS.index, WORST_FIRST), HOLDS.index("absent")]
-    holds, scans = facts.hold_states, np.arange(len(recording.times))[:, None]
+    holds = facts.hold_states
+    scans = np.arange(len(recording.times))[:, None]
     began = np.maximum.accumulate(np.where(np.diff(holds, axis=0, prepend=-1) != 0, scans, 0), axis=0)
     views = [facts.view_texts(m) for m in range(recording.person_count)]
     tracks = recording.numbers_of(facts.tracks.ravel()).reshape(facts.tracks.shape)

@@ -13,7 +13,7 @@ from sim.facts.event import IDENTITIES, UNMATCHED, Event, assign_lanes
 from sim.facts.flight import Flight
 from sim.facts.people import PeopleFacts
 from sim.mission.archive import save
-from sim.views.drawing.palette import FALSE
+from sim.views.drawing.palette import FALSE, format_css, pale
 from sim.views.drawing.plots import rgb
 from sim.views.page.page import make_page
 from sim.views.timeline import draw_timeline
@@ -85,9 +85,10 @@ def test_the_page_lists_and_marks_them(mission):
     assert "track 3 is person 1's second one 1.0 to 3.0 s" in buttons
     assert "understory explain runs/one --track 2" in [shown for _, shown in sheet.of("code")]
     ((_, data),) = sheet.of("script", type="application/json")
-    data = json.loads(data)
-    assert data["unmatched"] == [["false track", 2, 16, 0], ["duplicate track", 5, 14, 1]]
-    assert data["switches"] == [[20, 0], [20, 1]]
+    timeline = json.loads(data)["timeline"]
+    bars = [[timeline["shades"][shade], *place] for shade, *place in timeline["unmatched"]["bars"]]
+    assert bars == [[format_css(FALSE), 2, 16, 0], [format_css(pale(FALSE)), 5, 14, 1]]
+    assert timeline["switches"] == [[20, 0], [20, 1]]
 
 
 def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):

@@ -97,8 +97,6 @@ def test_what_fails_or_is_not_written_to_its_end_leaves_nothing(recording, tmp_p
     with pytest.raises(KeyboardInterrupt):
         rerun_viewer.write(Flight(recording), tmp_path / "a.rrd", progress=fail)
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(InputError, match=r"--rerun: .*nowhere.*: No such file"):
-        rerun_viewer.write(Flight(recording), tmp_path / "nowhere" / "a.rrd", progress=fail)
 
     def full(stream):
         raise RuntimeError("File-writer thread shut down prematurely")  # what a full disk comes to
