@@ -20,6 +20,8 @@ env = understory.parallel_env("forest", settings=settings, reward=reward)
 observations, infos = env.reset(seed=3)
 print({name: array.shape for name, array in observations["uav_0"].items()})
 totals = dict.fromkeys(env.agents, 0.0)
+for k, agent in enumerate(env.agents):
+    env.action_space(agent).seed(k)
 while env.agents:  # UAV 1 breaks down at 5 s and leaves
     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
     observations, rewards, terminations, truncations, infos = env.step(actions)
