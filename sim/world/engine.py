@@ -1,4 +1,7 @@
-"""PyBullet, imported without the banner that its C code writes to standard error."""
+"""PyBullet, imported when it is first used, without the banner that its C code writes to standard error.
+
+So whatever does not fly, such as tracking and looking at recordings, works where PyBullet is missing.
+"""
 
 import ctypes
 import os
@@ -36,10 +39,18 @@ def silence_c_code() -> Iterator[None]:
         c.fflush(None)
 
 
-with silence(2):
-    import pybullet
+class _PyBullet:
+    """The functions and constants of PyBullet."""
 
-__all__ = ["Engine", "explain_failure", "pybullet", "silence", "silence_c_code"]
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - PyBullet has no types
+        with silence(2):
+            import pybullet
+        value = getattr(pybullet, name)
+        setattr(self, name, value)
+        return value
+
+
+pybullet = _PyBullet()
 
 
 def explain_failure(what: str, trial: str, *arguments: str) -> str:

@@ -140,11 +140,11 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", DOCS, flags=re.M | re.S)
 
 
-def test_the_documented_lines_track_without_engine_and_planners(mission):
+def test_the_documented_lines_track_without_the_engine(mission):
     recording, out = mission
     ((block,)) = [block for block in blocks("python") if "read_flight" in block]
     assert len([line for line in block.splitlines() if line]) <= 10
-    check = "\nimport sys\nassert not {'pybullet', 'cv2'} & set(sys.modules), sorted(sys.modules)\n"
+    check = "\nimport sys\nassert 'pybullet' not in sys.modules\n"
     done = python("-c", block + check, cwd=out / "csv")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()

@@ -134,7 +134,7 @@ def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
 # By key and method: the class, the method's arguments, and what it gives, of which a line makes nonsense.
 MODEL = "from tracking.filter.kalman import NearlyConstantVelocity\n", "NearlyConstantVelocity"
 RULE = "from tracking.fusion.rule import KullbackLeiblerAverage\n", "KullbackLeiblerAverage"
-TRACKER = f"{NEAREST}\n\n", "Nearest"
+TRACKER = f"from dataclasses import replace\n{NEAREST}\n\n", "Nearest"
 MODE = f"from dataclasses import replace\nfrom tracking.detection.detector import Frame\n{MODES}\n\n"
 METHODS = {
     "step": ("tracking.tracker", *TRACKER, "scan"),
