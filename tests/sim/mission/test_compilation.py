@@ -82,15 +82,6 @@ def test_what_fails_in_a_process_is_left_to_the_caller(home, worker, monkeypatch
     assert compilation.is_mostly_uncompiled() and not (home / "new").exists()
 
 
-def test_nothing_is_started_on_one_core_or_where_no_code_can_be_kept(home, monkeypatch):
-    monkeypatch.setattr(compilation, "_run_workers", lambda *arguments: pytest.fail("started"))
-    monkeypatch.setattr(compilation, "count_cores", lambda: 1)
-    compilation.compile_in_processes()
-    monkeypatch.setattr(compilation, "count_cores", lambda: 2)
-    monkeypatch.setattr(compilation, "code_folder", lambda: None)
-    compilation.compile_in_processes()
-
-
 def test_a_mission_compiles_nothing_in_flight_and_the_parts_nothing_that_it_does_not():
     """A part with other types than a mission's would take time for code that nobody calls."""
     code = """

@@ -5,7 +5,6 @@ import pytest
 
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
-from sim.world.free_flight import _are_clear
 from sim.world.world import World
 from tracking.geometry.quaternions import settle
 from tracking.geometry.visibility import Forest, Tree
@@ -59,22 +58,6 @@ def test_the_engine_itself_moves_a_tumbling_body_to_the_same_bits():
             assert settle(quaternion[None]).tobytes() == returned.tobytes()
 
 
-def test_uavs_that_are_clear_touch_nothing_in_the_engine():
-    rng, tree = np.random.default_rng(2), Tree(0.0, 0.0)
-    with World(Scenario(uavs=LINE[:2]), Forest((tree,)), 0) as world:
-        found = []
-        for _ in range(3000):
-            quaternions = rng.normal(size=(2, 4))
-            world.states[:, 3:7] = quaternions / np.linalg.norm(quaternions, axis=1)[:, None]
-            world.states[:, :2], world.states[:, 2] = rng.uniform(-0.7, 0.7, (2, 2)), tree.canopy_top
-            world.states[:, 2] += rng.uniform(0.0, 1.2, 2)
-            world._put_uavs(world._bodies)
-            world.engine.performCollisionDetection()
-            found.append((_are_clear(world.states, tree.canopy_top), len(world.engine.getContactPoints()) > 0))
-    clear, touching = np.array(found).T
-    assert not np.any(clear & touching) and 100 < clear.sum() < 2900 and touching.sum() > 300
-
-
 def height(base):
     """Trees whose canopy, or whose trunk, is where the first of `LINE` flies to the east, and one beside its way."""
     return Tree(4.0, 0.1, 2.0, base, 30.0), Tree(4.2, 8.0, 2.0, base, 30.0)
@@ -109,14 +92,3 @@ def test_uavs_collide_as_when_the_engine_makes_every_step(uavs, trees, kinds, dy
             assert bits(stepped) == bits(free) and free.take_contacts() == touched[-1]
     assert {contact.kind for contacts in touched for contact in contacts} >= kinds
     assert sum(map(bool, touched)) < 40
-
-
-def test_only_what_is_near_makes_the_engine_step(monkeypatch):
-    """Two that meet head on, each 1 m from the other for 1 m of their ways: a second's steps at 2 m/s, and the rest."""
-    steps, step = [], World.step
-    monkeypatch.setattr(World, "step", lambda self, *a: (steps.append(None), step(self, *a)))
-    fleet = Scenario(dynamics="kinematic", uavs=(Uav(start=(0.0, 0.0)), Uav(start=(6.0, 0.0))))
-    with World(fleet, Forest((Tree(30.0, 0.0),)), 0) as world:
-        for _ in range(25):
-            world.advance(np.array([[1.0, 0.0], [-1.0, 0.0]]), 48)
-    assert len(steps) == pytest.approx(240, abs=2)

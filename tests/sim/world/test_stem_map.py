@@ -86,9 +86,7 @@ def test_projected_coordinates_are_those_from_the_origin(stems):
         ("x,y\n1,1\n2,2\n1,1.001\n", "line 4, column x: the stem of line 2 stands at the same place"),
         ("x,y,crown_base\n1,1,7\n", "line 2, column crown_base: the crown begins at 7 m and ends at 6 m"),
         ("1.5,2\n3,4\n", "line 1: names no columns, but has numbers; columns are x,y"),
-        (b"x,y\n\x01\xff", "is no text in UTF-8, UTF-16 with a mark, or Windows-1252"),
         ("x,y\n1,nan\n2,2\n,3\n", "line 2, column y: 'nan' is not a finite number; line 4, column x: is empty"),
-        ("", "is empty; its first line must name the columns x,y"),
     ],
 )
 def test_what_is_wrong_is_one_line_with_its_row(stems, text, complaint):
