@@ -9,17 +9,9 @@ import understory
 from tracking.errors import InputError
 
 HEAD = """
-import os
-import signal
-import sys
 import time
 
-import numpy as np
-
 from planning.planner import Plan
-from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.fusion.rule import KullbackLeiblerAverage
-from tracking.tracker import Tracker
 
 
 """
@@ -108,15 +100,7 @@ def test_a_class_in_place_of_an_object_is_one_line():
         understory.run("forest", type("Mine", (), {}), settings={"duration": 0.4})
 
 
-ENDS = {
-    "hangs": (plan("time.sleep(600)  # here"), "took longer than the timeout of"),
-    "crashes": (plan("os.kill(os.getpid(), signal.SIGSEGV)  # here"), "its process was killed by SIGSEGV"),
-}
-
-
-@pytest.mark.parametrize("mistake", ["hangs", pytest.param("crashes", marks=pytest.mark.slow)])
-def test_a_planner_that_hangs_or_crashes_ends_a_timed_run_in_one_line(refused, wrong, mistake):
-    code, text = ENDS[mistake]
-    place = wrong(code)
-    told = refused(*words(PLANNER), "--timeout", "1", code=1)
-    assert f"before its first scan was complete: {text}" in told and place in told
+def test_a_planner_that_hangs_ends_a_timed_run_in_one_line(refused, wrong):
+    place = wrong(plan("time.sleep(600)  # here"))
+    told = refused(*words(PLANNER), "--timeout", "3", code=1)
+    assert "before its first scan was complete: took longer than the timeout of" in told and place in told

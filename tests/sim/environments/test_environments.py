@@ -409,3 +409,25 @@ def test_a_saved_episode_is_explained_replayed_and_exported(call, tmp_path):
         assert (tmp_path / arguments[-1]).exists()
     with pytest.raises(InputError, match=r"^path: .* cannot be written: No such file or directory$"):
         flight.save(tmp_path / "nowhere" / "episode.npz")
+
+
+def boxes(space):
+    return (
+        [space] if isinstance(space, gymnasium.spaces.Box) else [box for each in space.values() for box in boxes(each)]
+    )
+
+
+def test_every_space_is_a_box_and_masks_are_zeros_and_ones():
+    for env in (understory.parallel_env("forest", settings=IDEAL), TEAM(settings=IDEAL)):
+        env.reset(seed=0)
+        space = env.observation_space("uav_0") if hasattr(env, "possible_agents") else env.observation_space
+        assert len(boxes(space)) == len(space)
+        masks = {name: box for name, box in space.items() if name.endswith("_mask") or name == "working"}
+        assert len(masks) >= 3
+        for box in masks.values():
+            assert box == gymnasium.spaces.Box(0, 1, box.shape, np.int8)
+
+
+def test_an_option_that_is_unknown_is_told_of():
+    with pytest.warns(UserWarning, match="'repaet' is unknown and has no effect; allowed are repeat, settings"):
+        understory.parallel_env("forest", settings=IDEAL).reset(seed=0, options={"repaet": 1})

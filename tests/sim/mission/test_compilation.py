@@ -1,6 +1,5 @@
 """Compilation in several processes: who does what, where the code goes, and what happens if it fails."""
 
-import os
 import threading
 
 import pytest
@@ -110,13 +109,3 @@ print(len({name for name, _ in warm} & set(functions)) > 60, flown - warm, more)
 """
     done = python("-c", code)
     assert done.stdout == "True set() set()\n", done.stdout + done.stderr
-
-
-def test_workers_take_no_package_from_the_current_folder(tmp_path):
-    (tmp_path / "random.py").write_text("raise RuntimeError")
-    done = python(
-        "-c", "import sys; sys.path[0] = sys.argv[1]; import random, sim", compiled._ROOT, cwd=tmp_path, PYTHONPATH=""
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert compilation._WORKER.startswith("import sys; sys.path[0] = sys.argv[1]; ")
-    assert os.path.samefile(compilation.ROOT, compiled._ROOT)

@@ -101,12 +101,13 @@ def test_spellings_of_one_planner_are_the_same_trials_and_none_is_flown_twice(on
     assert list_trials(Study("x", ("sma-nbo(beta=0.25)",), seeds="0"))[0].key != first.key
 
 
-def test_a_changed_trajectory_file_however_large_is_another_trial(tmp_path):
-    people = tmp_path / "people.csv"
-    study = Study(name="x", planners=("hover",), seeds="0", settings={"people.trajectories": f'"{people}"'})
+@pytest.mark.parametrize("key", ["people.trajectories", "trees.file"])
+def test_a_changed_file_however_large_is_another_trial(tmp_path, key):
+    path = tmp_path / "given.csv"
+    study = Study(name="x", planners=("hover",), seeds="0", settings={key: f'"{path}"'})
     keys = set()
     for last in b"1122":
-        with people.open("wb") as file:
+        with path.open("wb") as file:
             file.seek(2**26 + 1)
             file.write(bytes([last]))
         keys.add(list_trials(study)[0].key)
@@ -248,9 +249,9 @@ def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
     assert {cell.settings["duration"] for cell in list_cells(study)} == {"1"}
 
 
-def walked(density):
+def walked(density, trials):
     """The scenario and planner of each step."""
-    found = [(dict(t.factors), t) for t in list_trials(WALK)]
+    found = [(dict(t.factors), t) for t in trials]
     return {f["step"]: (t.setting, load_planner(t.planner)) for f, t in found if f["lambda"] == density}
 
 
@@ -262,14 +263,15 @@ def differing(one, other):
 
 def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
     """Of that it is SMA-NBO with MWTP and a horizon of five steps."""
+    originals, trials = list_trials(ORIGINAL), list_trials(WALK)
     for density in ("15", "45", "75"):
         (first,) = [
             t
-            for t in list_trials(ORIGINAL)
+            for t in originals
             if t.planner.startswith("sma-nbo-mwtp") and dict(t.factors) == {"lambda": density, "H": "5"}
         ]
-        setting, planner = walked(density)["1-paper"]
+        setting, planner = walked(density, trials)["1-paper"]
         assert setting == first.setting and planner == load_planner(first.planner)
-        setting, planner = walked(density)["12-default"]
+        setting, planner = walked(density, trials)["12-default"]
         assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
         assert planner == load_planner(DEFAULT_PLANNER)

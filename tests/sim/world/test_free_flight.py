@@ -6,7 +6,6 @@ import pytest
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.world.world import World
-from tracking.geometry.quaternions import settle
 from tracking.geometry.visibility import Forest, Tree
 
 DYNAMICS = ("quadrotor", "kinematic")
@@ -37,25 +36,6 @@ def test_uavs_move_to_the_bits_of_the_engine_step_by_step(dynamics, windy):
             free.advance(commands, 5, winds)
             assert poses_of_engine(stepped) == bits(stepped)[1] and bits(stepped) == bits(free)
         assert stepped.velocities().tobytes() == free.velocities().tobytes()
-
-
-def test_the_engine_itself_moves_a_tumbling_body_to_the_same_bits():
-    """Also upside down, where a controller in flight never brings it; but for the attitude, which is not its own."""
-    rng, one = np.random.default_rng(1), Scenario(uavs=LINE[:1])
-    with World(one, Forest(()), 0) as stepped, World(one, Forest(()), 0) as free:
-        for _ in range(500):
-            quaternion = rng.normal(size=4)
-            quaternion /= np.linalg.norm(quaternion)
-            motion = rng.normal(0, 3, 6) * rng.integers(0, 2, 6)
-            free.states[0] = stepped.states[0] = [*rng.uniform(-30, 30, 2), 20.0, *quaternion, *motion]
-            commands, winds = rng.uniform(-5, 5, (1, 2)), rng.normal(0, 4, (1, 2))
-            stepped.step(commands, winds[0])
-            free.advance(commands, 1, winds)
-            assert bits(stepped) == bits(free)
-            uav = stepped.bodies[0].id
-            stepped.engine.resetBasePositionAndOrientation(uav, [0.0, 0.0, 9.0], quaternion.tolist())
-            returned = np.array(stepped.engine.getBasePositionAndOrientation(uav)[1])
-            assert settle(quaternion[None]).tobytes() == returned.tobytes()
 
 
 def height(base):

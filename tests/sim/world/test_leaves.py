@@ -11,7 +11,6 @@ from sim.facts.rerender import Rerenderer
 from sim.mission.archive import compute_digest
 from sim.sensing.detection_truth import count_visible_pixels
 from sim.sensing.renderer import Renderer, capture
-from sim.world.leaves import Leaves
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.quaternions import rotation
@@ -42,14 +41,6 @@ def test_gaps_in_images_are_as_large_as_the_law_of_beer_and_lambert_says(density
     found, error = gap(replace(CROWN, leaf_area_density=density), 150, tilt)
     assert found == pytest.approx(math.exp(-0.5 * density * 3.0 / math.cos(tilt)), abs=4 * error)
     assert error < 0.015
-
-
-def test_each_tree_has_its_own_leaves_and_the_seed_decides_them():
-    crown = replace(CROWN, leaf_area_density=1.0).solids[-1]
-    first = Leaves(0, 0, crown).draw()
-    assert np.array_equal(first, Leaves(0, 0, crown).draw())
-    for seed, index in ((1, 0), (0, 1)):
-        assert not np.array_equal(first[:5], Leaves(seed, index, crown).draw()[:5])
 
 
 def test_a_crown_without_leaves_shows_all_that_is_under_it_and_a_huge_one_has_larger_clusters():

@@ -12,7 +12,6 @@ from sim.mission.world_setup import make_forest_and_people
 from sim.scenario.environment import Trees
 from sim.scenario.loading import load
 from sim.scenario.remarks import find_remarks
-from sim.study.trials import _hash_user_files
 from sim.world.stem_map import find_unused_columns, read_stem_map
 from tracking.errors import InputError
 from tracking.geometry.visibility import Tree
@@ -146,12 +145,9 @@ def test_a_stem_map_of_a_random_forest_gives_the_same_mission_and_is_not_needed_
     assert again.forest.trees == flown.forest.trees and again.setting.trees.file == str(path)
 
 
-def test_a_study_depends_on_the_contents_of_a_stem_map_and_remarks_name_keys_without_effect(stems):
+def test_remarks_name_keys_without_effect(stems):
     path = stems("x,y\n0,0\n")
     scenario = load("forest", [f"trees.file={path}", "trees.density=10"])
-    first = _hash_user_files(scenario, "hover")
-    stems("x,y\n0,1\n")
-    assert _hash_user_files(scenario, "hover") != first
     assert find_remarks(scenario) == ["trees.density: not used, as trees.file gives all trees"]
     assert msgspec.structs.replace(scenario.trees, file="").stem_map is None
 

@@ -1,5 +1,7 @@
 """Figures of a study show the data they are given."""
 
+from itertools import product
+
 import numpy as np
 from helpers.trials import row, study
 
@@ -76,3 +78,13 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
         draw_scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
     ):
         assert encode_figure(figure, "svg").startswith(b"<?xml")
+
+
+def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own(without_pictures):
+    cells = [tuple(zip(("drift", "a", "b"), cell, strict=True)) for cell in product(("-1", "1"), "xy", "xy")]
+    rows = [row(planner, seed, cell) for planner in ("greedy", "hover") for cell in cells for seed in range(2)]
+    drawn = [
+        picture for picture in draw_pictures(groups(rows, "greedy"), "greedy", ()) if picture.name.startswith("ecdf")
+    ]
+    assert [picture.name for picture in drawn] == ["ecdf-drift-1", "ecdf-drift-1-2"]
+    assert [picture.title.rpartition(", ")[2] for picture in drawn] == ["drift = -1", "drift = 1"]

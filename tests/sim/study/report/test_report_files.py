@@ -152,7 +152,9 @@ def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
     assert "Least and greatest maps</h2>" in text and "a, seed 0: least, 1.00" in text and "best" not in text.lower()
 
 
-def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
+def test_files_are_whole_or_not_there(tmp_path, monkeypatch, without_pictures):
+    files = make_files(rows(), ABOUT)
+
     def written():
         return {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in tmp_path.rglob("*.*")}
 

@@ -17,7 +17,8 @@ from helpers.html_pages import Page
 
 from sim.__main__ import COMMANDS
 from sim.facts.flight import Flight, find_scans
-from sim.facts.people import PeopleFacts
+from sim.facts.metrics.holding import HOLDS
+from sim.facts.people import BROKEN, STATES, PeopleFacts
 from sim.mission.fault_text import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
@@ -27,6 +28,7 @@ from sim.scenario.settings_text import list_changes
 from sim.sensing.fault import Fault
 from sim.terminal.commands import load_command
 from sim.views.drawing.film import lay_out_parts
+from sim.views.drawing.palette import HIDDEN, HOLD_COLOURS, OUT_OF_VIEW, format_css, pale, uav_colour
 from sim.views.page.data import make_page_data
 from sim.views.page.page import describe_omission, make_page, write_page
 from tracking.errors import InputError
@@ -232,3 +234,18 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
     header = make_page(Flight(dataclasses.replace(still, faults=encode_faults([broken])))).partition("</header>")[0]
     assert 'class="warning"' not in header
+
+
+def test_bars_of_the_timeline_are_the_states_of_the_history(mission, text):
+    timeline, history = data_of(text)["timeline"], PeopleFacts(mission)
+    shades = [*timeline["shades"]]
+    for m, row in enumerate(timeline["rows"]):
+        for i, lane in enumerate(row["lanes"]):
+            states = [STATES[state] if state != BROKEN else None for state in history.camera_states[:, i, m]]
+            drawn = {k: shades[bar[0]] for bar in lane for k in range(bar[1], bar[2] + 1)}
+            colours = (OUT_OF_VIEW, HIDDEN, pale(uav_colour(i)), uav_colour(i))
+            known = dict(zip(STATES[1:], map(format_css, colours), strict=True))
+            assert drawn == {k: known[state] for k, state in enumerate(states) if state in known}
+        drawn = {k: shades[bar[0]] for bar in row["holds"] for k in range(bar[1], bar[2] + 1)}
+        holds = {k: HOLDS[hold] for k, hold in enumerate(history.hold_states[:, m]) if HOLDS[hold] != "absent"}
+        assert drawn == {k: format_css(HOLD_COLOURS[hold]) for k, hold in holds.items()}
