@@ -288,3 +288,10 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     assert (began[0].time, began[0].text) == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
     ended = [e for e in found if e.kind == "messages heard"]
     assert 0 < len(ended) <= len(began) <= silent
+
+
+def test_a_track_that_another_uav_still_has_is_not_said_to_be_gone():
+    on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
+    for after, words in (((gone, off), "track 0 is 3.0 m off at first"), ((gone, gone), "track 0 is gone")):
+        (lost,) = (e for e in Flight(recorded([(on, off), after])).events if e.kind == "person lost")
+        assert lost.why.endswith(f"; {words}")
