@@ -56,12 +56,8 @@ def predict_scan(
 ) -> ScanPrediction:
     """Prediction from beliefs at a scan's time.
 
-    Args:
-        beliefs: Means (T, 4) and covariances (T, 4, 4).
-        existence: Existence probabilities (T,).
-        seen: Flags (T, 36) of the samples in view.
-        missed: Likelihoods (T, 36) as from `tracking.filter.negative_information.miss_likelihood`.
-        p: Parameters of the tracker.
+    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,): probabilities; seen (T, 36): flags of the samples
+    in view; missed (T, 36): likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
     """
     undetected = negative_information_update(*beliefs, temper(missed, p.settings.negative_information))
     detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.settings.detection_probability
@@ -92,13 +88,8 @@ def update_scan(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     """Associate a scan's measurements with tracks, and update the tracks.
 
     Large scenes are updated by independent gating batches. The result is the same, up to the rounding of existence.
-
-    Args:
-        before: Tracks predicted to the scan.
-        z: Measurements (N, 2) m.
-        R: Their covariances (N, 2, 2) m².
-        lost: Density of lost people (N,) as in `associate`.
-        p: Parameters of the tracker.
+    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,): density of lost people as in
+    `associate`.
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
@@ -121,17 +112,10 @@ def associate(
 ) -> tuple[Array, Array, Array, Array]:
     """Associate measurements with tracks.
 
-    Args:
-        before: Tracks predicted to the scan.
-        z: Measurements (N, 2) m.
-        R: Their covariances (N, 2, 2) m².
-        lost: Density (N,) 1/m² of lost people away from their tracks at each measurement. It adds to the density of
-            clutter, which is equivalent to lower likelihoods.
-        settings: `TrackerParameters.association`.
-
-    Returns:
-        The likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
-        `tracking.association.jpda.existence_association`.
+    z (N, 2) m and R (N, 2, 2) m²: measurements and their covariances; lost (N,) 1/m²: density of lost people away from
+    their tracks at each measurement, which adds to the density of clutter. That is equivalent to lower likelihoods.
+    Returns the likelihood (T, N) 1/m² of each measurement for each track, zero outside the gate, and the results of
+    `tracking.association.jpda.existence_association`.
     """
     clutter = settings.clutter_density
     likelihood = gated_likelihood(before.means, before.covariances, z, R, settings.gate_probability)

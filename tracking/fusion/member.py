@@ -94,13 +94,7 @@ def make_tracker(
 ) -> Member:
     """The tracker of a UAV; InputError if there is none of that name, or later if its results are unusable.
 
-    Args:
-        name: Name or import string.
-        uav: Number of the UAV.
-        camera: Its camera.
-        forest: The known map of trees.
-        parameters: Settings of trackers, motion model and fusion rule.
-        initial: Tracks of people who are known at the start.
+    The arguments after the name or import string are those of `tracking.tracker.Tracker`.
     """
     made = TRACKERS.make(name, uav, camera, forest, parameters, initial)
     if name in TRACKERS.built_in:

@@ -47,15 +47,8 @@ def initiate_tracks(
     measurement. With m of n, it needs m measurements within its first n scans. A measurement counts if it is the
     track's with a probability above one half. Source: [Musicki04], [Williams15].
 
-    Args:
-        tentative: Tentative tracks before the scan.
-        z: Measurements (N, 2) m that no track explains.
-        R: Their covariances (N, 2, 2) m².
-        time: Of the scan [s].
-        elapsed: Steps of motion since tentative tracks were last predicted.
-        forest: The known map of trees.
-        lens: The camera at its pose in the scan.
-        p: Parameters of the tracker.
+    z (N, 2) m: measurements that no track explains; R (N, 2, 2) m²: their covariances; time: of the scan [s]; elapsed:
+    steps of motion since tentative tracks were last predicted; lens: the camera at its pose in the scan.
     """
     if not tentative and not len(z):
         return [], []

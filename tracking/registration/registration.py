@@ -112,12 +112,8 @@ class Registration:
     def note(self, ids: Indices, beliefs: Beliefs, scan: Scan, gates: Indices, weights: Array) -> None:
         """Note how a corrected scan was associated with tracks.
 
-        Args:
-            ids: Ids (T,) of tracks.
-            beliefs: Their beliefs before the scan.
-            scan: The scan, corrected.
-            gates: Pairs (G, 2) of a track and a measurement in its gate.
-            weights: Probabilities (G,) that the measurement is the person's.
+        ids (T,) and beliefs of tracks before the scan; scan: the corrected one; gates (G, 2): pairs of a track and a
+        measurement in its gate; weights (G,): probabilities that the measurement is the person's.
         """
         slopes = self._find_slopes(scan.pose, scan.measurements)
         self._residuals = [
