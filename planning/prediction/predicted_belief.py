@@ -10,10 +10,7 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.quadrangle import inside
 from tracking.filter.kalman import Transition
-from tracking.geometry.line_of_sight import (
-    Vector,
-    lower_detectable_shares,
-)
+from tracking.geometry.line_of_sight import Vector, lower_detectable_shares
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags, Indices
