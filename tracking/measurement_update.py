@@ -13,6 +13,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 from tracking.parameters import AssociationSettings, TrackerParameters
+from tracking.track import Beliefs
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating batches save time
 # Probability that two people in one place give one measurement, and the distance [m] over which it falls.
@@ -24,7 +25,7 @@ class ScanPrediction(NamedTuple):
 
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
-    undetected: tuple[Array, Array]  # means and covariances, given that the scan does not detect the person
+    undetected: Beliefs  # given that the scan does not detect the person
     existence: Array  # (T,)
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), `visible`, but less if frames before showed no person there or if another person is near
@@ -32,8 +33,9 @@ class ScanPrediction(NamedTuple):
     def select(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
         means, covariances = self.undetected
+        undetected = Beliefs(means[rows], covariances[rows])
         rest = self.existence[rows], self.visible[rows], self.detectable[rows]
-        return ScanPrediction(self.means[rows], self.covariances[rows], (means[rows], covariances[rows]), *rest)
+        return ScanPrediction(self.means[rows], self.covariances[rows], undetected, *rest)
 
 
 class ScanUpdate(NamedTuple):
@@ -59,7 +61,7 @@ def predict_scan(
     beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,): probabilities; seen (T, 36): flags of the samples
     in view; missed (T, 36): likelihoods as from `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(*beliefs, temper(missed, p.settings.negative_information))
+    undetected = Beliefs(*negative_information_update(*beliefs, temper(missed, p.settings.negative_information)))
     detectable = (1.0 - missed.sum(axis=1) / missed.shape[1]) / p.settings.detection_probability
     if p.settings.management == "existence":
         detectable *= 1.0 - _compute_unresolved_probability(beliefs[0], existence)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tracking.fusion.message import LOG_ODDS, WEIGHT, Message, Partition
+from tracking.fusion.message import LOG_ODDS, WEIGHT, EndedTrack, Message, Partition
 from tracking.fusion.rule import check_novel
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
@@ -181,7 +181,7 @@ def check_message(given: object) -> Message:
     sent = replace(
         given,
         partition=Partition(*_check_pairs("partition", [given.partition])[0]),
-        deleted=_check_pairs("deleted", given.deleted),
+        deleted=tuple(EndedTrack(*ended) for ended in _check_pairs("deleted", given.deleted)),
         novel=check_novel("novel", given.novel, count),
         **check_fields(given, _COLUMNS, count),
     )

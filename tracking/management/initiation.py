@@ -13,6 +13,7 @@ from tracking.measurement_update import ScanPrediction, ScanUpdate, update_scan
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
+from tracking.track import Beliefs
 
 # s without a measurement after which a tentative track is deleted; a later one could be another person's
 PATIENCE = 1.0
@@ -110,7 +111,7 @@ def _predict(
     means, covariances = predict_steps(p.motion, means, covariances, elapsed)
     existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
     detectable = visible_samples(forest, means, covariances, lens)[:, 0].mean(axis=1)
-    return ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
+    return ScanPrediction(means, covariances, Beliefs(means, covariances), existence, detectable, detectable)
 
 
 def _find_likeliest(after: ScanUpdate, t: int) -> int | None:
