@@ -80,8 +80,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.line_of_sight import Grid, detectable_share, free_share
 from tracking.geometry.person import TARGET_HEIGHT
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.metrics.gospa import gospa
-from tracking.metrics.ospa import ospa
+from tracking.metrics.ospa import gospa, ospa
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length

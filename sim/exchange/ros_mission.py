@@ -25,7 +25,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera
 from tracking.geometry.person import PERSON_SIZE, TARGET_HEIGHT
 from tracking.geometry.quaternions import rotation
-from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import gospa
 from tracking.numerics.arrays import Array
 
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 90]

@@ -14,8 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 
-from tracking.metrics.gospa import gospa
-from tracking.metrics.ospa import ospa, ospa2
+from tracking.metrics.ospa import gospa, ospa, ospa2
 
 NONE = np.zeros((0, 2))
 NOON = datetime.datetime(2024, 1, 1, 12)

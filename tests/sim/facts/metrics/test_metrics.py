@@ -19,9 +19,8 @@ from sim.facts.metrics.score import estimate_velocities, find_reported_tracks, s
 from sim.scenario.scenario import encode_scenario
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees_interval
-from tracking.metrics.ospa import ospa2
+from tracking.metrics.ospa import gospa, ospa2
 
 
 def recorded(people, held, broken=(), found=()):
