@@ -61,7 +61,9 @@ def check_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tup
     for situation, each in zip(team, proposed, strict=True):
         try:
             with plugin_call():
-                plan = copy_plan(each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity components", each)[None]))
+                plan = copy_plan(
+                    each if hasattr(each, "controls") else Plan(Form((2,)).check("velocity components", each)[None])
+                )
         except PluginError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limit(plan, situation, faults))

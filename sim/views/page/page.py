@@ -23,7 +23,7 @@ from sim.facts.metrics.metric import Outcome
 from sim.facts.metrics.summary import format_recording_title
 from sim.mission.atomic_files import write_whole
 from sim.mission.recording import Recording
-from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.loading import SCENARIOS, load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.settings_text import format_value, list_changes
 from sim.scenario.uavs import Uav
@@ -190,7 +190,7 @@ def _find_packaged_name(scenario: Scenario) -> str | None:
     """Name of the packaged scenario that was flown, for any duration; None if it is not a packaged one."""
     settings = msgspec.to_builtins(scenario)
     flown = {"duration": scenario.duration}
-    return next((name for name in SCENARIOS if msgspec.to_builtins(load(name)) | flown == settings), None)
+    return next((name for name in SCENARIOS if msgspec.to_builtins(load_scenario(name)) | flown == settings), None)
 
 
 def _list_settings(scenario: Scenario) -> str:

@@ -6,7 +6,7 @@ from helpers.teams import Spy
 
 from sim.facts.explain.planned_visibility import make_vehicles
 from sim.mission.mission import Mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 
 
 def wandering(situation):
@@ -24,7 +24,7 @@ def test_planners_know_velocities_of_the_engine_and_recordings_nearly():
         return wandering(situation)
 
     spy = Spy(ways)
-    mission = Mission(load("forest", ["duration=3", "sensing.mode=ideal", "rates.planning=5"]), spy, 0)
+    mission = Mission(load_scenario("forest", ["duration=3", "sensing.mode=ideal", "rates.planning=5"]), spy, 0)
     snapshots = list(mission.fly())
     recording = recording_of(mission, snapshots)
     for k, (team, velocities) in enumerate(zip(spy.teams, flying[::3], strict=True)):

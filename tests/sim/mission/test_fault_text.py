@@ -8,18 +8,17 @@ from helpers.flights import fly, recording_of
 from helpers.studies import task_of
 
 from planning.planner_loading import load_planner
-from sim.mission.archive import load as load_recording
-from sim.mission.archive import save
+from sim.mission.archive import load_recording, save
 from sim.mission.fault_text import LONGEST, MOST, decode_faults, encode_faults
 from sim.mission.recorder import Recorder
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.sensing.fault import Fault
 from sim.study.trial_flight import fly_trial
 
 OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")
-SETTING = load("forest", ["duration=2", *OPTIONS])
+SETTING = load_scenario("forest", ["duration=2", *OPTIONS])
 
 
 class Faulty:
