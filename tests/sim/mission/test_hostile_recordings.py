@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 from sim.exchange.export import export
 from sim.facts.people import PeopleFacts
 from sim.mission.archive import find_recording, load_recording, save
-from sim.mission.fault_text import LONGEST, MOST
 from sim.mission.npz import MOST_BYTES
+from sim.mission.recording import LONGEST_FAULT, MOST_FAULTS
 from sim.scenario.scenario import encode_scenario
 from sim.views.frames.frame_panels import write_frames
 from tracking.errors import InputError
@@ -134,8 +134,8 @@ DAMAGED = {
     "a fault of no UAV": (faults((0.0, 3, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault after the end": (faults((9e9, 0, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault that clears the screen": (faults((0.0, 0, "\x1b[2J")), "'faults': have a message that is not one line"),
-    "a long fault": (faults((0.0, 0, "x" * (LONGEST + 1))), "'faults': have a message that is not one line"),
-    "too many faults": (faults(*[(0.0, 0, "x")] * (MOST + 1)), "'faults': are more than 1000"),
+    "a long fault": (faults((0.0, 0, "x" * (LONGEST_FAULT + 1))), "'faults': have a message that is not one line"),
+    "too many faults": (faults(*[(0.0, 0, "x")] * (MOST_FAULTS + 1)), "'faults': are more than 1000"),
     "faults that are none": (text("faults", "[1]"), "'faults': is no list of faults"),
     "a nest of faults": (text("faults", "[" * 100_000), "'faults': is no list of faults"),
     "no scenario": (text("scenario", "[]"), "'scenario': is no JSON object"),

@@ -18,9 +18,8 @@ from sim.exchange.csv_files import read_forest
 from sim.exchange.export import export
 from sim.mission import recording as recording_module
 from sim.mission.archive import compute_digest, load_recording, save
-from sim.mission.fault_text import encode_faults
 from sim.mission.recorder import Recorder
-from sim.mission.recording import OPTIONAL, Recording
+from sim.mission.recording import OPTIONAL, Recording, encode_faults
 from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
 from tracking.track import Scan

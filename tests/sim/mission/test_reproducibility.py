@@ -10,7 +10,7 @@ from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 from helpers.studies import task_of
 
 from planning.catalogue import DEFAULT_PLANNER
-from sim.facts.metrics.machine import describe_machine
+from sim.facts.metrics.summary import describe_machine
 from sim.mission.archive import compute_digest, load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission

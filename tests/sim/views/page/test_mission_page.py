@@ -21,7 +21,7 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.metric import Outcome
 from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.mission.fault_text import encode_faults
+from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
 from sim.scenario.loading import load_scenario
