@@ -17,14 +17,10 @@ from tracking.numerics.arrays import Flags
 def write_labelled_images(
     recordings: Iterable[Recording], target: str, out: Path, *, splits: Mapping[int, str], every: float = 0.0
 ) -> None:
-    """Write a data set of images that are rendered again, completely or not at all.
+    """Write a data set of images of missions flown here, rendered again, completely or not at all.
 
-    Args:
-        recordings: Missions that were flown here.
-        target: One of `LABELS`.
-        out: New folder.
-        splits: That of each seed whose images are not to be learned from, as `val` or `test`.
-        every: Least time [s] between two images of one camera.
+    target: one of `LABELS`. splits: `val` or `test` for seeds whose images are not to be learned from. every: least
+    time [s] between two images of one camera.
     """
     with make_new_folder(out) as folder:
         LABELS[target](_write_images(recordings, folder, splits, every), folder)
