@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from sim.exchange.export import EXPORTS, LABELS
+from sim.exchange.export import EXPORTS, LABELS, write_labelled_images
 from sim.exchange.export import export as write_export
-from sim.exchange.labelled_images import write_labelled_images
 from sim.mission.archive import find_recording
 from sim.mission.atomic_files import claim_place
 from sim.mission.recording import Recording

@@ -11,7 +11,7 @@ from helpers.flights import filmed
 from helpers.recordings import record
 from helpers.views import CAMERA, SCENARIO
 
-from sim.exchange.labelled_images import write_labelled_images
+from sim.exchange.export import write_labelled_images
 from sim.facts.rerender import Rerenderer
 from sim.mission.archive import save
 from sim.scenario.loading import load_scenario
