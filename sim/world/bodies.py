@@ -134,12 +134,7 @@ class Bodies:
     ) -> None:
         """Make all bodies; people are absent, and UAVs at their starts.
 
-        Args:
-            client: The engine's client.
-            scenario: Rate of physics.
-            models: All bodies.
-            opengl: True if OpenGL draws.
-            drawn: True if images of this client are drawn, so that leaves are needed.
+        opengl: True if OpenGL draws. drawn: True if images of this client are drawn, so that leaves are needed.
         """
         self._drawn = drawn
         self.client = client

@@ -17,12 +17,12 @@ from planning.oracle import _UNKNOWN, FoundOracle, Oracle, _TruePaths, correct_t
 from planning.planner_loading import load_planner
 from planning.prediction.propagation import Nominal
 from sim.facts.metrics.summary import make_results_table
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
 from sim.running import results as flights
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.study.analysis.labels import find_baseline
 from sim.study.report.comparison import About
 from sim.study.report.terminal import show
@@ -45,7 +45,7 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
             return self
 
     spy = Seer()
-    mission = Mission(load("forest", [*SHORT, "duration=4", "tracking.initial_tracks=none"]), spy, 0)
+    mission = Mission(load_scenario("forest", [*SHORT, "duration=4", "tracking.initial_tracks=none"]), spy, 0)
     snapshots = list(mission.fly())
     assert mission.sees_truth and len(spy.teams) == 5 and len(snapshots[-1].tracks[0])
     for k, team in enumerate(map(pickle.dumps, spy.teams)):
@@ -57,7 +57,7 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
         held = snapshots[5 * k].tracks[0]
         assert all(struct.pack("<d", t.belief.mean[0]) in team for t in held)  # as one that is there would be found
     assert not any(hasattr(load_planner(name), "knowing") for name, spec in PLANNERS.items() if not spec.upper_bound)
-    assert not mission_of(load("forest", [*SHORT]), "sma-nbo-mwtp", 0).sees_truth
+    assert not mission_of(load_scenario("forest", [*SHORT]), "sma-nbo-mwtp", 0).sees_truth
 
 
 def walking(team, rng):
@@ -202,7 +202,7 @@ def test_an_oracle_of_the_people_found_goes_to_those_it_lost_and_to_nobody_else(
     class Unaware(Lost):
         known = ()
 
-    setting = load("forest", [*SHORT, "duration=6", "trees.density=0"])
+    setting = load_scenario("forest", [*SHORT, "duration=6", "trees.density=0"])
     shift = []
     for planner in (Lost, Unaware):
         poses = list(Mission(setting, planner(cutoff=10.0, beta=0.0), 0).fly())[-1].poses
@@ -217,7 +217,7 @@ def test_the_oracle_alone_searches_for_a_person_without_a_track():
         def knowing(self, people):
             return super().knowing(lambda time: people(time) + np.array([30.0, 0.0]))
 
-    setting = load("forest", [*SHORT, "duration=6", "trees.density=0"])
+    setting = load_scenario("forest", [*SHORT, "duration=6", "trees.density=0"])
     away = [Mission(setting, planner, 0) for planner in (Lost(cutoff=10.0, beta=0.0), load_planner("oracle"))]
     east = [list(m.fly())[-1].poses for m in away]
     shift = [np.mean([p.position[0] for p in poses]) for poses in east]
@@ -233,7 +233,7 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch, without_pi
             super().__init__(scenario, forest, planner=planner)
 
     monkeypatch.setattr(flights, "Film", Film)
-    setting = load("forest", [*SHORT])
+    setting = load_scenario("forest", [*SHORT])
     for name in ("oracle(evaluations=64)", "hover"):
         summary = run_mission(Trial(setting, name, 0), tmp_path / name)
         seen = name != "hover"

@@ -11,7 +11,7 @@ from planning.composed import Composed
 from planning.prediction.propagation import MonteCarlo, Nominal, _make_disturbance
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import make_planned_motion, make_tracker_parameters
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Camera
@@ -33,7 +33,7 @@ def coasting(tracks, scenario, seconds):
 @pytest.mark.parametrize("seconds", [1, 5, 10])
 def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
-    scenario = load("forest", settings)
+    scenario = load_scenario("forest", settings)
     motion = make_planned_motion(scenario)
     team = [dataclasses.replace(s, motion=motion) for s in random_team(3)]
     situation = team[0]
@@ -67,7 +67,7 @@ def test_one_long_step_has_more_noise_than_five_scans():
 
 
 def test_a_mission_tells_planners_how_its_trackers_predict():
-    scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
+    scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
     planner = Spy()
     list(Mission(scenario, planner, 0).fly())
     assert make_tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
@@ -75,14 +75,14 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     seen = np.array([track.belief.mean[2:] for track in first.tracks])
     assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).learn(seen)
     assert planner.teams[-1][0].motion.learned_in > first.motion.learned_in
-    plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
+    plain = load_scenario("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
     assert make_planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
-    assert make_planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
+    assert make_planned_motion(load_scenario("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
 
 
 @pytest.mark.parametrize("motion", ["ncv", "mean-reverting"])
 def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
-    scenario = load("forest", [f"tracking.motion={motion}"])
+    scenario = load_scenario("forest", [f"tracking.motion={motion}"])
     situation = dataclasses.replace(random_team(2, targets=1)[0], motion=make_planned_motion(scenario))
     points = MonteCarlo(40_000).predict(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
     for seconds in (1, 5):

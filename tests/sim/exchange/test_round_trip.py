@@ -9,10 +9,10 @@ from sim.exchange.export import export
 from sim.exchange.scanned_flight import read_flight
 from sim.exchange.tracked_flight import track_flight
 from sim.facts.tracking_replay import replay_tracking
-from sim.mission.archive import load as load_recording
+from sim.mission.archive import load_recording
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 
 UNKNOWN = "tracking.initial_tracks=none"
 MISSIONS = {
@@ -37,7 +37,7 @@ TRACKS = [
 @pytest.fixture(scope="module", params=MISSIONS)
 def mission(request, tmp_path_factory):
     out = tmp_path_factory.mktemp("mission")
-    run_mission(Trial(load("forest", MISSIONS[request.param]), "greedy", 0), out / "run", video=False)
+    run_mission(Trial(load_scenario("forest", MISSIONS[request.param]), "greedy", 0), out / "run", video=False)
     recording = load_recording(out / "run" / "mission.npz")
     export(recording, "csv", out / "csv")
     (out / "csv" / "truth.csv").unlink()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.flights import fly, fly_ideal
 
-from sim.scenario.loading import decode_recorded, load
+from sim.scenario.loading import decode_recorded, load_scenario
 from sim.scenario.scenario import encode_scenario
 from tracking.geometry.camera import Pose
 from tracking.registration.pose_errors import move_to_believed
@@ -48,7 +48,7 @@ def test_errors_are_the_same_for_a_seed_and_others_for_a_repeat():
 
 
 def test_figures_survive_encoding():
-    figures = load("forest", ["uavs.1.navigation={yaw_bias_deg=4, clock_deviation=0.1}"])
+    figures = load_scenario("forest", ["uavs.1.navigation={yaw_bias_deg=4, clock_deviation=0.1}"])
     again = decode_recorded(encode_scenario(figures))
     assert again.uavs[1].navigation_errors.clock_deviation == 0.1 and again.uavs == figures.uavs
 

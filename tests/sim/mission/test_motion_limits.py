@@ -15,7 +15,7 @@ from scipy.stats import poisson
 from planning.catalogue import DEFAULT_PLANNER
 from sim.mission.recording import Recording
 from sim.mission.tracker_setup import make_initial_tracks, make_tracker_parameters
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.sensing.cameras import view_of
 from tracking.fusion.consensus import step
 from tracking.numerics.arrays import Array
@@ -120,7 +120,7 @@ def out_of_reach(track: Track, time: float) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize(("world", "seeds"), [("forest", range(300, 340)), ("crowd", range(300, 315))])
 def test_gates_cover_changes_of_speed_and_few_beliefs_are_faster_than_people(world, seeds):
-    setting, found = load(world), {"mean-reverting": Found(), "ncv": Found()}
+    setting, found = load_scenario(world), {"mean-reverting": Found(), "ncv": Found()}
     for seed in seeds:
         mission = mission_of(setting, DEFAULT_PLANNER, seed)
         recording = recording_of(mission, list(mission.fly()), seed=seed)

@@ -9,7 +9,7 @@ from helpers import synthetic
 from helpers.flights import fly
 from scipy.spatial.transform import Rotation
 
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav
 from sim.sensing.cameras import camera_pose, vehicle_of
@@ -65,7 +65,9 @@ def test_a_body_fixed_camera_turns_with_the_body_which_planners_take_as_level():
 
 @pytest.mark.parametrize("tilt", [20.0, 45.0])
 def test_a_tilted_camera_measures_people_ahead_where_they_are(tilt):
-    setting = load("forest", [f"uavs=[{{start=[0, 0], tilt_deg={tilt}, footprint=20}}]", "sensing.noise=camera"])
+    setting = load_scenario(
+        "forest", [f"uavs=[{{start=[0, 0], tilt_deg={tilt}, footprint=20}}]", "sensing.noise=camera"]
+    )
     ahead = setting.uavs[0].altitude * math.tan(math.radians(tilt))
     people = np.array([[ahead, 0.0], [ahead + 4.0, 3.0], [ahead - 3.0, -4.0], [-6.0, 0.0]])
     with World(setting, Forest(()), 4) as world:
@@ -119,7 +121,7 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
 
 
 def test_the_map_keeps_what_a_slow_camera_saw_last():
-    setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
+    setting = load_scenario("forest", ["uavs=[{start=[0, 0], rate=1}]"])
     view, scenes = MapView(setting, Forest(()), (790, 540)), SceneMaker(setting)
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
     hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark

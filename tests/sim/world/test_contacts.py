@@ -12,8 +12,7 @@ from helpers.summaries import shown, summary
 from helpers.teams import Spy
 
 from sim.facts.metrics.fleet_facts import list_contacts
-from sim.mission.archive import load as load_recording
-from sim.mission.archive import save
+from sim.mission.archive import load_recording, save
 from sim.mission.recorder import Recorder
 from sim.scenario.scenario import Scenario
 from sim.scenario.uavs import Uav

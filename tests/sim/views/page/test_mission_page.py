@@ -21,10 +21,10 @@ from sim.facts.metrics.catalogue import METRICS
 from sim.facts.metrics.holding import HOLDS
 from sim.facts.metrics.metric import Outcome
 from sim.facts.people import BROKEN, STATES, PeopleFacts
-from sim.mission.fault_text import encode_faults
+from sim.mission.recording import encode_faults
 from sim.mission.trial import Trial
 from sim.running.results import run_mission
-from sim.scenario.loading import load
+from sim.scenario.loading import load_scenario
 from sim.scenario.scenario import Scenario, encode_scenario
 from sim.scenario.settings_text import list_changes
 from sim.sensing.fault import Fault
@@ -212,7 +212,7 @@ def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, missi
 
 
 def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
-    setting = load("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
+    setting = load_scenario("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
     run_mission(Trial(setting, "hover", 2), tmp_path / "out")
     text = (tmp_path / "out" / "mission.html").read_text()
     assert len(data_of(text)["times"]) == 4
@@ -269,12 +269,12 @@ def test_the_header_has_the_results_that_a_run_shows(mission):
 def test_the_header_names_a_packaged_scenario_and_writes_shares_with_a_space():
     recording = flown(scans=6)
     assert "scenario" not in facts(recording)  # its settings are its own
-    packaged = dataclasses.replace(recording, scenario=encode_scenario(load("paper", ["duration=1"])))
+    packaged = dataclasses.replace(recording, scenario=encode_scenario(load_scenario("paper", ["duration=1"])))
     assert facts(packaged)["scenario"] == "paper"
-    lossy = dataclasses.replace(recording, scenario=encode_scenario(load("forest", ["network.loss=0.2"])))
+    lossy = dataclasses.replace(recording, scenario=encode_scenario(load_scenario("forest", ["network.loss=0.2"])))
     assert facts(lossy)["fusion"].endswith(", loss 20 %") and "scenario" not in facts(lossy)
     outside = dataclasses.replace(
-        recording, scenario=encode_scenario(load("forest", ["tracking.tracker=soup:SoupJPDA"]))
+        recording, scenario=encode_scenario(load_scenario("forest", ["tracking.tracker=soup:SoupJPDA"]))
     )
     assert facts(outside)["tracker"] == "soup:SoupJPDA" and "fusion" not in facts(outside)
 
