@@ -63,40 +63,6 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
     assert means[0, 1] == pytest.approx(0.0, abs=1e-12) and covariances[0, 1, 1] == pytest.approx(1.0, rel=1e-9)
 
 
-def test_random_half_planes_give_the_moments_of_weighted_samples():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        mean, covariance = belief(rng)
-        angle, offset = rng.uniform(0, 2 * math.pi), rng.uniform(-0.6, 0.6)
-        normal = np.array([math.cos(angle), math.sin(angle)])
-        scale = math.sqrt(normal @ covariance[:2, :2] @ normal)
-
-        def visible(p, mean=mean, normal=normal, limit=offset * scale):
-            return (p - mean[:2]) @ normal > limit
-
-        means, covariances = negative_information_update(
-            mean[None], covariance[None], 1 - 0.9 * seen_where(visible, mean, covariance)[None]
-        )
-        states = rng.multivariate_normal(mean, covariance, 20_000)
-        weights = 1 - 0.9 * visible(states[:, :2])
-        expected = np.average(states, axis=0, weights=weights)
-        spread = np.cov(states.T, aweights=weights)
-        sigma = np.sqrt(np.diag(covariance))
-        assert np.all(np.abs(means[0] - expected) < 0.2 * sigma)
-        assert np.all(np.abs(np.sqrt(np.diag(covariances[0])) - np.sqrt(np.diag(spread))) < 0.15 * sigma)
-
-
-def test_covariances_stay_positive_definite_over_many_scans_of_an_empty_place():
-    mean, covariance = np.zeros(4), np.diag([4.0, 4.0, 1.0, 1.0])
-    means, covariances = mean[None], covariance[None]
-    for _ in range(200):
-        seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
-        before = np.trace(covariances[0])
-        means, covariances = negative_information_update(means, covariances, 1 - 0.99 * seen[None])
-        assert np.linalg.eigvalsh(covariances[0]).min() > 0 and np.trace(covariances[0]) <= before * (1 + 1e-9)
-    assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
-
-
 def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     mean, covariance = belief(np.random.default_rng(4))
     seen = seen_where(lambda p: p[:, 0] > mean[0], mean, covariance)[None]
